@@ -1,0 +1,24 @@
+"""Every effect, in one registry that scenarios, randomization, diagnosis and reports read."""
+
+from auv_torchrl.effects import actuation, body, external, flow, sensing
+from auv_torchrl.effects.effect import Effect, Origin, Parameter
+
+EFFECTS: dict[str, Effect] = {}
+for _effect in (*actuation.EFFECTS, *body.EFFECTS, *flow.EFFECTS, *external.EFFECTS, *sensing.EFFECTS):
+    if _effect.name in EFFECTS:
+        raise ValueError(f"two effects are named {_effect.name!r}: rename one")
+    EFFECTS[_effect.name] = _effect
+
+
+def get_effect(name: str) -> Effect:
+    """The effect of that name.
+
+    Raises:
+        ValueError: if there is none; the message lists those there are.
+    """
+    if name not in EFFECTS:
+        raise ValueError(f"no effect named {name!r}: there are {', '.join(EFFECTS)}")
+    return EFFECTS[name]
+
+
+__all__ = ["EFFECTS", "Effect", "Origin", "Parameter", "get_effect"]

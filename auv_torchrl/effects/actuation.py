@@ -1,0 +1,206 @@
+"""Effects between the command and the force of a thruster."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, uniform
+from auv_torchrl.vehicle import Vehicle
+
+
+def _gain(vehicle: Vehicle, gain: Tensor) -> Vehicle:
+    return changed(vehicle, gain=vehicle.gain * gain)
+
+
+thruster_gain = Effect(
+    name="thruster_gain",
+    origin=Origin.ACTUATION,
+    meaning="thrust of thruster i times its gain, after its limit; 0 is dead, negative is reversed",
+    source="Lu et al. 2023, section 5.1, scenarios 2 and 3",
+    parameters=(
+        Parameter(
+            "gain", "1", 1.0, -2.0, 2.0, "thruster {which} gives {value:.2f} times its nominal thrust", "thruster"
+        ),
+    ),
+    change=_gain,
+)
+
+
+def _swap(vehicle: Vehicle, command: Tensor) -> Vehicle:
+    order = command.round().long().clamp(1, vehicle.thrusters) - 1
+    permutation = torch.nn.functional.one_hot(order, vehicle.thrusters).to(vehicle.routing.dtype)
+    return changed(vehicle, routing=permutation @ vehicle.routing)
+
+
+def _read_swap(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
+    settings = dict(settings)
+    for key in ("pair", "cycle"):
+        if key not in settings:
+            continue
+        ring = list(settings.pop(key))
+        numbers = range(1, vehicle.thrusters + 1)
+        wrong_length = len(ring) != 2 if key == "pair" else len(ring) < 2
+        if wrong_length or len(set(ring)) != len(ring) or not set(ring) <= set(numbers):
+            raise ValueError(f"effect thruster_swap: {key} is {ring}: give different thrusters out of {list(numbers)}")
+        for giver, receiver in zip(ring, ring[1:] + ring[:1], strict=True):
+            settings[f"command_{receiver}"] = giver
+    return settings
+
+
+thruster_swap = Effect(
+    name="thruster_swap",
+    origin=Origin.ACTUATION,
+    meaning="thruster i gets the command meant for another; `pair: [1, 2]` exchanges two, `cycle: [1, 2, 3]` passes "
+    "the command of 1 to 2, of 2 to 3 and of 3 to 1",
+    source="Lu et al. 2023, Table 2, scenario 1",
+    parameters=(
+        Parameter(
+            "command",
+            "1",
+            0.0,
+            1.0,
+            16.0,
+            "thruster {which} gets the command of thruster {value:.0f}",
+            "thruster",
+            True,
+        ),
+    ),
+    change=_swap,
+    shorthand=_read_swap,
+)
+
+
+def _misalignment(vehicle: Vehicle, angle: Tensor) -> Vehicle:
+    x, y, z = vehicle.thruster_direction.unbind(-1)
+    c, s = angle.cos(), angle.sin()
+    return changed(vehicle, thruster_direction=torch.stack((c * x - s * y, s * x + c * y, z), dim=-1))
+
+
+thruster_misalignment = Effect(
+    name="thruster_misalignment",
+    origin=Origin.ACTUATION,
+    meaning="direction of thruster i turned about the body z axis",
+    source="Lu et al. 2023, section 4.1: uncertain transform from thruster forces to the generalized force",
+    parameters=(
+        Parameter(
+            "angle", "rad", 0.0, -1.6, 1.6, "thruster {which} points {value:+.2f} rad off its direction", "thruster"
+        ),
+    ),
+    change=_misalignment,
+)
+
+
+def _limit(vehicle: Vehicle, limit: Tensor) -> Vehicle:
+    return changed(vehicle, limit=limit)
+
+
+thrust_limit = Effect(
+    name="thrust_limit",
+    origin=Origin.ACTUATION,
+    meaning="saturation of thruster i in newtons; `limit` sets all",
+    source="Lu et al. 2023, Eq. 2",
+    parameters=(
+        Parameter(
+            "limit", "N", uniform("limit"), 0.0, 200.0, "thruster {which} saturates at {value:.1f} N", "thruster"
+        ),
+    ),
+    change=_limit,
+)
+
+
+def _dead_band(vehicle: Vehicle, width: Tensor) -> Vehicle:
+    return changed(vehicle, dead_band=width[..., None].expand(*width.shape, vehicle.thrusters))
+
+
+dead_band = Effect(
+    name="dead_band",
+    origin=Origin.ACTUATION,
+    meaning="no thrust below this many newtons, all thrusters",
+    source="Lu et al. 2023, Eq. 2",
+    parameters=(
+        Parameter("width", "N", uniform("dead_band"), 0.0, 30.0, "the thrusters give nothing below {value:.1f} N"),
+    ),
+    change=_dead_band,
+)
+
+
+def _curve(vehicle: Vehicle, exponent: Tensor, asymmetry: Tensor) -> Vehicle:
+    shape = (*exponent.shape, vehicle.thrusters)
+    return changed(vehicle, exponent=exponent[..., None].expand(shape), asymmetry=asymmetry[..., None].expand(shape))
+
+
+thrust_curve = Effect(
+    name="thrust_curve",
+    origin=Origin.ACTUATION,
+    meaning="F = full sign(c) |c|^exponent, reverse thrust times (1 - asymmetry), then limit and dead band",
+    source="Blue Robotics T200 chart",
+    parameters=(
+        Parameter(
+            "exponent", "1", uniform("exponent"), 0.5, 3.0, "thrust grows as the command to the power {value:.2f}"
+        ),
+        Parameter("asymmetry", "1", uniform("asymmetry"), -0.6, 0.6, "reverse thrust is weaker by {value:.0%}"),
+    ),
+    change=_curve,
+)
+
+
+def _lag(vehicle: Vehicle, time_constant: Tensor) -> Vehicle:
+    return changed(vehicle, lag=time_constant[..., None].expand(*time_constant.shape, vehicle.thrusters))
+
+
+thruster_lag = Effect(
+    name="thruster_lag",
+    origin=Origin.ACTUATION,
+    meaning="thrust follows its target with a first-order time constant",
+    source="Yoerger, Cooke and Slotine 1990, thruster dynamics",
+    parameters=(
+        Parameter(
+            "time_constant", "s", uniform("lag"), 0.0, 1.5, "thrust follows the command with a lag of {value:.2f} s"
+        ),
+    ),
+    change=_lag,
+)
+
+
+def _delay(vehicle: Vehicle, delay: Tensor) -> Vehicle:
+    return changed(vehicle, delay=delay)
+
+
+command_delay = Effect(
+    name="command_delay",
+    origin=Origin.ACTUATION,
+    meaning="commands reach the thrusters late",
+    source="network and driver latency; a T200's own dead time is 13 ms",
+    parameters=(Parameter("delay", "s", own("delay"), 0.0, 0.8, "commands arrive {value:.2f} s late"),),
+    change=_delay,
+)
+
+
+def _sag(vehicle: Vehicle, rate: Tensor) -> Vehicle:
+    return changed(vehicle, battery_sag=rate)
+
+
+battery_sag = Effect(
+    name="battery_sag",
+    origin=Origin.ACTUATION,
+    meaning="share of the thrust lost per minute from the start of the episode",
+    source="T200 thrust is roughly proportional to voltage (Blue Robotics chart, 10 to 20 V)",
+    parameters=(
+        Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {value:.0%} of its value per minute"),
+    ),
+    change=_sag,
+)
+
+EFFECTS = (
+    thruster_gain,
+    thruster_swap,
+    thruster_misalignment,
+    thrust_limit,
+    dead_band,
+    thrust_curve,
+    thruster_lag,
+    command_delay,
+    battery_sag,
+)

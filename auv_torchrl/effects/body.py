@@ -1,0 +1,84 @@
+"""Effects of what the vehicle is made of and carries."""
+
+import torch
+from torch import Tensor
+
+from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+
+
+def per_dof(scale: Tensor) -> Tensor:
+    """Spread factors of the four controlled degrees of freedom (..., 4) over all six."""
+    full = torch.ones((*scale.shape[:-1], 6), dtype=scale.dtype, device=scale.device)
+    full[..., list(CONTROLLED_INDEX)] = scale
+    return full
+
+
+def _added_mass(vehicle: Vehicle, scale: Tensor) -> Vehicle:
+    return changed(vehicle, mass_scale=vehicle.mass_scale * per_dof(scale))
+
+
+added_mass = Effect(
+    name="added_mass",
+    origin=Origin.BODY,
+    meaning="inertia per degree of freedom, on the total of rigid body and added mass",
+    source="Lu et al. 2023, Eq. 13 and Table 1",
+    parameters=(
+        Parameter("scale", "1", 1.0, 0.2, 5.0, "the inertia in {which} is {value:.2f} times the nominal one", PER_DOF),
+    ),
+    change=_added_mass,
+)
+
+
+def _payload(vehicle: Vehicle, mass: Tensor, weight: Tensor, x: Tensor, y: Tensor, z: Tensor) -> Vehicle:
+    return changed(vehicle, payload_mass=mass, payload_weight=weight, payload_position=torch.stack((x, y, z), dim=-1))
+
+
+payload = Effect(
+    name="payload",
+    origin=Origin.BODY,
+    meaning="a rigidly carried mass with its net weight in water, at a position in the body",
+    source="Fossen 2021, Eq. 3.49, for its inertia",
+    parameters=(
+        Parameter("mass", "kg", 0.0, 0.0, 20.0, "it carries {value:.2f} kg more"),
+        Parameter("weight", "N", 0.0, -60.0, 60.0, "the load weighs {value:.1f} N in water"),
+        Parameter("x", "m", 0.0, -1.0, 1.0, "the load sits {value:+.2f} m forward of the origin"),
+        Parameter("y", "m", 0.0, -1.0, 1.0, "the load sits {value:+.2f} m to starboard"),
+        Parameter("z", "m", 0.0, -1.0, 1.0, "the load sits {value:+.2f} m below the origin"),
+    ),
+    change=_payload,
+)
+
+
+def _buoyancy(vehicle: Vehicle, force: Tensor) -> Vehicle:
+    return changed(vehicle, vertical_force=vehicle.vertical_force + force)
+
+
+buoyancy = Effect(
+    name="buoyancy",
+    origin=Origin.BODY,
+    meaning="a constant force along earth z, down positive: trim weight missing or water inside",
+    source="Lu et al. 2023, Eq. 1, the term g",
+    parameters=(Parameter("force", "N", 0.0, -60.0, 60.0, "it is {value:+.1f} N heavier in water than assumed"),),
+    change=_buoyancy,
+)
+
+
+def _mass_offset(vehicle: Vehicle, x: Tensor, y: Tensor) -> Vehicle:
+    offset = torch.stack((x, y, torch.zeros_like(x)), dim=-1)
+    return changed(vehicle, centre_of_mass=vehicle.centre_of_mass + offset)
+
+
+mass_offset = Effect(
+    name="mass_offset",
+    origin=Origin.BODY,
+    meaning="centre of mass off the body origin",
+    source="Fossen 2021, Eq. 3.49",
+    parameters=(
+        Parameter("x", "m", 0.0, -0.3, 0.3, "the centre of mass is {value:+.3f} m forward of where it should be"),
+        Parameter("y", "m", 0.0, -0.3, 0.3, "the centre of mass is {value:+.3f} m to starboard of where it should be"),
+    ),
+    change=_mass_offset,
+)
+
+EFFECTS = (added_mass, payload, buoyancy, mass_offset)

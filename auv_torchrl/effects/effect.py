@@ -1,0 +1,150 @@
+"""An effect is a named, bounded change of a vehicle; its nominal values are the identity."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from auv_torchrl.vehicle import CONTROLLED, Vehicle
+
+Values = Mapping[str, float | Tensor]
+
+
+class Origin(StrEnum):
+    """Where an effect acts; the value is the word used in reports."""
+
+    ACTUATION = "actuation"
+    BODY = "body"
+    FLOW = "flow"
+    EXTERNAL = "external"
+    SENSING = "sensing"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect, or one per thruster or degree of freedom, with unit and bounds."""
+
+    name: str
+    unit: str
+    nominal: float | Callable[[Vehicle], float]
+    low: float
+    high: float
+    sentence: str  # of a report; takes {value} and, for a family, {which}
+    over: tuple[str, ...] | str | None = None  # "thruster", or the names of the members
+    discrete: bool = False
+
+    def members(self, vehicle: Vehicle) -> tuple[str, ...]:
+        """Full names, e.g. ``gain_1`` to ``gain_6``; the name itself for a single number."""
+        if self.over is None:
+            return (self.name,)
+        return tuple(f"{self.name}_{which}" for which in self.which(vehicle))
+
+    def which(self, vehicle: Vehicle) -> tuple[str, ...]:
+        """What the members stand for: thruster numbers or names of degrees of freedom."""
+        if self.over == "thruster":
+            return tuple(str(i + 1) for i in range(vehicle.thrusters))
+        return tuple(self.over or ())
+
+    def nominal_value(self, vehicle: Vehicle, member: str) -> float:
+        """The value at which the effect does nothing."""
+        if self.discrete:
+            return float(member.rsplit("_", 1)[1])
+        return self.nominal(vehicle) if callable(self.nominal) else self.nominal
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A named change of a vehicle.
+
+    ``change(vehicle, values)`` gets one tensor per parameter, families stacked behind the batch.
+    """
+
+    name: str
+    origin: Origin
+    meaning: str
+    source: str
+    parameters: tuple[Parameter, ...]
+    change: Callable[..., Vehicle]
+    shorthand: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]] | None = None
+
+    def member_parameters(self, vehicle: Vehicle) -> dict[str, Parameter]:
+        """Every full parameter name for this vehicle with its declaration."""
+        return {member: p for p in self.parameters for member in p.members(vehicle)}
+
+    def nominal(self, vehicle: Vehicle) -> dict[str, float]:
+        """The values at which the effect does nothing to this vehicle."""
+        return {member: p.nominal_value(vehicle, member) for member, p in self.member_parameters(vehicle).items()}
+
+    def read(self, vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, float]:
+        """Check settings from a file; the name of a family sets all of its members.
+
+        Raises:
+            ValueError: for an unknown parameter, a value that is no number or lies outside the bounds.
+        """
+        settings = dict(settings)
+        if self.shorthand is not None:
+            settings = self.shorthand(vehicle, settings)
+        declared = self.member_parameters(vehicle)
+        given: dict[str, Any] = {}
+        for p in self.parameters:
+            if p.over is not None and p.name in settings:
+                given.update(dict.fromkeys(p.members(vehicle), settings.pop(p.name)))
+        given.update(settings)
+        values: dict[str, float] = {}
+        for name, value in given.items():
+            if name not in declared:
+                raise ValueError(f"effect {self.name}: no parameter {name!r}: there are {', '.join(declared)}")
+            p = declared[name]
+            if isinstance(value, bool) or not isinstance(value, int | float) or not p.low <= value <= p.high:
+                raise ValueError(
+                    f"effect {self.name}: {name} is {value!r}: give a number in [{p.low:g}, {p.high:g}] {p.unit}"
+                )
+            values[name] = float(value)
+        return values
+
+    def apply(self, vehicle: Vehicle, values: Values) -> Vehicle:
+        """The changed vehicle; parameters that are not given stay nominal, batches broadcast.
+
+        Raises:
+            KeyError: for a parameter that the effect does not have.
+        """
+        declared = self.member_parameters(vehicle)
+        if unknown := set(values) - set(declared):
+            raise KeyError(f"effect {self.name}: no parameters {sorted(unknown)}: there are {', '.join(declared)}")
+        like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
+        given = {name: torch.as_tensor(value, **like) for name, value in values.items()}
+        batch = torch.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
+        if vehicle.batch_size != batch:
+            vehicle = vehicle.expand(batch)
+        arguments = {}
+        for p in self.parameters:
+            columns = [
+                given.get(member, torch.as_tensor(p.nominal_value(vehicle, member), **like)).expand(batch)
+                for member in p.members(vehicle)
+            ]
+            arguments[p.name] = torch.stack(columns, dim=-1) if p.over is not None else columns[0]
+        return self.change(vehicle, **arguments)
+
+
+def uniform(field: str) -> Callable[[Vehicle], float]:
+    """Nominal value of a per-thruster field that is the same for all thrusters of a nominal vehicle."""
+    return lambda vehicle: float(getattr(vehicle, field).flatten()[0])
+
+
+def own(field: str) -> Callable[[Vehicle], float]:
+    """Nominal value of a scalar field."""
+    return lambda vehicle: float(getattr(vehicle, field).flatten()[0])
+
+
+def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:
+    """A copy of the vehicle with some fields replaced; the others are shared."""
+    copy = vehicle.clone(recurse=False)
+    for name, value in fields.items():
+        copy.set(name, value.to(vehicle.mass.dtype))
+    return copy
+
+
+PER_DOF = CONTROLLED

@@ -1,0 +1,30 @@
+"""Effects of what is tied to the vehicle."""
+
+import torch
+from torch import Tensor
+
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
+from auv_torchrl.vehicle import Vehicle
+
+
+def _tether(vehicle: Vehicle, north: Tensor, east: Tensor, down: Tensor, stiffness: Tensor, slack: Tensor) -> Vehicle:
+    anchor = torch.stack((north, east, down), dim=-1)
+    return changed(vehicle, tether_anchor=anchor, tether_stiffness=stiffness, tether_slack=slack)
+
+
+tether = Effect(
+    name="tether",
+    origin=Origin.EXTERNAL,
+    meaning="a spring to an anchor beyond the slack length",
+    source="von Benzon et al. 2022, section on the tether, reduced to its static pull",
+    parameters=(
+        Parameter("north", "m", 0.0, -100.0, 100.0, "the tether leads to {value:+.2f} m north"),
+        Parameter("east", "m", 0.0, -100.0, 100.0, "the tether leads to {value:+.2f} m east"),
+        Parameter("down", "m", 0.0, -100.0, 100.0, "the tether leads to {value:+.2f} m depth"),
+        Parameter("stiffness", "N/m", 0.0, 0.0, 200.0, "the tether pulls with {value:.1f} N per metre of stretch"),
+        Parameter("slack", "m", 0.0, 0.0, 100.0, "the tether has {value:.2f} m of slack"),
+    ),
+    change=_tether,
+)
+
+EFFECTS = (tether,)

@@ -1,0 +1,160 @@
+"""What the equations of motion read at every step, worked out once per vehicle."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from auv_torchrl.vehicle import GRAVITY, Vehicle
+
+Array = Any
+
+
+class Coefficients(NamedTuple):
+    """Arrays ``(batch, ...)``, all numpy or all torch; units as in :class:`auv_torchrl.vehicle.Vehicle`."""
+
+    mass_inverse: Array  # (6, 6) with zero rows and columns where a degree of freedom is held
+    mass_matrix: Array  # (6, 6) rigid body, added mass and payload, for the Coriolis terms
+    linear_drag: Array  # (6, 6)
+    quadratic_drag: Array  # (6,)
+    net_weight: Array  # () N, weight less buoyancy, down positive
+    restoring_arm: Array  # (3,) N m, so that the moment is arm x (earth z in the body frame)
+    coriolis: Array  # ()
+    current: Array  # (3,)
+    tether_anchor: Array  # (3,)
+    tether_stiffness: Array  # ()
+    tether_slack: Array  # ()
+    allocation: Array  # (6, n) wrench per newton of thrust, gain included
+    routing: Array  # (n, n)
+    full_thrust: Array  # (n,)
+    asymmetry: Array  # (n,)
+    exponent: Array  # (n,)
+    dead_band: Array  # (n,)
+    limit: Array  # (n,)
+    lag: Array  # (n,)
+    delay: Array  # ()
+    battery_sag: Array  # ()
+    heading_bias: Array  # ()
+    pose_delay: Array  # ()
+    position_noise: Array  # ()
+    attitude_noise: Array  # ()
+
+    def numpy(self) -> "Coefficients":
+        """The same coefficients as numpy arrays; they share memory where the tensors are on the CPU."""
+        return Coefficients(*(np.asarray(field.detach().cpu()) for field in self))
+
+    def rows(self, index: Any) -> "Coefficients":
+        """The coefficients of some vehicles of the batch."""
+        return Coefficients(*(field[index] for field in self))
+
+    def write_rows(self, index: Any, rows: "Coefficients") -> None:
+        """Replace the coefficients of some vehicles in place."""
+        for field, new in zip(self, rows, strict=True):
+            field[index] = new
+
+
+class ActiveTerms(NamedTuple):
+    """Which optional terms do anything for any vehicle of the batch; the others are skipped."""
+
+    coriolis: bool
+    current: bool
+    tether: bool
+    routing: bool
+    curve: bool
+    lag: bool
+    battery_sag: bool
+    coupled_drag: bool
+
+    @staticmethod
+    def of(coefficients: Coefficients) -> "ActiveTerms":
+        """Look at the values once, so that the inner loop need not."""
+        c = coefficients
+        n = c.routing.shape[-1]
+        off_diagonal = 1.0 - np.eye(6)
+        if isinstance(c.linear_drag, Tensor):
+            off_diagonal = torch.as_tensor(off_diagonal, dtype=c.linear_drag.dtype, device=c.linear_drag.device)
+            identity = torch.eye(n, dtype=c.routing.dtype, device=c.routing.device)
+        else:
+            identity = np.eye(n)
+        return ActiveTerms(
+            coriolis=bool((c.coriolis != 0).any()),
+            current=bool((c.current != 0).any()),
+            tether=bool((c.tether_stiffness != 0).any()),
+            routing=bool((c.routing != identity).any()),
+            curve=bool((c.exponent != 1).any() or (c.asymmetry != 0).any()),
+            lag=bool((c.lag > 0).any()),
+            battery_sag=bool((c.battery_sag != 0).any()),
+            coupled_drag=bool((c.linear_drag * off_diagonal != 0).any()),
+        )
+
+    @staticmethod
+    def everything() -> "ActiveTerms":
+        """All terms, for code that must not look at values (``vmap``, ``compile``, gradients)."""
+        return ActiveTerms(*(True for _ in ActiveTerms._fields))
+
+
+def prepare(vehicle: Vehicle) -> Coefficients:
+    """Work out the coefficients of a batch of vehicles; differentiable in every parameter."""
+    mass_matrix = total_mass_matrix(vehicle)
+    free = vehicle.free
+    held = torch.diag_embed(1 - free)
+    moving = free[..., :, None] * free[..., None, :]
+    mass_inverse = torch.linalg.inv(mass_matrix * moving + held) * moving
+    weight = vehicle.mass * GRAVITY
+    arm = (
+        vehicle.centre_of_mass * weight[..., None]
+        - vehicle.centre_of_buoyancy * vehicle.buoyancy[..., None]
+        + vehicle.payload_position * vehicle.payload_weight[..., None]
+    )
+    return Coefficients(
+        mass_inverse=mass_inverse,
+        mass_matrix=mass_matrix,
+        linear_drag=vehicle.linear_drag,
+        quadratic_drag=vehicle.quadratic_drag,
+        net_weight=weight - vehicle.buoyancy + vehicle.payload_weight + vehicle.vertical_force,
+        restoring_arm=arm,
+        allocation=allocation_matrix(vehicle) * vehicle.gain[..., None, :],
+        **{name: getattr(vehicle, name) for name in _COPIED},
+    )
+
+
+_COPIED = (
+    "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "routing", "full_thrust", "asymmetry",
+    "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "heading_bias", "pose_delay", "position_noise",
+    "attitude_noise",
+)  # fmt: skip
+
+
+def skew(vector: Tensor) -> Tensor:
+    """Matrix of the vector product, ``skew(a) @ b = a x b``; (..., 3) to (..., 3, 3)."""
+    x, y, z = vector.unbind(-1)
+    zero = torch.zeros_like(x)
+    return torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), dim=-1).unflatten(-1, (3, 3))
+
+
+def rigid_body_mass_matrix(mass: Tensor, inertia: Tensor, position: Tensor) -> Tensor:
+    """Mass matrix about the origin of a body whose centre of mass is at ``position`` (Fossen 2021, Eq. 3.49)."""
+    s = skew(position)
+    m = mass[..., None, None]
+    identity = torch.eye(3, dtype=mass.dtype, device=mass.device)
+    upper = torch.cat((m * identity, -m * s), dim=-1)
+    lower = torch.cat((m * s, torch.diag_embed(inertia) - m * s @ s), dim=-1)
+    return torch.cat((upper, lower), dim=-2)
+
+
+def total_mass_matrix(vehicle: Vehicle) -> Tensor:
+    """Rigid body, payload and added mass, (..., 6, 6), symmetric positive definite."""
+    body = rigid_body_mass_matrix(vehicle.mass, vehicle.inertia, vehicle.centre_of_mass)
+    point = torch.zeros_like(vehicle.payload_position)
+    payload = rigid_body_mass_matrix(vehicle.payload_mass, point, vehicle.payload_position)
+    total = body + payload + torch.diag_embed(vehicle.added_mass)
+    root = vehicle.mass_scale.sqrt()
+    return total * root[..., :, None] * root[..., None, :]
+
+
+def allocation_matrix(vehicle: Vehicle) -> Tensor:
+    """Wrench per newton of thrust of each thruster, (..., 6, n), without their gains."""
+    direction = vehicle.thruster_direction
+    moment = torch.linalg.cross(vehicle.thruster_position, direction)
+    return torch.cat((direction, moment), dim=-1).transpose(-1, -2)

@@ -1,0 +1,59 @@
+"""From commands to the wrench on the body: delay, routing, curve, dead band, limit, lag, allocation."""
+
+from typing import Any
+
+from array_api_compat import array_namespace
+
+from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.kinematics import matvec
+
+Array = Any
+
+
+def delayed(memory: Array, delay: Array, control_dt: float) -> Array:
+    """Mean over one control step of a signal held between control steps and delayed by ``delay`` seconds.
+
+    ``memory`` (..., L, k) holds the newest value first; delays beyond (L - 1) steps give the oldest value.
+    Exact for the impulse of a zero-order-hold command, and differentiable in the delay.
+    """
+    xp = array_namespace(memory, delay)
+    length = memory.shape[-2]
+    age = xp.astype(xp.arange(length, device=memory.device), memory.dtype)
+    steps = xp.clip(delay / control_dt, 0.0, float(length - 1))
+    weight = xp.clip(1.0 - xp.abs(age - steps[..., None]), 0.0, 1.0)
+    return xp.sum(weight[..., None] * memory, axis=-2)
+
+
+def thrust_target(c: Coefficients, terms: ActiveTerms, command: Array) -> Array:
+    """Thrust in N that commands in [-1, 1] call for, (..., n): routing, curve, limit and dead band; no lag, no gain."""
+    xp = array_namespace(command)
+    command = xp.clip(command, -1.0, 1.0)
+    if terms.routing:
+        command = matvec(c.routing, command)
+    if terms.curve:
+        size = xp.abs(command) ** c.exponent
+        reverse = xp.where(command < 0, 1.0 - c.asymmetry, xp.ones_like(c.asymmetry))
+        force = c.full_thrust * reverse * xp.sign(command) * size
+    else:
+        force = c.full_thrust * command
+    force = xp.minimum(xp.maximum(force, -c.limit), c.limit)
+    return xp.where(xp.abs(force) < c.dead_band, xp.zeros_like(force), force)
+
+
+def thrust_after(c: Coefficients, terms: ActiveTerms, thrust: Array, target: Array, elapsed: float) -> Array:
+    """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``."""
+    if not terms.lag:
+        return target
+    xp = array_namespace(thrust, target)
+    instant = c.lag < 1e-6
+    lag = xp.where(instant, xp.ones_like(c.lag), c.lag)
+    left = xp.where(instant, xp.zeros_like(lag), xp.exp(-elapsed / lag))
+    return target + (thrust - target) * left
+
+
+def body_wrench(c: Coefficients, terms: ActiveTerms, thrust: Array, time: Array) -> Array:
+    """Forces in N and moments in N m on the body, (..., 6), ``time`` seconds into the episode."""
+    wrench = matvec(c.allocation, thrust)
+    if terms.battery_sag:
+        wrench = wrench * (1.0 - c.battery_sag * time / 60.0)[..., None]
+    return wrench

@@ -1,0 +1,185 @@
+"""A vehicle as a tensorclass of physical parameters, batch first.
+
+Frames: earth NED, body FRD. Degrees of freedom are ordered surge, sway, heave, roll, pitch, yaw
+(Fossen 2021). Every effect of :mod:`auv_torchrl.effects` is a change of these parameters, and at the
+value that :func:`load_vehicle` gives, every term that only an effect uses does nothing.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+from tensordict import TensorClass
+from torch import Tensor
+
+from auv_torchrl.paths import config_path
+
+GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weights
+DEGREES_OF_FREEDOM = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+CONTROLLED = ("surge", "sway", "heave", "yaw")  # the four channels of an action
+CONTROLLED_INDEX = tuple(DEGREES_OF_FREEDOM.index(name) for name in CONTROLLED)
+
+
+class Vehicle(TensorClass):
+    """Physical parameters of a batch of vehicles, shapes behind the batch in each comment."""
+
+    # rigid body
+    mass: Tensor  # () kg
+    inertia: Tensor  # (3,) kg m^2, principal, about the centre of mass
+    centre_of_mass: Tensor  # (3,) m
+    centre_of_buoyancy: Tensor  # (3,) m
+    buoyancy: Tensor  # () N
+    free: Tensor  # (6,) 1 where a degree of freedom moves, 0 where it is held
+    payload_mass: Tensor  # () kg, carried rigidly
+    payload_weight: Tensor  # () N, its weight in water, down positive
+    payload_position: Tensor  # (3,) m
+    vertical_force: Tensor  # () N along earth z, down positive
+    # water
+    added_mass: Tensor  # (6,) kg, kg m^2, positive
+    mass_scale: Tensor  # (6,) on the total of rigid body and added mass
+    linear_drag: Tensor  # (6, 6) kg/s, kg m^2/s
+    quadratic_drag: Tensor  # (6,) kg/m, kg m^2
+    coriolis: Tensor  # () 0 none, 1 the full rigid-body and added-mass Coriolis terms
+    current: Tensor  # (3,) m/s, north, east, down
+    tether_anchor: Tensor  # (3,) m, earth
+    tether_stiffness: Tensor  # () N/m
+    tether_slack: Tensor  # () m
+    # thrusters, n of them
+    thruster_position: Tensor  # (n, 3) m
+    thruster_direction: Tensor  # (n, 3) unit vectors of the force at a positive command
+    mixer: Tensor  # (n, 6) commands per unit demand in each degree of freedom
+    routing: Tensor  # (n, n) which command reaches which thruster
+    full_thrust: Tensor  # (n,) N at command +1
+    asymmetry: Tensor  # (n,) reverse thrust is weaker by this share
+    exponent: Tensor  # (n,) of the thrust curve
+    dead_band: Tensor  # (n,) N
+    limit: Tensor  # (n,) N
+    gain: Tensor  # (n,) on the thrust, after the limit
+    lag: Tensor  # (n,) s
+    delay: Tensor  # () s
+    battery_sag: Tensor  # () share of the thrust lost per minute
+    # sensors
+    heading_bias: Tensor  # () rad, measured yaw minus true yaw
+    pose_delay: Tensor  # () s
+    position_noise: Tensor  # () m, standard deviation per axis
+    attitude_noise: Tensor  # () rad, standard deviation per axis
+
+    @property
+    def thrusters(self) -> int:
+        """Number of thrusters."""
+        return self.gain.shape[-1]
+
+
+_VECTORS = {  # section -> key -> length; 0 is a scalar
+    "rigid_body": {"mass": 0, "inertia": 3, "centre_of_mass": 3, "centre_of_buoyancy": 3, "buoyancy": 0},
+    "": {"added_mass": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
+    "thrusters": {"full_thrust": 0, "asymmetry": 0, "exponent": 0, "dead_band": 0, "limit": 0, "lag": 0, "delay": 0},
+}
+_POSITIVE = {"mass", "inertia", "buoyancy", "full_thrust", "exponent", "limit"}
+_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "asymmetry", "dead_band", "lag", "delay"}
+
+
+def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = torch.float64) -> Vehicle:
+    """One nominal vehicle (empty batch) from a name in ``conf/vehicle``, a YAML file or a mapping.
+
+    Raises:
+        FileNotFoundError: for an unknown name.
+        ValueError: for a missing, unknown, misshapen or unphysical entry, naming it.
+    """
+    if not isinstance(vehicle, Mapping):
+        path = Path(vehicle) if str(vehicle).endswith((".yaml", ".yml")) else config_path("vehicle", str(vehicle))
+        loaded = yaml.safe_load(path.read_text())
+        if not isinstance(loaded, Mapping):
+            raise ValueError(f"vehicle file {path}: expected a mapping of sections, got {type(loaded).__name__}")
+        vehicle = loaded
+    fields: dict[str, Any] = _read_fields(vehicle)
+    rows = vehicle["thrusters"]
+    position = _matrix("thrusters.position", rows.get("position"), 3)
+    direction = _matrix("thrusters.direction", rows.get("direction"), 3)
+    mixer = _matrix("mixer", vehicle["mixer"], 6)
+    n = len(position)
+    if not len(direction) == len(mixer) == n:
+        raise ValueError(
+            f"vehicle: thrusters.position has {n} rows, thrusters.direction {len(direction)}, mixer {len(mixer)}: "
+            "give one row per thruster in each"
+        )
+    length = direction.norm(dim=-1, keepdim=True)
+    if (length < 1e-9).any():
+        raise ValueError("vehicle: a row of thrusters.direction is zero: give the direction of its force")
+    per_thruster: dict[str, Any] = {key: fields.pop(key).expand(n) for key in _VECTORS["thrusters"] if key != "delay"}
+    zero = torch.zeros((), dtype=torch.float64)
+    one = torch.ones((), dtype=torch.float64)
+    nominal = Vehicle(
+        **{**fields, "linear_drag": torch.diag(fields["linear_drag"])},
+        **per_thruster,
+        free=one.expand(6),
+        payload_mass=zero,
+        payload_weight=zero,
+        payload_position=zero.expand(3),
+        vertical_force=zero,
+        mass_scale=one.expand(6),
+        current=zero.expand(3),
+        tether_anchor=zero.expand(3),
+        tether_stiffness=zero,
+        tether_slack=zero,
+        thruster_position=position,
+        thruster_direction=direction / length,
+        mixer=mixer,
+        routing=torch.eye(n, dtype=torch.float64),
+        gain=one.expand(n),
+        battery_sag=zero,
+        heading_bias=zero,
+        pose_delay=zero,
+        position_noise=zero,
+        attitude_noise=zero,
+        batch_size=[],
+    )
+    return nominal.to(dtype).clone()
+
+
+def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
+    known = {"name", "rigid_body", "thrusters", "mixer", *_VECTORS[""]}
+    if unknown := set(vehicle) - known:
+        raise ValueError(f"vehicle: unknown entries {sorted(unknown)}: there are {', '.join(sorted(known))}")
+    fields = {}
+    for section, keys in _VECTORS.items():
+        block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
+        if not isinstance(block, Mapping):
+            raise ValueError(f"vehicle: {section} is {block!r}: give a mapping with {', '.join(keys)}")
+        allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
+        if unknown := set(block) - allowed:
+            raise ValueError(
+                f"vehicle: unknown entries {sorted(unknown)} in {section}: there are {', '.join(sorted(allowed))}"
+            )
+        for key, length in keys.items():
+            label = f"{section}.{key}" if section else key
+            if key not in block:
+                raise ValueError(f"vehicle: {label} is missing")
+            fields[key] = _numbers(label, block[key], (length,) if length else ())
+            if key in _POSITIVE and not (fields[key] > 0).all():
+                raise ValueError(f"vehicle: {label} is {block[key]}: give values above 0")
+            if key in _NON_NEGATIVE and not (fields[key] >= 0).all():
+                raise ValueError(f"vehicle: {label} is {block[key]}: give values of 0 or more")
+    if "mixer" not in vehicle:
+        raise ValueError("vehicle: mixer is missing")
+    return fields
+
+
+def _numbers(label: str, value: Any, shape: tuple[int, ...]) -> Tensor:
+    wanted = f"{math.prod(shape)} numbers" if shape else "one number"
+    try:
+        tensor = torch.as_tensor(value, dtype=torch.float64)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"vehicle: {label} is {value!r}: give {wanted}") from error
+    if tensor.shape != shape or not tensor.isfinite().all():
+        raise ValueError(f"vehicle: {label} is {value!r}: give {wanted}, finite")
+    return tensor
+
+
+def _matrix(label: str, value: Any, columns: int) -> Tensor:
+    if not isinstance(value, list | tuple) or not value:
+        raise ValueError(f"vehicle: {label} is {value!r}: give one row of {columns} numbers per thruster")
+    return torch.stack([_numbers(f"{label}[{row}]", entry, (columns,)) for row, entry in enumerate(value)])
