@@ -2,12 +2,15 @@
 .DEFAULT_GOAL := help
 PYTHON ?= python3
 SCENARIO ?= thruster_gain
+VEHICLE ?= paper
+LOG ?= examples/flight.csv
+CASES ?= 300
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export MPLBACKEND := Agg
 
-.PHONY: help env train test test-fast check format clean
+.PHONY: help env train diagnose sweep test test-fast check format bench blind clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -24,6 +27,12 @@ $(READY): pyproject.toml constraints.txt
 train: $(READY) ## train, break and adapt: SCENARIO=thruster_gain
 	$(BIN)/python train.py +scenario=$(SCENARIO)
 
+diagnose: $(READY) ## say what is wrong with the vehicle of a log: LOG=flight.csv VEHICLE=paper
+	$(BIN)/python diagnose.py log=$(LOG) vehicle=$(VEHICLE)
+
+sweep: $(READY) ## all scenarios x seeds on the local cores, one table and one picture
+	$(BIN)/python train.py -m +experiment=sweep
+
 test: check $(READY) ## lint, types and all tests
 	$(BIN)/python -m pytest
 
@@ -33,11 +42,18 @@ test-fast: $(READY) ## the tests that take seconds
 check: $(READY) ## lint and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/basedpyright
 
 format: $(READY) ## format the code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+bench: $(READY) ## measure the figures of docs/benchmarks.md
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
+	$(BIN)/python -m bench
+
+blind: $(READY) ## sealed benchmark of the diagnosis: CASES=300
+	$(BIN)/python -m auv_torchrl.blind cases=$(CASES)
 
 clean: ## remove the environment and caches, keep outputs
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info
