@@ -1,0 +1,148 @@
+"""A flight log in memory: what a vehicle was commanded and how it moved, episode by episode.
+
+Frames: earth NED, body FRD, angles in radians (ZYX). All arrays are numpy float64.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+POSE = ("x", "y", "z", "roll", "pitch", "yaw")  # m, rad
+VELOCITY = ("u", "v", "w", "p", "q", "r")  # m/s, rad/s, body
+ANGLES = ("roll", "pitch", "yaw")
+
+Floats = NDArray[np.float64]
+
+
+class FlightLogError(ValueError):
+    """Nothing of a log can be used; the message names the cause, where it is and the remedy."""
+
+
+class Severity(StrEnum):
+    """How much a finding matters."""
+
+    ERROR = "error"  # what the log says cannot be trusted until it is mended
+    WARNING = "warning"  # something was left out or converted, or limits what can be concluded
+    INFO = "info"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing about a log that its reader should know.
+
+    ``rows`` are the first and last row concerned, counted from 1 below the header; None concerns all of it.
+    """
+
+    severity: Severity
+    code: str
+    sentence: str
+    remedy: str = ""
+    columns: tuple[str, ...] = ()
+    rows: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        rows = "" if self.rows is None else f" (rows {self.rows[0]} to {self.rows[1]})"
+        remedy = f" {self.remedy}." if self.remedy else ""
+        return f"{self.severity}: {self.sentence}{rows}.{remedy}"
+
+
+@dataclass(frozen=True)
+class Episode:
+    """An uninterrupted stretch of a log; ``T`` samples at times that need not be regular.
+
+    Row k holds the pose and velocity measured at ``t[k]`` and the command that acts from ``t[k]`` to ``t[k + 1]``.
+    """
+
+    number: int  # unique within a log
+    t: Floats  # (T,) s since the start of the episode; a part behind a gap keeps its time
+    pose: Floats  # (T, 6) x y z roll pitch yaw; a column of NaN where not measured
+    velocity: Floats  # (T, 6) u v w p q r; a column of NaN where not measured
+    commands: Floats  # (T, n) thruster commands in [-1, 1], after mixer and clip
+    battery: Floats | None = None  # (T,) V
+    source: str = ""  # file and episode in it, for people
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(self.t[-1] - self.t[0])
+
+    def rows(self, start: int, stop: int) -> "Episode":
+        """The samples ``start`` to ``stop - 1`` as an episode of its own."""
+        battery = None if self.battery is None else self.battery[start:stop]
+        return replace(
+            self,
+            t=self.t[start:stop],
+            pose=self.pose[start:stop],
+            velocity=self.velocity[start:stop],
+            commands=self.commands[start:stop],
+            battery=battery,
+        )
+
+
+@dataclass(frozen=True)
+class FlightLog:
+    """Episodes of one vehicle with the same measured axes."""
+
+    name: str
+    episodes: tuple[Episode, ...]
+    axes: tuple[str, ...]  # measured, out of POSE and VELOCITY
+    findings: tuple[Finding, ...] = field(default=())
+
+    @property
+    def duration(self) -> float:
+        """Seconds of data."""
+        return sum(episode.duration for episode in self.episodes)
+
+    @property
+    def samples(self) -> int:
+        """Number of rows over all episodes."""
+        return sum(len(episode) for episode in self.episodes)
+
+    @property
+    def thrusters(self) -> int:
+        """Number of thrusters commanded."""
+        return self.episodes[0].commands.shape[1]
+
+    def only(self, numbers: Iterable[int]) -> "FlightLog":
+        """The log with these episodes alone, in its own order."""
+        wanted = set(numbers)
+        return replace(self, episodes=tuple(e for e in self.episodes if e.number in wanted))
+
+
+def join(logs: Iterable[FlightLog]) -> FlightLog:
+    """Several logs of one vehicle as one, episodes numbered anew; axes that not all of them have are left out.
+
+    Raises:
+        FlightLogError: for no log at all, different numbers of thrusters, or no axis in common.
+    """
+    logs = list(logs)
+    if not logs:
+        raise FlightLogError("no log to join: give at least one")
+    if len(logs) == 1:
+        return logs[0]
+    counts = {log.name: log.thrusters for log in logs}
+    if len(set(counts.values())) > 1:
+        raise FlightLogError(f"the logs command different numbers of thrusters {counts}: give logs of one vehicle")
+    axes = tuple(axis for axis in POSE + VELOCITY if all(axis in log.axes for log in logs))
+    if not axes:
+        raise FlightLogError(f"the logs {', '.join(counts)} measure no axis in common: diagnose them one by one")
+    findings = [finding for log in logs for finding in log.findings]
+    if lost := {axis for log in logs for axis in log.axes} - set(axes):
+        names = tuple(axis for axis in POSE + VELOCITY if axis in lost)
+        sentence = f"{', '.join(names)} are left out because not every log measures them"
+        findings.append(Finding(Severity.WARNING, "axes_left_out", sentence, columns=names))
+    episodes = [episode for log in logs for episode in log.episodes]
+    episodes = [replace(_with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]
+    return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings))
+
+
+def _with_axes(episode: Episode, axes: tuple[str, ...]) -> Episode:
+    pose = np.where([axis in axes for axis in POSE], episode.pose, np.nan)
+    velocity = np.where([axis in axes for axis in VELOCITY], episode.velocity, np.nan)
+    return replace(episode, pose=pose, velocity=velocity)

@@ -1,0 +1,193 @@
+"""Which rows of a log can be used, cut into uninterrupted stretches."""
+
+import bisect
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_torchrl.flightlog.columns import Columns
+from auv_torchrl.flightlog.log import Finding, Floats, Severity
+from auv_torchrl.flightlog.table import Table
+from auv_torchrl.physics import CONTROL_DT
+
+GAP_SAMPLES = 5  # a longer pause than this many usual sampling intervals ends a stretch,
+GAP_S = 0.3  # if it is also longer than this
+SHORTEST_S = 0.5  # stretches below this show nothing
+SHORTEST_ROWS = 8
+GLITCH_SHARE = 0.1  # up to this share of rows out of order are single glitches, more are a clock that was reset
+SPARSE_SHARE = 0.5  # an axis that alone costs more than this share of the rows is left out
+
+Index = np.ndarray
+
+
+class Stretch(NamedTuple):
+    """Rows without interruption."""
+
+    episode: int  # as in the file, 0 without that column
+    t: Floats  # (T,) s since the start of the episode
+    rows: Index  # (T,) rows of the table
+    commands: Floats  # (T, n) mean over the time until the next row
+
+
+def usable_axes(table: Table, columns: Columns) -> tuple[tuple[str, ...], list[Finding]]:
+    """Measured axes that are there in enough rows."""
+    valid = {axis: np.isfinite(table.columns[axis]) for axis in columns.axes}
+    findings = []
+    while valid:
+        together = int(np.logical_and.reduce(list(valid.values())).sum())
+        axis, here = min(valid.items(), key=lambda item: item[1].sum())
+        most = max(int(v.sum()) for v in valid.values())
+        if here.any() and together >= SPARSE_SHARE * most:
+            break
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "sparse_axis",
+                f"{axis} is left out: it is missing in {int((~here).sum())} of {len(here)} rows",
+                f"Log {axis} at every row or interpolate it before",
+                columns=(axis,),
+            )
+        )
+        del valid[axis]
+    return tuple(valid), findings
+
+
+def usable_stretches(
+    table: Table, columns: Columns, axes: tuple[str, ...], commands: Floats
+) -> tuple[list[Stretch], list[Finding]]:
+    """Cut the rows where time, commands and all ``axes`` are there into stretches with increasing time."""
+    t = table.columns["t"]
+    findings: list[Finding] = []
+    driven = np.isfinite(t) & np.isfinite(commands).all(axis=-1)
+    seen = np.logical_and.reduce([np.isfinite(table.columns[axis]) for axis in axes])
+    if not (driven & seen).all():
+        findings.append(_missing(table, columns, axes, driven & seen))
+    if columns.episode:
+        number = table.columns["episode"]
+        driven &= np.isfinite(number)
+    else:
+        number = np.zeros(len(t))
+    usable = np.flatnonzero(driven)
+    changes = np.flatnonzero(np.diff(number[usable])) + 1
+    stretches = []
+    for rows in np.split(usable, changes):
+        if len(rows):
+            for run in _increasing_runs(table, t, rows, findings):
+                stretches += _cut_at_gaps(table, t, run, seen, commands, int(number[rows[0]]), findings)
+    return stretches, findings
+
+
+def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Finding]) -> list[Index]:
+    """Rows of one episode in runs of strictly increasing time."""
+    steps = np.diff(t[rows])
+    wrong = np.flatnonzero(steps <= 0)
+    if not len(wrong):
+        return [rows]
+    kept = rows[_longest_increasing(t[rows])]
+    where = (int(table.row[rows[wrong[0] + 1]]), int(table.row[rows[wrong[-1] + 1]]))
+    if len(kept) >= (1 - GLITCH_SHARE) * len(rows):
+        sentence = f"time repeats or goes back; {len(rows) - len(kept)} rows are left out"
+        finding = Finding(
+            Severity.WARNING, "time_not_increasing", sentence, "Write t in seconds, rising", ("t",), where
+        )
+        findings.append(finding)
+        return [kept]
+    repeats = float((steps == 0).mean())
+    if repeats > GLITCH_SHARE:
+        sentence = f"time repeats in {repeats:.0%} of the rows; the first row of each time is kept"
+        remedy = "Write t with enough digits"
+        findings.append(Finding(Severity.WARNING, "time_repeats", sentence, remedy, ("t",), where))
+        rows = rows[np.concatenate(([True], steps != 0))]
+    back = np.flatnonzero(np.diff(t[rows]) < 0) + 1
+    if len(back):
+        sentence = f"time goes back {len(back)} times; each start over is taken as a new episode"
+        remedy = "Give an episode column"
+        findings.append(Finding(Severity.WARNING, "time_starts_over", sentence, remedy, ("t",), where))
+    return np.split(rows, back)
+
+
+def _longest_increasing(values: Floats) -> Index:
+    """Indices of a longest strictly increasing subsequence (patience sorting)."""
+    tails: list[float] = []
+    tail_index: list[int] = []
+    before = np.full(len(values), -1)
+    for i, value in enumerate(values.tolist()):
+        k = bisect.bisect_left(tails, value)
+        before[i] = tail_index[k - 1] if k else -1
+        if k == len(tails):
+            tails.append(value)
+            tail_index.append(i)
+        else:
+            tails[k], tail_index[k] = value, i
+    chain = []
+    i = tail_index[-1]
+    while i >= 0:
+        chain.append(i)
+        i = int(before[i])
+    return np.array(chain[::-1])
+
+
+def _cut_at_gaps(
+    table: Table, t: Floats, run: Index, seen: np.ndarray, commands: Floats, episode: int, findings: list[Finding]
+) -> list[Stretch]:
+    measured = np.flatnonzero(seen[run])
+    if len(measured) < 2:
+        return _too_short(table, run, findings)
+    steps = np.diff(t[run][measured])
+    longest = max(GAP_SAMPLES * float(np.median(steps)), GAP_S)
+    gaps = np.flatnonzero(steps > longest)
+    for gap in gaps:
+        rows = (int(table.row[run[measured[gap]]]), int(table.row[run[measured[gap + 1]]]))
+        sentence = f"{steps[gap]:.2f} s without data; the log is cut there"
+        findings.append(Finding(Severity.WARNING, "gap", sentence, "Log without pauses", ("t",), rows))
+    stretches = []
+    for part in np.split(measured, gaps + 1):
+        times = t[run[part]]
+        if len(part) < SHORTEST_ROWS or times[-1] - times[0] < SHORTEST_S:
+            _too_short(table, run[part], findings)
+            continue
+        kept = part[_thinned(times)]
+        acting = _mean_until_next(t[run], commands[run], kept)
+        if len(kept) < len(part) and part is measured:
+            sentence = f"sampled every {np.median(steps) * 1e3:.0f} ms; thinned to about {CONTROL_DT * 1e3:.0f} ms"
+            findings.append(Finding(Severity.INFO, "thinned", sentence))
+        stretches.append(Stretch(episode, t[run[kept]] - t[run[0]], run[kept], acting))
+    return stretches
+
+
+def _thinned(times: Floats) -> Index:
+    """Every k-th sample, so that the interval is about the control step; all of them where it is longer."""
+    every = max(1, round(CONTROL_DT / float(np.median(np.diff(times)))))
+    return np.arange(0, len(times), every)
+
+
+def _mean_until_next(t: Floats, commands: Floats, kept: Index) -> Floats:
+    """Commands (T, n) held from row to row, averaged from each kept row to the next one."""
+    if len(kept) == len(t):
+        return commands
+    held = commands[:-1] * np.diff(t)[:, None]
+    integral = np.concatenate((np.zeros((1, commands.shape[1])), np.cumsum(held, axis=0)))
+    mean = np.diff(integral[kept], axis=0) / np.diff(t[kept])[:, None]
+    single = np.diff(kept) == 1
+    mean[single] = commands[kept[:-1]][single]  # exact where nothing was left out
+    return np.concatenate((mean, commands[kept[-1:]]))
+
+
+def _too_short(table: Table, run: Index, findings: list[Finding]) -> list[Stretch]:
+    rows = (int(table.row[run[0]]), int(table.row[run[-1]]))
+    sentence = f"a stretch of {len(run)} rows is shorter than {SHORTEST_S} s or {SHORTEST_ROWS} rows and left out"
+    findings.append(Finding(Severity.WARNING, "short_stretch", sentence, "Log longer", ("t",), rows))
+    return []
+
+
+def _missing(table: Table, columns: Columns, axes: tuple[str, ...], complete: np.ndarray) -> Finding:
+    names = [name for name in ("t", *columns.commands, *axes) if not np.isfinite(table.columns[name]).all()]
+    gone = table.row[~complete]
+    return Finding(
+        Severity.WARNING,
+        "missing_values",
+        f"{len(gone)} rows lack a number in {', '.join(names)} and are left out",
+        "Write a number in every row",
+        tuple(names),
+        (int(gone[0]), int(gone[-1])),
+    )

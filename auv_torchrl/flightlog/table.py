@@ -1,0 +1,171 @@
+"""A CSV or Parquet file as columns of float64, read block by block so that its text is never held at once."""
+
+import logging
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from auv_torchrl.flightlog.log import Finding, FlightLogError, Floats, Severity
+
+log = logging.getLogger(__name__)
+
+MAX_ROWS = 5_000_000  # 14 h at 100 Hz; 0.5 GB as float64
+_PARQUET = b"PAR1"
+_BLOCK_BYTES = 8 << 20
+_BATCH_ROWS = 100_000
+_NOT_FINITE = ("", "nan", "inf", "+inf", "-inf")
+_LISTED = 3  # examples that a message quotes
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of one file, NaN where it holds no number, and ``row`` (T,): where each row was, from 1."""
+
+    name: str
+    columns: dict[str, Floats]
+    row: np.ndarray
+    findings: tuple[Finding, ...]
+
+
+def read_table(path: str | os.PathLike[str]) -> Table:
+    """Read every column of a CSV or Parquet file.
+
+    Raises:
+        FlightLogError: if the file is missing, empty, binary or neither of the two, or has no rows.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            head = file.read(4)
+    except OSError as error:
+        raise FlightLogError(f"{path}: {error.strerror or error}: give a CSV or Parquet file") from error
+    if not head:
+        raise FlightLogError(f"{path.name} is empty: give a CSV or Parquet file with one row per sample")
+    try:
+        table = _read_parquet(path) if head == _PARQUET else _read_csv(path)
+    except (pa.ArrowException, OSError, UnicodeError) as error:
+        kind = "Parquet" if head == _PARQUET else "CSV"
+        raise FlightLogError(
+            f"{path.name} cannot be read as {kind} ({_first_line(error)}): give a CSV file with a header line, "
+            "comma between values, or a Parquet file"
+        ) from error
+    if not len(table.row):
+        raise FlightLogError(f"{path.name} has a header and no rows: give one row per sample")
+    return table
+
+
+def _read_csv(path: Path) -> Table:
+    if path.suffix.lower() in (".parquet", ".pq"):
+        raise FlightLogError(f"{path.name} is not a Parquet file although it is named so: export it again")
+    bad_rows: list[int] = []
+
+    def remember(row: pyarrow.csv.InvalidRow) -> str:
+        bad_rows.append(-1 if row.number is None else row.number - 1)  # arrow counts the header as row 1
+        return "skip"
+
+    names = _header(path)
+    reader = pyarrow.csv.open_csv(
+        path,
+        read_options=pyarrow.csv.ReadOptions(use_threads=False, block_size=_BLOCK_BYTES),
+        parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
+        convert_options=pyarrow.csv.ConvertOptions(
+            column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=True
+        ),
+    )
+    columns, texts = _collect(path.name, reader.schema.names, iter(reader))
+    rows = len(next(iter(columns.values()), ()))
+    kept = np.setdiff1d(np.arange(1, rows + len(bad_rows) + 1), bad_rows)[:rows]
+    findings = _text_findings(texts, kept)
+    if bad_rows:
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "ragged_rows",
+                f"{len(bad_rows)} rows do not have {len(names)} values like the header and are left out",
+                "Check how the file was written or cut",
+                rows=(min(bad_rows), max(bad_rows)),
+            )
+        )
+    return Table(path.name, columns, kept, tuple(findings))
+
+
+def _header(path: Path) -> list[str]:
+    with path.open("rb") as file:
+        line = file.readline(1 << 16)
+    if b"\0" in line:
+        raise FlightLogError(f"{path.name} is a binary file, not CSV or Parquet: export the log as one of them")
+    names = [name.strip().strip('"') for name in line.decode("utf-8-sig").strip().split(",")]
+    if len(names) == 1 and any(separator in names[0] for separator in ";\t"):
+        raise FlightLogError(f"{path.name} does not separate its columns by commas: export it with commas")
+    return names
+
+
+def _read_parquet(path: Path) -> Table:
+    with pyarrow.parquet.ParquetFile(path) as file:
+        columns, texts = _collect(path.name, file.schema_arrow.names, file.iter_batches(batch_size=_BATCH_ROWS))
+    row = np.arange(1, len(next(iter(columns.values()), ())) + 1)
+    return Table(path.name, columns, row, tuple(_text_findings(texts, row)))
+
+
+def _collect(name, names, batches) -> tuple[dict[str, Floats], dict[str, list[tuple[int, str]]]]:
+    stripped = [str(column).strip() for column in names]
+    if repeated := sorted({column for column in stripped if stripped.count(column) > 1}):
+        raise FlightLogError(f"{name} has the column {', '.join(repeated)} more than once: keep one of each")
+    blocks: dict[str, list[Floats]] = {column: [] for column in stripped}
+    texts: dict[str, list[tuple[int, str]]] = {}
+    rows = 0
+    for batch in batches:
+        for column, array in zip(stripped, batch.columns, strict=True):
+            values, odd = _numbers(array)
+            blocks[column].append(values)
+            for index, text in odd:
+                texts.setdefault(column, []).append((rows + index, text))
+        rows += batch.num_rows
+        if rows > MAX_ROWS:
+            raise FlightLogError(f"{name} has more than {MAX_ROWS:,} rows: cut it, or log at 20 Hz")
+        if rows >= _BATCH_ROWS:
+            log.info("read %d rows of %s", rows, name)
+    return {column: np.concatenate(block) if block else np.empty(0) for column, block in blocks.items()}, texts
+
+
+def _numbers(array: pa.Array) -> tuple[Floats, list[tuple[int, str]]]:
+    """Values as float64, and the entries that are no number."""
+    try:
+        return _floats(array.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)), []
+    except pa.ArrowException:  # some entry is no number: find out which
+        text = array.cast(pa.string()).to_pandas().str.strip()
+    values = _floats(pd.to_numeric(text, errors="coerce"))
+    odd = np.isnan(values) & text.notna().to_numpy() & ~text.str.lower().isin(_NOT_FINITE).to_numpy()
+    return values, [(int(i), str(text.iloc[i])) for i in np.flatnonzero(odd)]
+
+
+def _floats(array: Any) -> Floats:
+    values = np.array(array, dtype=np.float64)
+    values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def _text_findings(texts: dict[str, list[tuple[int, str]]], row: np.ndarray) -> list[Finding]:
+    return [
+        Finding(
+            Severity.WARNING,
+            "not_a_number",
+            f"{column} holds {len(entries)} entries that are no number, such as "
+            + ", ".join(repr(text[:20]) for _, text in entries[:_LISTED]),
+            "Write numbers with a decimal point",
+            columns=(column,),
+            rows=(int(row[entries[0][0]]), int(row[entries[-1][0]])),
+        )
+        for column, entries in texts.items()
+    ]
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

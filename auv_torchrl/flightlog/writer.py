@@ -1,0 +1,49 @@
+"""Write a flight log in the format that :func:`auv_torchrl.flightlog.read_flightlog` reads."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from auv_torchrl.flightlog.log import POSE, VELOCITY, FlightLog
+
+_DIGITS = 6  # micrometres and microradians
+
+
+def write_flightlog(log: FlightLog, path: str | os.PathLike[str]) -> Path:
+    """Write thruster commands and measured axes as CSV, or as Parquet if the name ends so; atomic.
+
+    Raises:
+        FileExistsError: if the file is there.
+    """
+    path = Path(path)
+    if path.exists():
+        raise FileExistsError(f"{path} exists: remove it or choose another name")
+    table = pa.table(_columns(log))
+    partial = path.with_name(f".{path.name}.partial")
+    if path.suffix.lower() in (".parquet", ".pq"):
+        pyarrow.parquet.write_table(table, partial)
+    else:
+        rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
+        pyarrow.csv.write_csv(pa.table({**rounded, "episode": table["episode"]}), partial)
+    os.replace(partial, path)
+    return path
+
+
+def _columns(log: FlightLog) -> dict[str, np.ndarray]:
+    episodes = log.episodes
+    columns: dict[str, np.ndarray] = {
+        "episode": np.concatenate([np.full(len(e), e.number, dtype=np.int64) for e in episodes])
+    }
+    columns["t"] = np.concatenate([e.t for e in episodes])
+    for names, field in ((POSE, "pose"), (VELOCITY, "velocity")):
+        values = np.concatenate([getattr(e, field) for e in episodes])
+        columns.update({axis: values[:, i] for i, axis in enumerate(names) if axis in log.axes})
+    commands = np.concatenate([e.commands for e in episodes])
+    columns.update({f"cmd_{i + 1}": commands[:, i] for i in range(commands.shape[1])})
+    if all(e.battery is not None for e in episodes):
+        columns["battery"] = np.concatenate([e.battery for e in episodes if e.battery is not None])
+    return columns
