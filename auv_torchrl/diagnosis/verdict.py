@@ -1,0 +1,235 @@
+"""What a diagnosis says: the content of ``diagnosis.json`` (version 1), and the trajectories beside it.
+
+A field that is None could not be told from the log. Shares are of the gap, in [0, 1].
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from enum import Enum
+from typing import Any
+
+from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.flightlog.log import Floats
+
+VERSION = 1
+
+
+class Verdict(Enum):
+    """Outcome of a diagnosis; the value is the sentence that its reader sees, the name goes to the file."""
+
+    NO_GAP = "The simulator predicts this vehicle as well as its sensors allow."
+    EXPLAINED = "The simulator misses this vehicle, and the effects named below explain it."
+    PARTLY_EXPLAINED = "The effects named below explain a part of the gap; something else acts that is not known."
+    UNEXPLAINED = "The simulator misses this vehicle, and none of the known effects explains it."
+
+    @property
+    def key(self) -> str:
+        """The word in ``diagnosis.json``."""
+        return self.name.lower()
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A circumstance in which the gap stands out."""
+
+    when: str  # for people, e.g. "speed above 0.4 m/s"
+    gap: float  # ratio to the gap of the whole log
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the gap lies; each mapping sums to 1 or is empty."""
+
+    dof: dict[str, float] = field(default_factory=dict)  # by name in DEGREES_OF_FREEDOM
+    origin: dict[str, float] = field(default_factory=dict)  # by auv_torchrl.effects.Origin
+    thruster: dict[str, float] = field(default_factory=dict)  # by number, "1" is the first
+    regime: tuple[Regime, ...] = ()
+    onset_s: float | None = None  # s into the log, where the vehicle changes during it
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    nominal: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """One effect of the explanation."""
+
+    name: str  # in auv_torchrl.effects.EFFECTS
+    probability: float
+    parameters: dict[str, Estimate]  # by full name, e.g. gain_4
+    thrusters: tuple[int, ...]  # at fault, from 1
+    gap_closed: float | None  # share lost when this effect alone is taken out again
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One single effect that was tried, or "none" or "unknown"."""
+
+    name: str
+    probability: float
+    gap_closed: float | None = None
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """A manoeuvre that would separate what this log leaves open."""
+
+    why: str
+    commands: str = "next_experiment.csv"  # file beside diagnosis.json
+    t: Floats | None = field(default=None, compare=False)  # (T,) s; not in the file
+    thruster_commands: Floats | None = field(default=None, compare=False)  # (T, n); not in the file
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square prediction errors, one per horizon of :class:`Gap`."""
+
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    floor: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Prediction errors on held-out data, with the nominal simulator and with the effects in it."""
+
+    horizon_s: tuple[float, ...]
+    position_m: Errors | None = None
+    yaw_rad: Errors | None = None
+    velocity: Errors | None = None  # of the linear velocity, m/s
+    dof: dict[str, Errors] = field(default_factory=dict)  # m and rad from poses, m/s and rad/s from velocities
+    closed: float | None = None  # None where the error before is within the floor
+    held_out_episodes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Motion over a window; columns of NaN where not measured."""
+
+    pose: Floats  # (T, 6) x y z roll pitch yaw, NED, m and rad
+    velocity: Floats  # (T, 6) u v w p q r, body, m/s and rad/s
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A held-out stretch, simulated from its first sample from the commands alone."""
+
+    episode: int
+    t: Floats  # (T,) s since the start of the episode
+    commands: Floats  # (T, n)
+    measured: Trajectory
+    before: Trajectory  # nominal simulator
+    after: Trajectory  # with the effects found
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that is said about one log."""
+
+    log: str
+    vehicle: str
+    verdict: Verdict
+    summary: str  # one sentence that a pilot understands
+    where: Where
+    effects: tuple[FoundEffect, ...]  # of the chosen explanation, strongest first
+    candidates: tuple[Candidate, ...]  # every single effect tried, ranked, and "unknown"
+    indistinguishable: tuple[tuple[str, ...], ...]
+    next_experiment: NextExperiment | None
+    gap: Gap
+    input_mappable: float | None  # share that any map of the commands could close
+    detectable: dict[str, Estimate] = field(default_factory=dict)  # effect -> smallest size this log could have shown
+    cannot_tell: tuple[str, ...] = ()  # sentences: axes not measured, thrusters not excited, parameters at a bound
+    findings: tuple[Finding, ...] = ()  # about the log
+    windows: tuple[Window, ...] = field(default=(), compare=False)  # not in diagnosis.json but in predictions.parquet
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``diagnosis.json``, of plain types alone."""
+        experiment = self.next_experiment
+        return {
+            "version": VERSION,
+            "log": self.log,
+            "vehicle": self.vehicle,
+            "verdict": self.verdict.key,
+            "summary": self.summary,
+            "where": _plain(self.where),
+            "effects": _plain(self.effects),
+            "candidates": _plain(self.candidates),
+            "indistinguishable": _plain(self.indistinguishable),
+            "next_experiment": experiment and {"why": experiment.why, "commands": experiment.commands},
+            "gap": _plain(self.gap),
+            "input_mappable": self.input_mappable,
+            "detectable": _plain(self.detectable),
+            "cannot_tell": list(self.cannot_tell),
+            "findings": _plain(self.findings),
+        }
+
+    @staticmethod
+    def from_json(content: Mapping[str, Any]) -> "Diagnosis":
+        """The diagnosis that :meth:`to_json` wrote, without its trajectories.
+
+        Raises:
+            ValueError: for another version.
+        """
+        if content.get("version") != VERSION:
+            raise ValueError(f"diagnosis of version {content.get('version')!r}: this program reads version {VERSION}")
+        where, gap, experiment = content["where"], content["gap"], content["next_experiment"]
+        dof = {name: _errors(errors) for name, errors in gap["dof"].items()}
+        return Diagnosis(
+            log=content["log"],
+            vehicle=content["vehicle"],
+            verdict=Verdict[content["verdict"].upper()],
+            summary=content["summary"],
+            where=Where(**{**where, "regime": tuple(Regime(**regime) for regime in where["regime"])}),
+            effects=tuple(_found_effect(effect) for effect in content["effects"]),
+            candidates=tuple(Candidate(**candidate) for candidate in content["candidates"]),
+            indistinguishable=tuple(tuple(names) for names in content["indistinguishable"]),
+            next_experiment=experiment and NextExperiment(**experiment),
+            gap=Gap(
+                horizon_s=tuple(gap["horizon_s"]),
+                position_m=_errors(gap["position_m"]),
+                yaw_rad=_errors(gap["yaw_rad"]),
+                velocity=_errors(gap["velocity"]),
+                dof={name: errors for name, errors in dof.items() if errors is not None},
+                closed=gap["closed"],
+                held_out_episodes=tuple(gap["held_out_episodes"]),
+            ),
+            input_mappable=content["input_mappable"],
+            detectable={name: Estimate(**size) for name, size in content["detectable"].items()},
+            cannot_tell=tuple(content["cannot_tell"]),
+            findings=tuple(_finding(finding) for finding in content["findings"]),
+        )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if hasattr(value, "__dataclass_fields__"):
+        return _plain(asdict(value))
+    return value
+
+
+def _errors(content: Mapping[str, Any] | None) -> Errors | None:
+    return None if content is None else Errors(**{name: tuple(values) for name, values in content.items()})
+
+
+def _found_effect(content: Mapping[str, Any]) -> FoundEffect:
+    parameters = {name: Estimate(**estimate) for name, estimate in content["parameters"].items()}
+    return FoundEffect(**{**content, "parameters": parameters, "thrusters": tuple(content["thrusters"])})
+
+
+def _finding(content: Mapping[str, Any]) -> Finding:
+    rows = content["rows"] and tuple(content["rows"])
+    return Finding(
+        **{**content, "severity": Severity(content["severity"]), "columns": tuple(content["columns"]), "rows": rows}
+    )
