@@ -26,6 +26,7 @@ class Coefficients(NamedTuple):
     tether_stiffness: Array  # ()
     tether_slack: Array  # ()
     allocation: Array  # (6, n) wrench per newton of thrust, gain included
+    gain: Array  # (n,) for reports of the thrust; the wrench has it from the allocation
     routing: Array  # (n, n)
     full_thrust: Array  # (n,)
     asymmetry: Array  # (n,)
@@ -65,6 +66,8 @@ class ActiveTerms(NamedTuple):
     lag: bool
     battery_sag: bool
     coupled_drag: bool
+    sensing: bool
+    sensor_noise: bool
 
     @staticmethod
     def of(coefficients: Coefficients) -> "ActiveTerms":
@@ -77,6 +80,7 @@ class ActiveTerms(NamedTuple):
             identity = torch.eye(n, dtype=c.routing.dtype, device=c.routing.device)
         else:
             identity = np.eye(n)
+        noisy = bool((c.position_noise > 0).any() or (c.attitude_noise > 0).any())
         return ActiveTerms(
             coriolis=bool((c.coriolis != 0).any()),
             current=bool((c.current != 0).any()),
@@ -86,7 +90,13 @@ class ActiveTerms(NamedTuple):
             lag=bool((c.lag > 0).any()),
             battery_sag=bool((c.battery_sag != 0).any()),
             coupled_drag=bool((c.linear_drag * off_diagonal != 0).any()),
+            sensing=noisy or bool((c.heading_bias != 0).any() or (c.pose_delay > 0).any()),
+            sensor_noise=noisy,
         )
+
+    def __or__(self, other: "ActiveTerms") -> "ActiveTerms":
+        """The terms that do anything in either batch."""
+        return ActiveTerms(*(a or b for a, b in zip(self, other, strict=True)))
 
     @staticmethod
     def everything() -> "ActiveTerms":
@@ -120,9 +130,9 @@ def prepare(vehicle: Vehicle) -> Coefficients:
 
 
 _COPIED = (
-    "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "routing", "full_thrust", "asymmetry",
-    "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "heading_bias", "pose_delay", "position_noise",
-    "attitude_noise",
+    "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
+    "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "heading_bias", "pose_delay",
+    "position_noise", "attitude_noise",
 )  # fmt: skip
 
 

@@ -57,3 +57,11 @@ def body_wrench(c: Coefficients, terms: ActiveTerms, thrust: Array, time: Array)
     if terms.battery_sag:
         wrench = wrench * (1.0 - c.battery_sag * time / 60.0)[..., None]
     return wrench
+
+
+def applied_thrust(c: Coefficients, terms: ActiveTerms, thrust: Array, time: Array) -> Array:
+    """Thrust in N that each thruster really gives, (..., n): its gain and the battery included."""
+    thrust = c.gain * thrust
+    if terms.battery_sag:
+        thrust = thrust * (1.0 - c.battery_sag * time / 60.0)[..., None]
+    return thrust
