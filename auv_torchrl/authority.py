@@ -1,0 +1,107 @@
+"""What a vehicle can still do: the rank of the way from its commands to the four controlled degrees of freedom.
+
+A map of commands can only rearrange what the thrusters give. Where the 4 x 4 matrix from the command channels to
+the controlled wrench is singular, no map of the four channels can bring back the nominal behaviour; where the
+4 x n matrix from free thruster commands is singular too, no map of commands can.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import torch
+from torch import Tensor
+
+from auv_torchrl.physics import prepare
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+
+RANK_TOLERANCE = 1e-3  # on singular values relative to the largest: a thruster below 0.1 % of its thrust is dead
+
+
+class Recovery(StrEnum):
+    """What a map of commands can do; the value completes the sentence of the report."""
+
+    CHANNELS = "a map of the four command channels can recover it"
+    THRUSTERS = "no map of the four command channels can recover it, a map to the thrusters can"
+    NONE = "no map of commands can recover it"
+
+
+@dataclass(frozen=True)
+class Authority:
+    """Ranks of a vehicle's control, and what it comes to."""
+
+    name: str
+    channel_rank: int  # of the 4 x 4 map from the command channels
+    thruster_rank: int  # of the 4 x n map from free thruster commands
+    independent: tuple[str, ...]  # degrees of freedom that some command moves alone
+    coupled: tuple[str, ...]  # those that only move together with others
+    lost: tuple[str, ...]  # those that nothing moves
+
+    @property
+    def recovery(self) -> Recovery:
+        """Which kind of map, if any, can give back the four controlled degrees of freedom."""
+        if self.channel_rank == len(CONTROLLED):
+            return Recovery.CHANNELS
+        return Recovery.THRUSTERS if self.thruster_rank == len(CONTROLLED) else Recovery.NONE
+
+    def __str__(self) -> str:
+        total = len(CONTROLLED)
+        ranks = f"rank {self.thruster_rank}"
+        if self.channel_rank != self.thruster_rank:
+            ranks = f"rank {self.channel_rank} through the command channels, {self.thruster_rank} at the thrusters"
+        text = f"{self.name}: {self.thruster_rank} of {total} degrees of freedom can be controlled ({ranks}): "
+        text += self.recovery.value
+        if self.recovery is Recovery.NONE:
+            text += f"; what remains: {_listed(self.independent) or 'nothing by itself'}"
+            if self.coupled:
+                text += f"; {_listed(self.coupled)} only together"
+            if self.lost:
+                text += f"; lost: {_listed(self.lost)}"
+        return text
+
+
+def authority(vehicle: Vehicle, nominal: Vehicle, name: str = "vehicle") -> Authority:
+    """Ranks of what ``vehicle`` can do, with forces and moments scaled by what ``nominal`` can do.
+
+    Args:
+        vehicle: one vehicle (empty batch), e.g. ``scenario.vehicle_at(nominal)``.
+        nominal: the vehicle without faults, whose largest wrench per degree of freedom is the unit.
+        name: what the text calls it, e.g. the scenario.
+
+    Raises:
+        ValueError: for a batch of vehicles, or a nominal vehicle that cannot control all four degrees of freedom.
+    """
+    if vehicle.batch_size or nominal.batch_size:
+        raise ValueError(f"authority: got a batch of shape {tuple(vehicle.batch_size)}: give one vehicle at a time")
+    unit = controlled_allocation(nominal).abs().sum(-1, keepdim=True)
+    if not (unit > 0).all():
+        dead = [dof for dof, u in zip(CONTROLLED, unit, strict=True) if not u > 0]
+        raise ValueError(f"authority: the nominal vehicle has no thruster for {_listed(dead)}: check its allocation")
+    thrusters = controlled_allocation(vehicle) / unit
+    channels = thrusters @ vehicle.mixer[:, list(CONTROLLED_INDEX)]
+    reach = _range(thrusters)
+    share = (reach @ reach.mT).diagonal()  # of each degree of freedom's unit wrench that can be produced: 1 is all
+    named = list(zip(CONTROLLED, share.tolist(), strict=True))
+    return Authority(
+        name=name,
+        channel_rank=_range(channels).shape[1],
+        thruster_rank=reach.shape[1],
+        independent=tuple(dof for dof, s in named if s > 1 - RANK_TOLERANCE),
+        coupled=tuple(dof for dof, s in named if RANK_TOLERANCE < s <= 1 - RANK_TOLERANCE),
+        lost=tuple(dof for dof, s in named if s <= RANK_TOLERANCE),
+    )
+
+
+def controlled_allocation(vehicle: Vehicle) -> Tensor:
+    """Controlled wrench (4, n) in N and N m per unit thruster command, routing and gains included."""
+    c = prepare(vehicle)
+    return ((c.allocation * c.full_thrust) @ c.routing)[list(CONTROLLED_INDEX)]
+
+
+def _range(matrix: Tensor) -> Tensor:
+    """Orthonormal basis (4, rank) of what the columns span."""
+    basis, size, _ = torch.linalg.svd(matrix, full_matrices=False)
+    return basis[:, size > RANK_TOLERANCE * size.amax().clamp_min(torch.finfo(size.dtype).tiny)]
+
+
+def _listed(names: tuple[str, ...] | list[str]) -> str:
+    return " and ".join((", ".join(names[:-1]), names[-1])) if len(names) > 1 else "".join(names)
