@@ -1,15 +1,7 @@
 """The one format between the world and the diagnosis: reading, checking and writing flight logs."""
 
-from auv_torchrl.flightlog.log import (
-    POSE,
-    VELOCITY,
-    Episode,
-    Finding,
-    FlightLog,
-    FlightLogError,
-    Severity,
-    join,
-)
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, join
 from auv_torchrl.flightlog.reader import read_flightlog
 from auv_torchrl.flightlog.writer import write_flightlog
 

@@ -5,7 +5,8 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from auv_torchrl.flightlog.log import POSE, VELOCITY, FlightLogError
+from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.log import POSE, VELOCITY
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
 DEMANDS = tuple(f"cmd_{name}" for name in DEGREES_OF_FREEDOM)  # through the vehicle's mixer

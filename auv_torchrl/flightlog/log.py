@@ -5,48 +5,17 @@ Frames: earth NED, body FRD, angles in radians (ZYX). All arrays are numpy float
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 
 POSE = ("x", "y", "z", "roll", "pitch", "yaw")  # m, rad
 VELOCITY = ("u", "v", "w", "p", "q", "r")  # m/s, rad/s, body
 ANGLES = ("roll", "pitch", "yaw")
 
 Floats = NDArray[np.float64]
-
-
-class FlightLogError(ValueError):
-    """Nothing of a log can be used; the message names the cause, where it is and the remedy."""
-
-
-class Severity(StrEnum):
-    """How much a finding matters."""
-
-    ERROR = "error"  # what the log says cannot be trusted until it is mended
-    WARNING = "warning"  # something was left out or converted, or limits what can be concluded
-    INFO = "info"
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing about a log that its reader should know.
-
-    ``rows`` are the first and last row concerned, counted from 1 below the header; None concerns all of it.
-    """
-
-    severity: Severity
-    code: str
-    sentence: str
-    remedy: str = ""
-    columns: tuple[str, ...] = ()
-    rows: tuple[int, int] | None = None
-
-    def __str__(self) -> str:
-        rows = "" if self.rows is None else f" (rows {self.rows[0]} to {self.rows[1]})"
-        remedy = f" {self.remedy}." if self.remedy else ""
-        return f"{self.severity}: {self.sentence}{rows}.{remedy}"
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,19 @@
-"""From a file to a flight log: columns, rows, commands, episodes."""
+"""From a file to a flight log: columns, rows, commands, episodes, checks."""
 
 import os
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from auv_torchrl.flightlog.columns import DEMANDS, Columns, choose_columns
-from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, FlightLogError, Floats
+from auv_torchrl.flightlog.excitation import check_excitation
+from auv_torchrl.flightlog.findings import FlightLogError, condensed
+from auv_torchrl.flightlog.frames import check_frames
+from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, Floats
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
 from auv_torchrl.flightlog.table import Table, read_table
+from auv_torchrl.flightlog.units import check_commands, check_time_unit, convert_degrees
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.vehicle import Vehicle
 
@@ -26,40 +31,49 @@ def read_flightlog(path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterab
     """
     table = read_table(path)
     columns = choose_columns(table.name, table.columns, vehicle.thrusters, extra)
-    commands = thruster_commands(table, columns, vehicle)
-    axes, findings = usable_axes(table, columns)
-    if not axes:
-        raise FlightLogError(f"{table.name} has no axis that can be used: {'; '.join(map(str, findings))}")
-    stretches, more = usable_stretches(table, columns, axes, commands)
-    findings = [*table.findings, *findings, *more]
+    check_time_unit(table.name, table.columns["t"])
+    sent = np.stack([table.columns[name] for name in columns.commands], axis=-1)
+    findings = [*table.findings, *check_commands(table.name, columns.commands, sent, table.row)]
+    commands = thruster_commands(sent, columns, vehicle)
+    axes, more = usable_axes(table, columns)
+    findings += more
+    if axes:
+        stretches, more = usable_stretches(table, columns, axes, commands)
+        findings += more
+    else:
+        stretches = []
     if not stretches:
-        raise FlightLogError(f"{table.name} has no stretch that can be used: {'; '.join(map(str, findings))}")
+        raise FlightLogError(f"{table.name} has nothing that can be used: {'; '.join(map(str, condensed(findings)))}")
     numbers = [stretch.episode for stretch in stretches]
     if len(set(numbers)) < len(numbers):
         numbers = list(range(len(stretches)))
-    episodes = [_episode(table, axes, number, stretch) for number, stretch in zip(numbers, stretches, strict=True)]
-    return FlightLog(table.name, tuple(episodes), axes, tuple(findings))
+    episodes = tuple(_episode(table, axes, number, stretch) for number, stretch in zip(numbers, stretches, strict=True))
+    episodes, more = convert_degrees(episodes, axes, vehicle)
+    findings += more
+    episodes = tuple(_wrapped(episode) for episode in episodes)
+    findings += check_frames(episodes, axes, vehicle) + check_excitation(episodes)
+    return FlightLog(table.name, episodes, axes, tuple(condensed(findings)))
 
 
-def thruster_commands(table: Table, columns: Columns, vehicle: Vehicle) -> Floats:
-    """Commands of the thrusters (T, n), after mixer and clip."""
+def thruster_commands(sent: Floats, columns: Columns, vehicle: Vehicle) -> Floats:
+    """Commands of the thrusters (T, n), after mixer and clip, from the columns ``sent`` (T, k)."""
     if columns.commands[0] not in DEMANDS:
-        return np.clip(np.stack([table.columns[name] for name in columns.commands], axis=-1), -1.0, 1.0)
-    demand = np.zeros((len(table.row), len(DEMANDS)))
-    for name in columns.commands:
-        demand[:, DEMANDS.index(name)] = table.columns[name]
+        return np.clip(sent, -1.0, 1.0)
     mixer = vehicle.mixer.detach().cpu().double().numpy()
-    return np.clip(demand @ mixer.T, -1.0, 1.0)
+    return np.clip(sent @ mixer[:, [DEMANDS.index(name) for name in columns.commands]].T, -1.0, 1.0)
 
 
 def _episode(table: Table, axes: tuple[str, ...], number: int, stretch: Stretch) -> Episode:
-    rows = stretch.rows
-
     def measured(names: tuple[str, ...]) -> Floats:
-        return np.stack([table.columns[n][rows] if n in axes else np.full(len(rows), np.nan) for n in names], axis=-1)
+        nothing = np.full(len(stretch.t), np.nan)
+        return np.stack([stretch.mean(table.columns[name]) if name in axes else nothing for name in names], axis=-1)
 
-    pose = measured(POSE)
+    battery = stretch.mean(table.columns["battery"]) if "battery" in table.columns else None
+    source = f"{table.name}, rows {table.row[stretch.rows[0]]} to {table.row[stretch.rows[-1]]}"
+    return Episode(number, stretch.t, measured(POSE), measured(VELOCITY), stretch.commands, battery, source)
+
+
+def _wrapped(episode: Episode) -> Episode:
+    pose = episode.pose.copy()
     pose[:, 3:] = wrap_angle(pose[:, 3:])
-    battery = table.columns["battery"][rows] if "battery" in table.columns else None
-    source = f"{table.name}, rows {table.row[rows[0]]} to {table.row[rows[-1]]}"
-    return Episode(number, stretch.t, pose, measured(VELOCITY), stretch.commands, battery, source)
+    return replace(episode, pose=pose)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.columns import Columns
-from auv_torchrl.flightlog.log import Finding, Floats, Severity
+from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.physics import CONTROL_DT
 
@@ -17,6 +18,10 @@ SHORTEST_ROWS = 8
 GLITCH_SHARE = 0.1  # up to this share of rows out of order are single glitches, more are a clock that was reset
 SPARSE_SHARE = 0.5  # an axis that alone costs more than this share of the rows is left out
 
+_WRAP = 3.0  # nothing else moves as far within one control step
+_JUMP_SPEED = 5.0  # m/s, faster than any vehicle of this kind,
+_JUMP_STEPS = 15  # and this many times further than it usually moves from sample to sample
+
 Index = np.ndarray
 
 
@@ -26,7 +31,14 @@ class Stretch(NamedTuple):
     episode: int  # as in the file, 0 without that column
     t: Floats  # (T,) s since the start of the episode
     rows: Index  # (T,) rows of the table
+    around: Index  # (T, w) rows to average each measurement over, w odd; the row itself where there are none
     commands: Floats  # (T, n) mean over the time until the next row
+
+    def mean(self, column: Floats) -> Floats:
+        """A column of the table (T,), averaged around each row; not across the jump of a wrapped angle."""
+        window = column[self.around]
+        jumps = window.max(axis=-1) - window.min(axis=-1) > _WRAP
+        return np.where(jumps, column[self.rows], window.mean(axis=-1)) if window.shape[-1] > 1 else column[self.rows]
 
 
 def usable_axes(table: Table, columns: Columns) -> tuple[tuple[str, ...], list[Finding]]:
@@ -60,8 +72,7 @@ def usable_stretches(
     findings: list[Finding] = []
     driven = np.isfinite(t) & np.isfinite(commands).all(axis=-1)
     seen = np.logical_and.reduce([np.isfinite(table.columns[axis]) for axis in axes])
-    if not (driven & seen).all():
-        findings.append(_missing(table, columns, axes, driven & seen))
+    findings += _missing(table, columns, axes)
     if columns.episode:
         number = table.columns["episode"]
         driven &= np.isfinite(number)
@@ -73,7 +84,7 @@ def usable_stretches(
     for rows in np.split(usable, changes):
         if len(rows):
             for run in _increasing_runs(table, t, rows, findings):
-                stretches += _cut_at_gaps(table, t, run, seen, commands, int(number[rows[0]]), findings)
+                stretches += _cut_at_gaps(table, axes, run, seen, commands, int(number[rows[0]]), findings)
     return stretches, findings
 
 
@@ -128,11 +139,21 @@ def _longest_increasing(values: Floats) -> Index:
 
 
 def _cut_at_gaps(
-    table: Table, t: Floats, run: Index, seen: np.ndarray, commands: Floats, episode: int, findings: list[Finding]
-) -> list[Stretch]:
+    table: Table, axes: tuple[str, ...], run: Index, seen: np.ndarray, commands: Floats, episode: int,
+    findings: list[Finding],
+) -> list[Stretch]:  # fmt: skip
+    t = table.columns["t"]
     measured = np.flatnonzero(seen[run])
-    if len(measured) < 2:
+    if len(measured) < SHORTEST_ROWS:
         return _too_short(table, run, findings)
+    position = np.stack([table.columns[axis][run] for axis in ("x", "y", "z") if axis in axes] or [t[run]], axis=-1)
+    if {"x", "y", "z"} & set(axes):
+        spikes, leaps = _jumps(t[run[measured]], position[measured])
+        _report_jumps(table, run[measured], spikes, leaps, findings)
+        leaps = measured[leaps]
+        measured = np.delete(measured, spikes)
+    else:
+        leaps = np.empty(0, dtype=int)
     steps = np.diff(t[run][measured])
     longest = max(GAP_SAMPLES * float(np.median(steps)), GAP_S)
     gaps = np.flatnonzero(steps > longest)
@@ -140,25 +161,48 @@ def _cut_at_gaps(
         rows = (int(table.row[run[measured[gap]]]), int(table.row[run[measured[gap + 1]]]))
         sentence = f"{steps[gap]:.2f} s without data; the log is cut there"
         findings.append(Finding(Severity.WARNING, "gap", sentence, "Log without pauses", ("t",), rows))
+    cuts = np.union1d(gaps, np.flatnonzero(np.isin(measured, leaps))) + 1
+    every = _thinning(steps)
+    if every > 1:
+        sentence = f"sampled every {np.median(steps) * 1e3:.0f} ms; averaged to every {CONTROL_DT * 1e3:.0f} ms"
+        findings.append(Finding(Severity.INFO, "thinned", sentence))
     stretches = []
-    for part in np.split(measured, gaps + 1):
+    for part in np.split(measured, cuts):
         times = t[run[part]]
-        if len(part) < SHORTEST_ROWS or times[-1] - times[0] < SHORTEST_S:
+        if len(part) < SHORTEST_ROWS * every or times[-1] - times[0] < SHORTEST_S:
             _too_short(table, run[part], findings)
             continue
-        kept = part[_thinned(times)]
+        kept = part[::every]
         acting = _mean_until_next(t[run], commands[run], kept)
-        if len(kept) < len(part) and part is measured:
-            sentence = f"sampled every {np.median(steps) * 1e3:.0f} ms; thinned to about {CONTROL_DT * 1e3:.0f} ms"
-            findings.append(Finding(Severity.INFO, "thinned", sentence))
-        stretches.append(Stretch(episode, t[run[kept]] - t[run[0]], run[kept], acting))
+        around = run[part[_windows(len(part), every)]]
+        stretches.append(Stretch(episode, t[run[kept]] - t[run[0]], run[kept], around, acting))
     return stretches
 
 
-def _thinned(times: Floats) -> Index:
-    """Every k-th sample, so that the interval is about the control step; all of them where it is longer."""
-    every = max(1, round(CONTROL_DT / float(np.median(np.diff(times)))))
-    return np.arange(0, len(times), every)
+def _thinning(steps: Floats) -> int:
+    """Keep every k-th sample, so that the interval is about the control step; all where it is longer."""
+    return max(1, round(CONTROL_DT / float(np.median(steps))))
+
+
+def _windows(length: int, every: int) -> Index:
+    """Positions around every ``every``-th one, centred, so that averaging does not delay; (T, odd)."""
+    kept = np.arange(0, length, every)
+    half = (every - 1) // 2
+    around = kept[:, None] + np.arange(-half, half + 1)
+    outside = ((around < 0) | (around >= length)).any(axis=-1)
+    return np.where(outside[:, None], kept[:, None], around)
+
+
+def _report_jumps(table: Table, rows: Index, spikes: Index, leaps: Index, findings: list[Finding]) -> None:
+    remedy = "Check the position sensor"
+    if len(spikes):
+        where = (int(table.row[rows[spikes[0]]]), int(table.row[rows[spikes[-1]]]))
+        sentence = f"{len(spikes)} positions lie far off the path and are left out"
+        findings.append(Finding(Severity.WARNING, "position_spike", sentence, remedy, ("x", "y", "z"), where))
+    for leap in leaps:
+        where = (int(table.row[rows[leap]]), int(table.row[rows[leap + 1]]))
+        sentence = "the position jumps; the log is cut there"
+        findings.append(Finding(Severity.WARNING, "position_jump", sentence, remedy, ("x", "y", "z"), where))
 
 
 def _mean_until_next(t: Floats, commands: Floats, kept: Index) -> Floats:
@@ -180,14 +224,25 @@ def _too_short(table: Table, run: Index, findings: list[Finding]) -> list[Stretc
     return []
 
 
-def _missing(table: Table, columns: Columns, axes: tuple[str, ...], complete: np.ndarray) -> Finding:
-    names = [name for name in ("t", *columns.commands, *axes) if not np.isfinite(table.columns[name]).all()]
-    gone = table.row[~complete]
-    return Finding(
-        Severity.WARNING,
-        "missing_values",
-        f"{len(gone)} rows lack a number in {', '.join(names)} and are left out",
-        "Write a number in every row",
-        tuple(names),
-        (int(gone[0]), int(gone[-1])),
-    )
+def _missing(table: Table, columns: Columns, axes: tuple[str, ...]) -> list[Finding]:
+    names = ("t", *columns.commands, *axes, *(("episode",) if columns.episode else ()))
+    lacking = {name: ~np.isfinite(table.columns[name]) for name in names}
+    gone = table.row[np.logical_or.reduce(list(lacking.values()))]
+    if not len(gone):
+        return []
+    named = tuple(name for name, lack in lacking.items() if lack.any())
+    sentence = f"{len(gone)} rows lack a number in {', '.join(named)} and are left out"
+    remedy = "Write a number in every row"
+    return [Finding(Severity.WARNING, "missing_values", sentence, remedy, named, (int(gone[0]), int(gone[-1])))]
+
+
+def _jumps(t: Floats, position: Floats) -> tuple[Index, Index]:
+    """Samples that lie off the path, and steps at which the path itself jumps; ``position`` (T, k) in m."""
+    step = np.linalg.norm(np.diff(position, axis=0), axis=-1)
+    far = np.asarray(step > np.maximum(_JUMP_SPEED * np.diff(t), _JUMP_STEPS * np.median(step)))
+    spike = np.zeros(len(t), dtype=bool)
+    spike[1:-1] = far[:-1] & far[1:]
+    across = np.linalg.norm(position[2:] - position[:-2], axis=-1)
+    spike[1:-1] &= across < np.maximum(step[:-1], step[1:]) / 2
+    leap = far & ~spike[:-1] & ~spike[1:]
+    return np.flatnonzero(spike), np.flatnonzero(leap)

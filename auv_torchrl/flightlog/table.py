@@ -12,7 +12,8 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from auv_torchrl.flightlog.log import Finding, FlightLogError, Floats, Severity
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.flightlog.log import Floats
 
 log = logging.getLogger(__name__)
 

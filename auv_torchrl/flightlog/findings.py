@@ -1,0 +1,56 @@
+"""What a reader of a flight log should know about it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+_REPEATED = 3  # findings of one kind that are listed one by one
+
+
+class FlightLogError(ValueError):
+    """Nothing of a log can be used; the message names the cause, where it is and the remedy."""
+
+
+class Severity(StrEnum):
+    """How much a finding matters."""
+
+    ERROR = "error"  # what the log says cannot be trusted until it is mended
+    WARNING = "warning"  # something was left out or converted, or limits what can be concluded
+    INFO = "info"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing about a log that its reader should know.
+
+    ``rows`` are the first and last row concerned, counted from 1 below the header; None concerns all of it.
+    """
+
+    severity: Severity
+    code: str
+    sentence: str
+    remedy: str = ""
+    columns: tuple[str, ...] = ()
+    rows: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        rows = "" if self.rows is None else f" (rows {self.rows[0]} to {self.rows[1]})"
+        remedy = f" {self.remedy}." if self.remedy else ""
+        return f"{self.severity}: {self.sentence}{rows}.{remedy}"
+
+
+def condensed(findings: Iterable[Finding]) -> list[Finding]:
+    """The same findings, worst first, with a crowd of one kind on the same columns as its first and a count."""
+    kinds: dict[tuple, list[Finding]] = {}
+    for finding in findings:
+        kinds.setdefault((finding.severity, finding.code, finding.columns), []).append(finding)
+    short = []
+    for crowd in kinds.values():
+        if len(crowd) <= _REPEATED:
+            short += crowd
+            continue
+        rows = [row for finding in crowd for row in finding.rows or ()]
+        sentence = f"{crowd[0].sentence}; {len(crowd)} times in all"
+        short.append(replace(crowd[0], sentence=sentence, rows=(min(rows), max(rows)) if rows else None))
+    order = list(Severity)
+    return sorted(short, key=lambda finding: order.index(finding.severity))
