@@ -1,8 +1,10 @@
 """Fleets of vehicles as TorchRL environments, in MuJoCo and on plain torch physics, with one task."""
 
+from auv_torchrl.envs import headless  # isort: skip  # before anything imports MuJoCo
 from auv_torchrl.envs.fleet import FleetEnv
 from auv_torchrl.envs.make import BACKENDS, make_fleet
+from auv_torchrl.envs.mujoco_fleet import MujocoFleet
 from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.envs.torch_fleet import TorchFleet
 
-__all__ = ["BACKENDS", "FleetEnv", "RegulationTask", "TorchFleet", "make_fleet"]
+__all__ = ["BACKENDS", "FleetEnv", "MujocoFleet", "RegulationTask", "TorchFleet", "headless", "make_fleet"]

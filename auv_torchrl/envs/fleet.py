@@ -124,7 +124,8 @@ class FleetEnv(EnvBase):
 
     def _begin_phase(self, rows: Tensor, phase: int) -> None:
         """Work out the coefficients of vehicles that reach a phase of the scenario."""
-        new = prepare(self.scenario.vehicle_at(self._flown[rows], self._phase_starts[phase]))
+        flown: Vehicle = self._flown[rows]  # type: ignore[assignment]
+        new = prepare(self.scenario.vehicle_at(flown, self._phase_starts[phase]))
         self._phase[rows] = phase
         self._coefficients.write_rows(self._index(rows), self._native_coefficients(new))
         self._terms = self._terms | ActiveTerms.of(new)

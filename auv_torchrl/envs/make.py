@@ -3,11 +3,12 @@
 from typing import Any
 
 from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.envs.mujoco_fleet import MujocoFleet
 from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.envs.torch_fleet import TorchFleet
 from auv_torchrl.vehicle import Vehicle
 
-BACKENDS: dict[str, type[FleetEnv]] = {"torch": TorchFleet}
+BACKENDS: dict[str, type[FleetEnv]] = {"mujoco": MujocoFleet, "torch": TorchFleet}
 
 
 def make_fleet(backend: str, vehicle: Vehicle, task: RegulationTask, num_envs: int, **options: Any) -> FleetEnv:
