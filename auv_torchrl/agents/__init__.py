@@ -1,0 +1,1 @@
+"""Controllers: soft actor-critic on a fleet, and the classical ones it is compared with."""

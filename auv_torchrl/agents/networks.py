@@ -1,0 +1,86 @@
+"""Actor, critics and the policy that leaves the training."""
+
+from collections.abc import Sequence
+
+import torch
+import torch.nn.functional as F
+from tensordict.nn import NormalParamExtractor, TensorDictModule
+from torch import Tensor, nn
+from torchrl.envs.utils import ExplorationType, exploration_type
+from torchrl.modules import MLP, ProbabilisticActor, TanhNormal, ValueOperator
+
+ACTION_LIMIT = 1.0 - torch.finfo(torch.float32).resolution  # as TanhNormal with safe_tanh
+LOG_ROOT_TWO_PI = 0.9189385332046727  # log(sqrt(2 pi))
+LOG_TWO = 0.6931471805599453
+
+Layers = Sequence[tuple[Tensor, Tensor]]
+
+
+def make_actor(observations: int, actions: int, hidden: Sequence[int]) -> ProbabilisticActor:
+    """Tanh-normal actor: observation (..., observations) to loc, scale and action (..., actions) in (-1, 1)."""
+    network = MLP(in_features=observations, out_features=2 * actions, num_cells=list(hidden), activation_class=nn.ReLU)
+    return ProbabilisticActor(
+        TensorDictModule(
+            nn.Sequential(network, NormalParamExtractor()), in_keys=["observation"], out_keys=["loc", "scale"]
+        ),
+        in_keys=["loc", "scale"],
+        distribution_class=TanhNormal,
+        default_interaction_type=ExplorationType.DETERMINISTIC,
+        return_log_prob=True,
+    )
+
+
+def make_critic(observations: int, actions: int, hidden: Sequence[int]) -> ValueOperator:
+    """Q(s, a) of shape (..., 1); the loss makes and stacks as many copies as it needs."""
+    network = MLP(in_features=observations + actions, out_features=1, num_cells=list(hidden), activation_class=nn.ReLU)
+    return ValueOperator(network, in_keys=["observation", "action"])
+
+
+class TanhPolicy(nn.Module):
+    """The actor by hand: tanh of the mean, or a sample inside ``set_exploration_type(RANDOM)``.
+
+    Takes 50 us at 64 rows, where going through ``TanhNormal`` takes 400 us.
+    """
+
+    def __init__(self, observations: int, actions: int, hidden: Sequence[int]):
+        super().__init__()
+        self.actions = actions
+        self.network = MLP(
+            in_features=observations, out_features=2 * actions, num_cells=list(hidden), activation_class=nn.ReLU
+        )
+        self.extract = NormalParamExtractor()
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Observation (..., d) to action (..., a) in [-1, 1]."""
+        output = self.network(observation)
+        if exploration_type() is ExplorationType.RANDOM:
+            loc, scale = self.extract(output)
+            return torch.addcmul(loc, scale, torch.randn_like(loc)).tanh_()
+        return output[..., : self.actions].tanh()
+
+
+def make_policy(observations: int, actions: int, hidden: Sequence[int]) -> TensorDictModule:
+    """Observation -> action; deterministic outside ``set_exploration_type(RANDOM)``."""
+    return TensorDictModule(TanhPolicy(observations, actions, hidden), in_keys=["observation"], out_keys=["action"])
+
+
+def perceptron(layers: Layers, x: Tensor) -> Tensor:
+    """Layers with ReLU between them on ``x`` (B, d): weights (out, in), or (k, out, in) for k networks at once."""
+    stacked = layers[0][0].ndim == 3
+    if stacked:
+        x = x.expand(len(layers[0][0]), *x.shape)
+    for i, (weight, bias) in enumerate(layers):
+        if i:
+            x = x.relu_()  # no gradient needs the value before
+        x = torch.baddbmm(bias.unsqueeze(-2), x, weight.mT) if stacked else torch.addmm(bias, x, weight.mT)
+    return x
+
+
+def sample_tanh_normal(loc: Tensor, scale: Tensor) -> tuple[Tensor, Tensor]:
+    """Reparametrised action (B, a) and its log-probability (B,), as ``TanhNormal.rsample_and_log_prob``."""
+    noise = torch.randn_like(loc)
+    raw = torch.addcmul(loc, scale, noise)
+    action = raw.tanh().clamp(-ACTION_LIMIT, ACTION_LIMIT)
+    # log N(raw) - log(1 - tanh(raw)^2), the latter in the form that cannot overflow
+    density = 2 * (raw + F.softplus(-2 * raw)) - scale.log() - 0.5 * noise.square()
+    return action, density.sum(-1) - loc.shape[-1] * (LOG_ROOT_TWO_PI + 2 * LOG_TWO)

@@ -1,0 +1,73 @@
+"""What a person sees of a training: a progress bar, a CSV and, by choice, TensorBoard."""
+
+from pathlib import Path
+from typing import TypedDict
+
+import pandas as pd
+from tqdm import tqdm
+
+
+class CurvePoint(TypedDict):
+    """One row of the learning curve, written after every stretch."""
+
+    frames: int  # transitions so far
+    wall_s: float  # seconds of training so far, those before a resumption included
+    cpu_s: float  # likewise, of this process's CPU time
+    episode_return: float  # mean return of a training episode
+    error_m: float  # mean error of the averaged policy from the evaluation starts, t >= 10 s
+    worst_m: float  # of these starts
+    best_m: float  # lowest error_m so far
+    loss_qvalue: float
+    loss_actor: float
+    alpha: float
+    entropy: float
+    frames_per_s: float  # wall
+
+
+class Progress:
+    """Reports a learning curve while it grows.
+
+    Args:
+        folder: where ``progress.csv`` and ``tensorboard/`` go.
+        frames: transitions of the whole training.
+        curve: rows of the part before a resumption.
+        csv: write the CSV, as a whole after every stretch, so that it never disagrees with the checkpoint.
+        tensorboard: write TensorBoard events.
+    """
+
+    def __init__(self, folder: Path, frames: int, curve: list[CurvePoint], csv: bool, tensorboard: bool):
+        self.folder = folder
+        self.csv = csv
+        done = curve[-1]["frames"] if curve else 0
+        self.bar = tqdm(total=frames, initial=done, unit="frames", unit_scale=True, desc="training", disable=None)
+        self.writer = None
+        if tensorboard:
+            from torch.utils.tensorboard import SummaryWriter  # takes a second to import
+
+            self.writer = SummaryWriter(str(folder / "tensorboard"), purge_step=done + 1)
+
+    def advance(self, frames: int) -> None:
+        """Move the bar."""
+        self.bar.update(frames)
+
+    def report(self, curve: list[CurvePoint]) -> None:
+        """Show and write the newest row."""
+        newest = curve[-1]
+        self.bar.set_postfix_str(
+            f"return {newest['episode_return']:.1f}, error {newest['error_m']:.4f} m, "
+            f"best {newest['best_m']:.4f} m, {newest['frames_per_s']:.0f} steps/s"
+        )
+        if self.csv:
+            partial = self.folder / "progress.csv.partial"
+            pd.DataFrame(curve).to_csv(partial, index=False)
+            partial.replace(self.folder / "progress.csv")
+        if self.writer is not None:
+            for name, value in newest.items():
+                if name != "frames":
+                    self.writer.add_scalar(f"train/{name}", value, newest["frames"])
+
+    def close(self) -> None:
+        """Leave the bar as it is and flush."""
+        self.bar.close()
+        if self.writer is not None:
+            self.writer.close()

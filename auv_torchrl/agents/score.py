@@ -1,0 +1,40 @@
+"""How well a policy regulates: its mean position error late in the episode, from fixed starts."""
+
+from typing import NamedTuple
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torchrl.envs import EnvBase, step_mdp
+
+SETTLED_S = 10.0  # s; Eq. 15 judges what comes after
+
+
+class Score(NamedTuple):
+    """Mean over the starts and worst start of the mean position error for t >= 10 s, in m."""
+
+    mean_m: float
+    worst_m: float
+
+
+class Examiner:
+    """Flies a fleet from the same starts every time."""
+
+    def __init__(self, fleet: EnvBase, starts: TensorDictBase, steps: int, control_dt: float):
+        self.fleet = fleet
+        self.starts = TensorDict({"start": starts}, batch_size=fleet.batch_size)
+        self.steps = steps
+        self.first = round(min(SETTLED_S / control_dt, steps / 2))
+
+    @torch.no_grad()
+    def __call__(self, policy: TensorDictModuleBase) -> Score:
+        """Fly one episode without exploration."""
+        state = self.fleet.reset(self.starts.clone(), set_state=True)
+        errors = []
+        for step in range(self.steps):
+            state = self.fleet.step(policy(state))
+            if step >= self.first:
+                errors.append(state["next", "position"].norm(dim=-1))
+            state = step_mdp(state)
+        error = torch.stack(errors).mean(0)
+        return Score(float(error.mean()), float(error.max()))

@@ -1,0 +1,249 @@
+"""The training loop: stretches of collecting and updating, each followed by an evaluation and a checkpoint.
+
+For every stretch the fleet is made anew (20 ms), seeded by the number of the stretch, in broken and unbroken runs
+alike. So a checkpoint needs nothing from inside the simulator, and a run that is killed and resumed ends with the
+same policy, bit for bit. At the default length, one whole episode, this costs no transition.
+"""
+
+import logging
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torchrl.collectors import Collector
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+from torchrl.envs import EnvBase
+
+from auv_torchrl.agents.checkpoint import load_checkpoint, save_checkpoint
+from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.agents.losses import make_loss
+from auv_torchrl.agents.networks import make_policy
+from auv_torchrl.agents.progress import CurvePoint, Progress
+from auv_torchrl.agents.score import Score
+from auv_torchrl.agents.updater import Updater, leaves
+
+log = logging.getLogger(__name__)
+
+STORED = (
+    "observation",
+    "action",
+    ("next", "observation"),
+    ("next", "reward"),
+    ("next", "done"),
+    ("next", "terminated"),
+)
+CHECKPOINT = "checkpoint.pt"
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, after the checkpoint was written."""
+
+
+class Trainer:
+    """Soft actor-critic on a fleet.
+
+    Args:
+        make_fleet: the training fleet for a seed, randomization included.
+        examine: mean and worst error of a policy from fixed starts.
+        config: settings.
+        seed: of everything random.
+        folder: where the checkpoint and the learning curve go.
+        fingerprint: of everything that shapes the policy; a checkpoint of another one is refused.
+    """
+
+    def __init__(
+        self,
+        make_fleet: Callable[[int], EnvBase],
+        examine: Callable[..., Score],
+        config: AgentConfig,
+        seed: int,
+        folder: Path,
+        fingerprint: str,
+    ):
+        self.config, self.seed, self.folder, self.fingerprint = config, seed, folder, fingerprint
+        self.examine = examine
+        self.make_fleet = make_fleet
+        torch.manual_seed(seed)
+        fleet = make_fleet(seed)
+        observations, actions = fleet.observation_spec["observation"].shape[-1], fleet.action_spec.shape[-1]
+        self.network = {"observations": observations, "actions": actions, "hidden": list(config.hidden)}
+        loss = make_loss(
+            config.loss, **self.network, gamma=config.gamma,
+            target_entropy=config.target_entropy, alpha_init=config.alpha_init,
+        )  # fmt: skip
+        self.updater = Updater(loss, config.learning_rate, config.alpha_learning_rate, config.tau)
+        self.exploring = make_policy(**self.network)  # shares the actor's weights
+        self.averaged = make_policy(**self.network)
+        self.best = make_policy(**self.network)
+        self._actor = [p.data for p in leaves(loss, "actor_network_params")]
+        for shared, parameter in zip(self.exploring.parameters(), self._actor, strict=True):
+            shared.data = parameter
+        self._average = [p.data for p in self.averaged.parameters()]
+        for average, parameter in zip(self._average, self._actor, strict=True):
+            average.copy_(parameter)
+        self.buffer = TensorDictReplayBuffer(
+            storage=LazyTensorStorage(config.buffer_size),
+            batch_size=config.batch_size * config.updates_per_step * config.steps_per_batch,
+        )
+        self.curve: list[CurvePoint] = []
+        self.stretch = 0
+        self.frames = 0
+
+    def run(self) -> None:
+        """Train to the end, from the beginning or from where :meth:`resume` left off.
+
+        Raises:
+            Interrupted: after Ctrl-C, when the running stretch is over and its checkpoint written.
+        """
+        config = self.config
+        progress = Progress(
+            self.folder, config.stretches * config.stretch_frames, self.curve, config.csv, config.tensorboard
+        )
+        try:
+            with interruptible() as asked_to_stop:
+                while not self.finished:
+                    self._run_stretch(progress)
+                    progress.report(self.curve)
+                    self.save()
+                    if asked_to_stop() and not self.finished:
+                        raise Interrupted(
+                            f"training stopped at {self.frames} transitions and saved to {self.folder / CHECKPOINT}: "
+                            "run the same command to go on"
+                        )
+        finally:
+            progress.close()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last stretch is done or the error is below ``stop_below_m``."""
+        goal = self.config.stop_below_m
+        reached = goal is not None and bool(self.curve) and self.curve[-1]["best_m"] < goal
+        return reached or self.stretch >= self.config.stretches
+
+    def _run_stretch(self, progress: Progress) -> None:
+        config = self.config
+        wall, cpu = time.perf_counter(), time.process_time()
+        rewards, losses = [], TensorDict()
+        for data in self._collect():
+            self.buffer.extend(data.select(*STORED).reshape(-1))
+            self.frames += data.numel()
+            rewards.append(data["next", "reward"].mean())
+            if self.frames > config.random_frames:
+                losses = self._update()
+            progress.advance(data.numel())
+        self.stretch += 1
+        score = self.examine(self.averaged)
+        previous = self.curve[-1] if self.curve else None
+        if previous is None or score.mean_m < previous["best_m"]:
+            self.best.load_state_dict(self.averaged.state_dict())
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        self.curve.append(
+            CurvePoint(
+                frames=self.frames,
+                wall_s=wall + (previous["wall_s"] if previous else 0.0),
+                cpu_s=cpu + (previous["cpu_s"] if previous else 0.0),
+                episode_return=float(torch.stack(rewards).mean()) * self.config.stretch_steps,
+                error_m=score.mean_m,
+                worst_m=score.worst_m,
+                best_m=min(score.mean_m, previous["best_m"]) if previous else score.mean_m,
+                **{
+                    key: float(losses.get(key, float("nan")))
+                    for key in ("loss_qvalue", "loss_actor", "alpha", "entropy")
+                },
+                frames_per_s=config.stretch_frames / wall,
+            )
+        )
+
+    def _collect(self) -> Iterator[TensorDict]:
+        """Transitions (N, steps_per_batch) of one stretch."""
+        config = self.config
+        collector = Collector(
+            self.make_fleet(self.seed * 100_003 + self.stretch),
+            self.exploring,
+            frames_per_batch=config.num_envs * config.steps_per_batch,
+            total_frames=config.stretch_frames,
+            init_random_frames=max(0, config.random_frames - self.frames),
+            trust_policy=True,
+            auto_register_policy_transforms=False,
+        )
+        yield from collector
+        collector.shutdown()
+
+    def _update(self) -> TensorDict:
+        """The updates that are due after one batch of transitions; returns the last losses."""
+        config = self.config
+        fraction = self.frames / (config.stretches * config.stretch_frames)
+        self.updater.scale_learning_rate(1 + (config.learning_rate_end - 1) * fraction)
+        losses = TensorDict()
+        for batch in self.buffer.sample().split(config.batch_size):
+            losses = self.updater.step(batch)
+            torch._foreach_lerp_(self._average, self._actor, 1 - config.average)  # pyright: ignore[reportPrivateImportUsage]
+        return losses
+
+    def save(self) -> None:
+        """Write the checkpoint."""
+        save_checkpoint(self.folder / CHECKPOINT, self.fingerprint, self.state_dict())
+
+    def resume(self, path: Path) -> None:
+        """Go on from a checkpoint of the same training.
+
+        Raises:
+            CheckpointError: if it is missing, damaged or of another training.
+        """
+        self.load_state_dict(load_checkpoint(path, self.fingerprint))
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that the rest of the training depends on."""
+        stored = self.buffer[:].flatten_keys(".").to_dict() if len(self.buffer) else {}
+        return {
+            "updater": self.updater.state_dict(),
+            "averaged": self.averaged.state_dict(),
+            "best": self.best.state_dict(),
+            "transitions": {key: value for key, value in stored.items() if key != "index"},
+            "cursor": self.buffer.writer.state_dict(),
+            "random": torch.get_rng_state(),
+            "curve": self.curve,
+            "stretch": self.stretch,
+            "frames": self.frames,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from :meth:`state_dict`."""
+        self.updater.load_state_dict(state["updater"])
+        self.averaged.load_state_dict(state["averaged"])
+        self.best.load_state_dict(state["best"])
+        if state["transitions"]:
+            transitions = TensorDict(state["transitions"]).auto_batch_size_(1).unflatten_keys(".")
+            self.buffer.empty()
+            self.buffer.extend(transitions)
+        self.buffer.writer.load_state_dict(state["cursor"])
+        torch.set_rng_state(state["random"])
+        self.curve = list(state["curve"])
+        self.stretch, self.frames = state["stretch"], state["frames"]
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C into a wish that the loop asks for; the second one interrupts at once."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked.is_set  # only the main thread receives signals
+        return
+
+    def ask(signum: int, frame: object) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+        log.warning("finishing the running stretch, then saving; Ctrl-C again stops at once, at the last checkpoint")
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
