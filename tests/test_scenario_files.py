@@ -1,0 +1,36 @@
+"""The scenario files, over the whole folder and the whole registry of effects."""
+
+import pytest
+import torch
+import yaml
+
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.paths import config_names, config_path
+from auv_torchrl.scenario import read_scenario
+from auv_torchrl.vehicle import load_vehicle
+
+
+def scenario(name, vehicle):
+    return read_scenario(name, yaml.safe_load(config_path("scenario", name).read_text()), vehicle)
+
+
+def test_every_effect_acts_in_some_scenario():
+    """No effect of the registry is left without a scenario file that uses it."""
+    vehicle = load_vehicle("paper")
+    used = {change.effect.name for name in config_names("scenario") for change in scenario(name, vehicle).changes}
+    assert used == set(EFFECTS)
+
+
+@pytest.mark.parametrize("vehicle_name", config_names("vehicle"))
+@pytest.mark.parametrize("name", config_names("scenario"))
+def test_every_scenario_changes_every_vehicle_within_bounds(name, vehicle_name):
+    """Each file can be read for each vehicle, changes it at some time, and says in a comment what it stands for."""
+    vehicle = load_vehicle(vehicle_name)
+    read = scenario(name, vehicle)
+    times = [0.0, *read.switching_times()]
+    changed = [
+        not torch.equal(read.vehicle_at(vehicle, t).get(key), value) for t in times for key, value in vehicle.items()
+    ]
+    coriolis_is_on_already = name == "coriolis" and float(vehicle.coriolis) == 1.0
+    assert any(changed) or coriolis_is_on_already
+    assert config_path("scenario", name).read_text().startswith("# ")
