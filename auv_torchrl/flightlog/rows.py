@@ -189,8 +189,8 @@ def _windows(length: int, every: int) -> Index:
     kept = np.arange(0, length, every)
     half = (every - 1) // 2
     around = kept[:, None] + np.arange(-half, half + 1)
-    outside = ((around < 0) | (around >= length)).any(axis=-1)
-    return np.where(outside[:, None], kept[:, None], around)
+    inside = (around[:, 0] >= 0) & (around[:, -1] < length)
+    return np.where(inside[:, None], around, kept[:, None])
 
 
 def _report_jumps(table: Table, rows: Index, spikes: Index, leaps: Index, findings: list[Finding]) -> None:
@@ -238,11 +238,11 @@ def _missing(table: Table, columns: Columns, axes: tuple[str, ...]) -> list[Find
 
 def _jumps(t: Floats, position: Floats) -> tuple[Index, Index]:
     """Samples that lie off the path, and steps at which the path itself jumps; ``position`` (T, k) in m."""
-    step = np.linalg.norm(np.diff(position, axis=0), axis=-1)
-    far = np.asarray(step > np.maximum(_JUMP_SPEED * np.diff(t), _JUMP_STEPS * np.median(step)))
+    step: Floats = np.sqrt((np.diff(position, axis=0) ** 2).sum(axis=-1))
+    far: np.ndarray = np.greater(step, np.maximum(_JUMP_SPEED * np.diff(t), _JUMP_STEPS * np.median(step)))
     spike = np.zeros(len(t), dtype=bool)
     spike[1:-1] = far[:-1] & far[1:]
-    across = np.linalg.norm(position[2:] - position[:-2], axis=-1)
+    across = np.sqrt(((position[2:] - position[:-2]) ** 2).sum(axis=-1))
     spike[1:-1] &= across < np.maximum(step[:-1], step[1:]) / 2
     leap = far & ~spike[:-1] & ~spike[1:]
     return np.flatnonzero(spike), np.flatnonzero(leap)

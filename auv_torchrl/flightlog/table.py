@@ -1,5 +1,6 @@
 """A CSV or Parquet file as columns of float64, read block by block so that its text is never held at once."""
 
+import codecs
 import logging
 import os
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ _PARQUET = b"PAR1"
 _BLOCK_BYTES = 8 << 20
 _BATCH_ROWS = 100_000
 _NOT_FINITE = ("", "nan", "inf", "+inf", "-inf")
+_LARGEST = 1e18  # beyond any unit of time or length; its square still is a number
 _LISTED = 3  # examples that a message quotes
 
 
@@ -98,10 +100,15 @@ def _read_csv(path: Path) -> Table:
 
 
 def _header(path: Path) -> list[str]:
+    decoder = codecs.getincrementaldecoder("utf-8")()
     with path.open("rb") as file:
         line = file.readline(1 << 16)
-    if b"\0" in line:
-        raise FlightLogError(f"{path.name} is a binary file, not CSV or Parquet: export the log as one of them")
+        file.seek(0)
+        while block := file.read(_BLOCK_BYTES):
+            if b"\0" in block:
+                raise FlightLogError(f"{path.name} is a binary file, not CSV or Parquet: export the log as one of them")
+            decoder.decode(block)
+        decoder.decode(b"", final=True)
     names = [name.strip().strip('"') for name in line.decode("utf-8-sig").strip().split(",")]
     if len(names) == 1 and any(separator in names[0] for separator in ";\t"):
         raise FlightLogError(f"{path.name} does not separate its columns by commas: export it with commas")
@@ -149,7 +156,7 @@ def _numbers(array: pa.Array) -> tuple[Floats, list[tuple[int, str]]]:
 
 def _floats(array: Any) -> Floats:
     values = np.array(array, dtype=np.float64)
-    values[~np.isfinite(values)] = np.nan
+    values[~(np.abs(values) < _LARGEST)] = np.nan
     return values
 
 

@@ -58,6 +58,4 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     t = np.arange(steps) * CONTROL_DT
     axes = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
     flown = [Episode(row % episodes, t, pose[row], velocity[row], commands[row]) for row in range(batch)]
-    return [
-        FlightLog(f"log {k}", tuple(flown[k * episodes : (k + 1) * episodes]), axes) for k in range(len(changes))
-    ]
+    return [FlightLog(f"log {k}", tuple(flown[k * episodes : (k + 1) * episodes]), axes) for k in range(len(changes))]
