@@ -4,7 +4,17 @@ from auv_torchrl.envs import headless  # isort: skip  # before anything imports 
 from auv_torchrl.envs.fleet import FleetEnv
 from auv_torchrl.envs.make import BACKENDS, make_fleet
 from auv_torchrl.envs.mujoco_fleet import MujocoFleet
+from auv_torchrl.envs.randomize import RandomizeVehicle
 from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.envs.torch_fleet import TorchFleet
 
-__all__ = ["BACKENDS", "FleetEnv", "MujocoFleet", "RegulationTask", "TorchFleet", "headless", "make_fleet"]
+__all__ = [
+    "BACKENDS",
+    "FleetEnv",
+    "MujocoFleet",
+    "RandomizeVehicle",
+    "RegulationTask",
+    "TorchFleet",
+    "headless",
+    "make_fleet",
+]

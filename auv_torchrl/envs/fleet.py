@@ -75,14 +75,15 @@ class FleetEnv(EnvBase):
         self.scenario = scenario or Scenario("nominal")
         self.state_dtype = dtype
         self._make_specs(vehicle.thrusters)
-        mixer = vehicle.mixer.reshape(-1, *vehicle.mixer.shape[-2:])[0]
-        self._mixer = mixer[:, list(CONTROLLED_INDEX)].T.to(self.device, torch.float32).contiguous()
+        mixer = vehicle.mixer.reshape(-1, *vehicle.mixer.shape[-2:])[0][:, list(CONTROLLED_INDEX)]
+        mixer = torch.eye(vehicle.thrusters) if task.thruster_commands else mixer
+        self._mixer = mixer.T.to(self.device, torch.float32).contiguous()  # from an action to thruster commands
         self._phase_starts = (0.0, *self.scenario.switching_times())
         self._phase = torch.zeros(num_envs, dtype=torch.long)
         self._flown = (
             vehicle.to(torch.device("cpu"), torch.float64).expand(num_envs).clone()
         )  # before the scenario acts
-        self._generator = torch.Generator()
+        self.generator = torch.Generator()  # of starts, sensor noise, and whatever draws for this fleet
         self.set_seed(seed if seed is not None else int(torch.randint(2**31, ())))
         first = prepare(self.scenario.vehicle_at(self._flown))
         self._coefficients = self._native_coefficients(first)
@@ -169,15 +170,15 @@ class FleetEnv(EnvBase):
             }
         )
         self.state_spec = entries({"start": entries({key: spec.clone() for key, spec in body.items()})})
-        channels = torch.Size((*shape, len(CONTROLLED_INDEX)))
-        self.action_spec = Bounded(-1.0, 1.0, channels, dtype=torch.float32, device=device)
+        actions = thrusters if self.task.thruster_commands else len(CONTROLLED_INDEX)
+        self.action_spec = Bounded(-1.0, 1.0, torch.Size((*shape, actions)), dtype=torch.float32, device=device)
         self.reward_spec = values(1, dtype=torch.float32)
         self.done_spec = entries({key: flag.clone() for key in ("done", "terminated", "truncated")})
 
     def _set_seed(self, seed: int | None) -> None:
         if seed is None:
             raise ValueError("fleet: the seed is None: give a whole number")
-        self._generator.manual_seed(seed)
+        self.generator.manual_seed(seed)
 
     def _reset(self, tensordict: TensorDictBase | None = None, set_state: bool = False, **_: Any) -> TensorDict:
         given = {} if tensordict is None else tensordict
@@ -187,7 +188,7 @@ class FleetEnv(EnvBase):
             self._flown[rows] = vehicle[rows].to(torch.device("cpu"), torch.float64)
         if vehicle is not None or self._phase[rows].any():
             self._begin_phase(rows, 0)
-        parts = read_start(given.get("start"), rows) if set_state else self.task.draw_starts(len(rows), self._generator)
+        parts = read_start(given.get("start"), rows) if set_state else self.task.draw_starts(len(rows), self.generator)
         self._place(self._index(rows), *(self._native(part) for part in parts))
         no = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
         start = {key: self._tensor(value, self.state_dtype) for key, value in self._start.items()}
@@ -264,7 +265,7 @@ class FleetEnv(EnvBase):
         if self._terms.sensing:
             noise = None
             if self._terms.sensor_noise:
-                noise = self._native(torch.randn(self.num_envs, 6, generator=self._generator, dtype=torch.float64))
+                noise = self._native(torch.randn(self.num_envs, 6, generator=self.generator, dtype=torch.float64))
             position, quaternion = measured_pose(c, self._poses, self.task.control_dt, noise)
         observation = self.task.observe(position, quaternion, state.velocity)
         dtype = self.state_dtype

@@ -41,6 +41,7 @@ class RegulationTask:
     action_weight: float = 0.005  # alpha_3 of Eq. 6, on the four channels in [-1, 1]
     near_scale_m: float = 0.1  # m, the observation has tanh(error / near_scale_m): learning is 2 to 3 times faster
     tilt: bool = False  # observe roll and pitch motion, for vehicles whose restoring moment does not hold them
+    thruster_commands: bool = False  # actions are the n thruster commands themselves, not the four channels
 
     def __post_init__(self) -> None:
         """Refuse values that no episode can have."""

@@ -1,0 +1,98 @@
+"""Domain randomization: every vehicle draws its effects anew at each of its resets."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.envs.transforms import Transform
+
+from auv_torchrl.effects import Effect, get_effect
+from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.vehicle import Vehicle
+
+Ranges = list[tuple[Effect, dict[str, tuple[float, float]]]]
+
+
+class RandomizeVehicle(Transform):
+    """Hands the fleet freshly drawn vehicles for the rows that are reset.
+
+    Every draw starts from the nominal vehicle, so that repeated resets never accumulate. Values are uniform and
+    independent, per member where a family is given. The draws come from the fleet's own random source, so that
+    one seed repeats a whole run, unless ``seed`` gives them one of their own.
+
+    Args:
+        nominal: one vehicle, empty batch.
+        ranges: ``{effect: {parameter or family: [low, high]}}``, as in ``conf/randomization/*.yaml``.
+        seed: of the draws; None takes them from the fleet.
+
+    Raises:
+        ValueError: for ranges that :func:`read_ranges` refuses.
+    """
+
+    def __init__(self, nominal: Vehicle, ranges: Mapping[str, Any] | None, seed: int | None = None) -> None:
+        super().__init__(in_keys=[], out_keys=[])
+        self._nominal = nominal.double()
+        self.ranges = read_ranges(nominal, ranges)
+        self._own = None if seed is None else torch.Generator().manual_seed(seed)
+        self._vehicles: Vehicle | None = None
+
+    def draw(self, count: int, generator: torch.Generator) -> Vehicle:
+        """``count`` vehicles, each drawn from the nominal one."""
+        vehicle: Vehicle = self._nominal.expand(count)
+        members = [limits for _, parameters in self.ranges for limits in parameters.values()]
+        low, high = torch.tensor(members, dtype=torch.float64).reshape(-1, 2).unbind(-1)
+        values = low + (high - low) * torch.rand(count, len(members), generator=generator, dtype=torch.float64)
+        columns = iter(values.unbind(-1))
+        for effect, parameters in self.ranges:
+            vehicle = effect.apply(vehicle, {member: next(columns) for member in parameters})
+        return vehicle
+
+    def _reset_env_preprocess(self, tensordict: TensorDictBase | None) -> TensorDictBase:
+        fleet = self._fleet()
+        if tensordict is None:
+            tensordict = TensorDict({}, fleet.batch_size, device=fleet.device)
+        mask = tensordict.get("_reset", None)
+        rows = torch.arange(fleet.num_envs) if mask is None else mask.reshape(fleet.num_envs).cpu().nonzero()[:, 0]
+        drawn = self.draw(len(rows), self._own or fleet.generator)
+        if self._vehicles is None or self._vehicles.batch_size[0] != fleet.num_envs:
+            self._vehicles = self._nominal.expand(fleet.num_envs).clone()
+        self._vehicles[rows] = drawn
+        return tensordict.set("vehicle", self._vehicles)
+
+    def _fleet(self) -> FleetEnv:
+        env = self.parent
+        while env is not None and not isinstance(env, FleetEnv):
+            env = getattr(env, "base_env", None)
+        if env is None:
+            raise RuntimeError("RandomizeVehicle: no fleet below it: put it in a TransformedEnv of a FleetEnv")
+        return env
+
+
+def read_ranges(nominal: Vehicle, ranges: Mapping[str, Any] | None) -> Ranges:
+    """Check ``{effect: {parameter or family: [low, high]}}`` against the registry of effects.
+
+    Raises:
+        ValueError: for an unknown effect or parameter, no pair of numbers, low above high, a value outside the
+            bounds of the effect, or a parameter that is no continuous number.
+    """
+    checked: Ranges = []
+    if not isinstance(ranges, Mapping | None):
+        raise ValueError(f"randomization: {ranges!r}: give a mapping of effects to ranges")
+    for name, parameters in (ranges or {}).items():
+        effect = get_effect(name)
+        if not isinstance(parameters, Mapping):
+            raise ValueError(f"randomization: {name} is {parameters!r}: give a mapping of parameters to [low, high]")
+        members: dict[str, tuple[float, float]] = {}
+        for key, limits in parameters.items():
+            if isinstance(limits, str | Mapping) or not hasattr(limits, "__len__") or len(limits) != 2:
+                raise ValueError(f"randomization: {name}.{key} is {limits!r}: give [low, high]")
+            low, high = (effect.read(nominal, {key: limit}) for limit in limits)
+            for member in low:
+                if effect.member_parameters(nominal)[member].discrete:
+                    raise ValueError(f"randomization: {name}.{key} counts, it has no range: use a scenario for it")
+                if low[member] > high[member]:
+                    raise ValueError(f"randomization: {name}.{key} is {list(limits)}: low is above high")
+                members[member] = (low[member], high[member])
+        checked.append((effect, members))
+    return checked
