@@ -1,0 +1,5 @@
+"""Recordings for the rerun viewer."""
+
+from auv_torchrl.recording.run import ControlMap, record_run
+
+__all__ = ["ControlMap", "record_run"]

@@ -1,0 +1,72 @@
+"""A vehicle in the viewer: hull, thrusters, and the force of each as an arrow, moving along a flight."""
+
+import numpy as np
+import rerun as rr
+
+from auv_torchrl.evaluation import Flight
+from auv_torchrl.palette import SERIES, rgb
+from auv_torchrl.vehicle import Vehicle
+
+ARROW_M_PER_N = 0.006  # 50 N is drawn 0.3 m long
+HULL_MARGIN_M = 0.05  # the hull encloses the thrusters and this much more
+HULL_HEIGHT_M = 0.20  # at least; a BlueROV2 is 0.25 m high
+THRUSTER_M = (0.04, 0.1)  # radius and length of a T200, rounded
+
+
+def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle, flight: Flight, colour: str) -> None:
+    """Log a vehicle under ``entity`` with its pose and thruster forces over time.
+
+    Args:
+        recording: stream to log to.
+        entity: path of the vehicle, e.g. ``world/u_t/start_1``.
+        vehicle: one vehicle (no batch), for the places and directions of its thrusters.
+        flight: one start, batch (T + 1).
+        colour: of the hull, ``#RRGGBB``.
+    """
+    position = vehicle.thruster_position.double().numpy()
+    direction = vehicle.thruster_direction.double().numpy()
+    half = np.abs(position).max(axis=0) + HULL_MARGIN_M
+    half[2] = max(half[2], HULL_HEIGHT_M / 2)
+    thruster_colours = [rgb(SERIES[i % len(SERIES)]) for i in range(len(position))]
+    recording.log(
+        f"{entity}/hull", rr.Boxes3D(half_sizes=[half], colors=[rgb(colour)], fill_mode="majorwireframe"), static=True
+    )
+    nose = rr.Arrows3D(vectors=[[half[0] + 0.1, 0, 0]], colors=[rgb(colour)], radii=0.012)
+    recording.log(f"{entity}/nose", nose, static=True)
+    radius, length = THRUSTER_M
+    recording.log(
+        f"{entity}/thrusters",
+        rr.Cylinders3D(
+            radii=radius,
+            lengths=length,
+            centers=position,
+            quaternions=[rr.Quaternion(xyzw=_from_z_to(axis)) for axis in direction],
+            colors=thruster_colours,
+            fill_mode="solid",
+        ),
+        static=True,
+    )
+    time = rr.TimeColumn("time", duration=flight.time.double().numpy())
+    quaternion = flight.quaternion.double().numpy()
+    recording.send_columns(
+        entity,
+        [time],
+        rr.Transform3D.columns(translation=flight.position.numpy(), quaternion=np.roll(quaternion, -1, axis=-1)),
+    )
+    force = flight.thrust.double().numpy()[..., None] * direction * ARROW_M_PER_N
+    samples, thrusters, _ = force.shape
+    static = rr.Arrows3D.from_fields(origins=position, colors=thruster_colours, radii=[0.015] * thrusters)
+    recording.log(f"{entity}/force", static, static=True)
+    recording.send_columns(
+        f"{entity}/force",
+        [time],
+        rr.Arrows3D.columns(vectors=force.reshape(-1, 3)).partition([thrusters] * samples),
+    )
+
+
+def _from_z_to(axis: np.ndarray) -> np.ndarray:
+    """Quaternion (x, y, z, w) that turns the z axis into a unit vector."""
+    if axis[2] < -1 + 1e-9:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    half = np.array([-axis[1], axis[0], 0.0, 1.0 + axis[2]])
+    return half / np.linalg.norm(half)

@@ -1,0 +1,42 @@
+"""What tests of several packages share."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from tensordict import TensorDictBase
+
+from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.evaluation import Flight, draw_starts, fly
+from auv_torchrl.scenario import Scenario
+from auv_torchrl.vehicle import Vehicle
+
+GAIN = torch.tensor((1.5, 1.5, 1.5, 1.0))  # per m and per rad
+DAMPING = torch.tensor((0.5, 0.5, 0.5, 0.3))  # per m/s and per rad/s
+
+
+def pd_controller(tensordict: TensorDictBase) -> TensorDictBase:
+    """Action from the first nine entries of the observation of a regulation task."""
+    observation = tensordict["observation"]
+    velocity, error = observation[..., :4], observation[..., 4:7]
+    heading = torch.atan2(observation[..., 7], observation[..., 8])
+    action = GAIN * torch.cat((error, heading[..., None]), -1) - DAMPING * velocity
+    return tensordict.set("action", action.clamp(-1, 1))
+
+
+@pytest.fixture(scope="session")
+def pd_policy() -> Callable[[TensorDictBase], TensorDictBase]:
+    """A controller without learning, for tests that need plausible flights quickly."""
+    return pd_controller
+
+
+@pytest.fixture(scope="session")
+def pd_flight() -> Callable[..., Flight]:
+    """Flies vehicles with that controller from within 1 m."""
+
+    def flight(vehicle: Vehicle, scenario: Scenario | None = None, count: int = 6, seconds: float = 20.0) -> Flight:
+        task = RegulationTask().for_evaluation(box_m=1.0)
+        fleet = TorchFleet(vehicle, task, count, scenario=scenario, seed=0, dtype=torch.float64)
+        return fly(fleet, pd_controller, draw_starts(task, count, seed=1), round(seconds / task.control_dt))
+
+    return flight
