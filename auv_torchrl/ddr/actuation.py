@@ -1,0 +1,158 @@
+"""What the source vehicle's thrusters make of a command, and the spaces in which commands are mapped.
+
+Controls are kept in units of the four command channels (surge, sway, heave, yaw): 1 is what a full command in
+that channel gives on the source vehicle, so that tau_s of a healthy vehicle equals its command.
+"""
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
+from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+
+EDGE = 1e-4  # share of full thrust kept clear of the dead band's edge, so that rounding does not fall into it
+
+
+class Actuation(nn.Module):
+    """Static actuation of one vehicle: mixer, curve, limit and dead band; no lag, delay or battery.
+
+    Args:
+        vehicle: one vehicle (empty batch), the source.
+
+    Raises:
+        ValueError: if its allocation is singular, so that channels have no unique wrench.
+    """
+
+    mixer: Tensor  # (n, 4)
+    channels_per_share: Tensor  # (4, n) channels per share of each thruster's full thrust
+
+    def __init__(self, vehicle: Vehicle):
+        super().__init__()
+        c = prepare(vehicle.double())
+        self.terms = ActiveTerms.of(c)
+        controlled = list(CONTROLLED_INDEX)
+        mixer = vehicle.mixer[:, controlled].double()
+        per_share = (c.allocation * c.full_thrust)[controlled]
+        full = per_share @ mixer
+        if torch.linalg.matrix_rank(full) < len(CONTROLLED):
+            raise ValueError(
+                f"actuation: the allocation of the source vehicle is singular (rank "
+                f"{int(torch.linalg.matrix_rank(full))} of {len(CONTROLLED)}): check thruster positions and the mixer"
+            )
+        self.coefficients = Coefficients(*(field.float() for field in c))
+        self.register_buffer("mixer", mixer.float())
+        self.register_buffer("channels_per_share", torch.linalg.solve(full, per_share).float())
+
+    def _apply(self, fn: Any, recurse: bool = True) -> Any:
+        self.coefficients = Coefficients(*(fn(field) for field in self.coefficients))
+        return super()._apply(fn, recurse)
+
+    @property
+    def thrusters(self) -> int:
+        """Number of thrusters n."""
+        return self.mixer.shape[0]
+
+    @property
+    def share_limits(self) -> tuple[Tensor, Tensor]:
+        """Least and largest thrust of each thruster (n,), as shares of its full thrust."""
+        c = self.coefficients
+        limit = c.limit / c.full_thrust
+        return -torch.minimum(limit, 1 - c.asymmetry), limit.clamp(max=1.0)
+
+    def delivered(self, command: Tensor) -> Tensor:
+        """Thrust for thruster commands (..., n) in [-1, 1], as shares of full thrust."""
+        return thrust_target(self.coefficients, self.terms, command) / self.coefficients.full_thrust
+
+    def command_for(self, share: Tensor) -> Tensor:
+        """Commands (..., n) that give thrusts (..., n); inside the dead band the nearer of none and its edge."""
+        c = self.coefficients
+        low, high = self.share_limits
+        share = torch.maximum(torch.minimum(share, high), low)
+        edge = c.dead_band / c.full_thrust
+        size = share.abs()
+        size = torch.where(size < edge / 2, 0.0, torch.maximum(size, torch.where(edge > 0, edge + EDGE, 0.0)))
+        reach = torch.where(share < 0, 1 - c.asymmetry, 1.0)
+        return share.sign() * (size / reach).clamp(max=1.0) ** (1 / c.exponent)
+
+    def realised(self, action: Tensor) -> Tensor:
+        """What channels (..., 4) really give after mixer, limits and dead band, in channels (..., 4)."""
+        command = (action @ self.mixer.mT).clamp(-1.0, 1.0)
+        return self.delivered(command) @ self.channels_per_share.mT
+
+
+class ControlSpace(nn.Module, ABC):
+    """Commands that a map reads and writes, in coordinates in which the thrust is linear.
+
+    ``rows`` (r, k), ``low`` and ``high`` (r,) are the limits: low <= rows @ control <= high.
+    """
+
+    rows: Tensor
+    low: Tensor
+    high: Tensor
+    nominal: Tensor  # (4, k) channels per control on the source vehicle
+
+    def __init__(self, rows: Tensor, low: Tensor, high: Tensor, nominal: Tensor):
+        super().__init__()
+        for name, value in (("rows", rows), ("low", low), ("high", high), ("nominal", nominal)):
+            self.register_buffer(name, value.clone(), persistent=False)
+
+    @property
+    def size(self) -> int:
+        """Number of controls k."""
+        return self.nominal.shape[1]
+
+    def encode(self, command: Tensor) -> Tensor:
+        """Controls (..., k) of commands (..., k)."""
+        return command
+
+    def decode(self, control: Tensor) -> Tensor:
+        """Commands (..., k) in [-1, 1] of controls (..., k)."""
+        return control.clamp(-1.0, 1.0)
+
+    @abstractmethod
+    def informative(self, command: Tensor) -> Tensor:
+        """Whether commands (..., k) say something about the map, (...), bool."""
+
+
+class Channels(ControlSpace):
+    """The four command channels, as in the paper; limited so that no thruster saturates either."""
+
+    def __init__(self, actuation: Actuation):
+        rows = torch.cat((actuation.mixer, torch.eye(len(CONTROLLED))))
+        one = torch.ones(len(rows))
+        super().__init__(rows, -one, one, torch.eye(len(CONTROLLED)))
+        self.actuation = actuation
+
+    def informative(self, command: Tensor) -> Tensor:
+        """Not where a thruster that is asked for something lies inside its dead band, or saturates.
+
+        There the wrench is no linear function of the channels, and such pairs would bias G.
+        """
+        thrusters = command @ self.actuation.mixer.mT
+        silent = (thrusters.abs() > EDGE) & (self.actuation.delivered(thrusters) == 0)
+        return ~(silent | (thrusters.abs() > 1 + EDGE)).any(-1)
+
+
+class Thrusters(ControlSpace):
+    """The n thrusters one by one, in shares of full thrust, with the source's curve and dead band taken out."""
+
+    def __init__(self, actuation: Actuation):
+        low, high = actuation.share_limits
+        super().__init__(torch.eye(actuation.thrusters), low, high, actuation.channels_per_share)
+        self.actuation = actuation
+
+    def encode(self, command: Tensor) -> Tensor:
+        """Shares of full thrust (..., n) that commands (..., n) give on the source vehicle."""
+        return self.actuation.delivered(command)
+
+    def decode(self, control: Tensor) -> Tensor:
+        """Commands (..., n) that give these shares of full thrust."""
+        return self.actuation.command_for(control)
+
+    def informative(self, command: Tensor) -> Tensor:
+        """Where any thruster turns: the dead band is in the coordinates, but silence says nothing about them."""
+        return (self.actuation.delivered(command) != 0).any(-1)

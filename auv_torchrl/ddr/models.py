@@ -1,0 +1,105 @@
+"""F and R: networks trained on transitions of the source vehicle, forward and inverse (Lu et al. 2023, Eq. 10).
+
+The state x of DDR is what the controller observes of the motion: body velocities and, where the vehicle's
+restoring moment does not hold it level, tilt. Position and heading do not enter the source dynamics.
+"""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from auv_torchrl.ddr.actuation import Actuation
+from auv_torchrl.envs import RegulationTask
+from auv_torchrl.vehicle import CONTROLLED, Vehicle
+
+MOTION = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate", "roll_rate", "pitch_rate", "down_x", "down_y")
+
+
+class Regressor(nn.Module):
+    """Standardised inputs and outputs, a linear map and a two-layer tanh network on top of it."""
+
+    input_mean: Tensor
+    input_scale: Tensor
+    output_mean: Tensor
+    output_scale: Tensor
+
+    def __init__(self, inputs: int, outputs: int, hidden: int):
+        super().__init__()
+        self.linear = nn.Linear(inputs, outputs)
+        self.network = nn.Sequential(
+            nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh(), nn.Linear(hidden, outputs)
+        )
+        for name, length in (("input_mean", inputs), ("output_mean", outputs)):
+            self.register_buffer(name, torch.zeros(length))
+        for name, length in (("input_scale", inputs), ("output_scale", outputs)):
+            self.register_buffer(name, torch.ones(length))
+
+    @torch.no_grad()
+    def standardise(self, inputs: Tensor, outputs: Tensor) -> None:
+        """Take means and scales from data (n, inputs) and (n, outputs), and the linear map by least squares."""
+        for name, data in (("input", inputs), ("output", outputs)):
+            getattr(self, f"{name}_mean").copy_(data.mean(0))
+            getattr(self, f"{name}_scale").copy_(data.std(0).clamp_min(1e-6))
+        x = (inputs - self.input_mean) / self.input_scale
+        y = (outputs - self.output_mean) / self.output_scale
+        self.linear.weight.copy_(torch.linalg.lstsq(x, y).solution.mT)
+        self.linear.bias.zero_()
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """(..., inputs) to (..., outputs)."""
+        x = (inputs - self.input_mean) / self.input_scale
+        return (self.linear(x) + self.network(x)) * self.output_scale + self.output_mean
+
+
+class ForwardModel(nn.Module):
+    """F: (x_t, channels) to x_{t+1}; the thrusters' dead band and limits are known and need no learning."""
+
+    def __init__(self, states: int, hidden: int, actuation: Actuation):
+        super().__init__()
+        self.actuation = actuation
+        self.change = Regressor(states + len(CONTROLLED), states, hidden)
+
+    def forward(self, state: Tensor, action: Tensor) -> Tensor:
+        """(..., s) and (..., 4) in [-1, 1] to (..., s)."""
+        return self.under(state, self.actuation.realised(action))
+
+    def under(self, state: Tensor, realised: Tensor) -> Tensor:
+        """The same for channels (..., 4) that are fully realised."""
+        return state + self.change(torch.cat((state, realised), dim=-1))
+
+
+class InverseModel(nn.Module):
+    """R: (x_t, x_{t+1}) to tau_s, the channels that the source vehicle's thrusters must have realised."""
+
+    def __init__(self, states: int, hidden: int):
+        super().__init__()
+        self.control = Regressor(2 * states, len(CONTROLLED), hidden)
+
+    def forward(self, state: Tensor, next_state: Tensor) -> Tensor:
+        """(..., s) and (..., s) to (..., 4)."""
+        return self.control(torch.cat((state, next_state - state), dim=-1))
+
+
+class SourceModels(nn.Module):
+    """F, R and the static actuation of one source vehicle, with the place of x in the observation."""
+
+    motion: Tensor  # indices of x in the observation
+
+    def __init__(self, vehicle: Vehicle, task: RegulationTask, hidden: int = 48):
+        super().__init__()
+        self.state_names = motion_names(task.observation_names)
+        index = [task.observation_names.index(name) for name in self.state_names]
+        self.register_buffer("motion", torch.tensor(index), persistent=False)
+        self.actuation = Actuation(vehicle)
+        self.F = ForwardModel(len(index), hidden, self.actuation)
+        self.R = InverseModel(len(index), hidden)
+
+    def state_of(self, observation: Tensor) -> Tensor:
+        """The motion x (..., s) in observations (..., d)."""
+        return observation[..., self.motion]
+
+
+def motion_names(observation_names: Sequence[str]) -> tuple[str, ...]:
+    """Which entries of the observation make up x."""
+    return tuple(name for name in observation_names if name in MOTION)
