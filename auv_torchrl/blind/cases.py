@@ -1,0 +1,156 @@
+"""Which cases are flown: families of cases in fixed shares, in an order that any part of is representative."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import cycle
+
+import numpy as np
+
+from auv_torchrl.blind.outside import OUTSIDE
+from auv_torchrl.blind.sizes import CLEAR
+
+SLACK = 0.03  # standard deviation of the factors on gains, drags and inertias of a vehicle that is not quite nominal
+STEPS_DOWN = (0.5, 0.25, 0.12, 0.06)  # of a clear size, to below the detection limit
+SHORT_S = (30.0, 60.0, 120.0)  # length of shorter logs
+NOISES = (2.0, 5.0)  # times the usual sensor noise
+ONE_CAN_HIDE_THE_OTHER = (  # pairs that no log can tell from one effect, or of which one is a part of the other
+    {"command_delay", "pose_delay"},
+    {"payload", "buoyancy"},
+    {"payload", "added_mass"},
+    {"payload", "mass_offset"},
+)
+FAMILIES = (
+    "single", "single_slack", "severity", "length", "noise", "pair", "no_gap", "no_gap_slack", "outside", "left_out",
+    "onset",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is to be flown; sizes are drawn when it is flown."""
+
+    number: int
+    family: str
+    effects: tuple[str, ...] = ()  # of the library
+    outside: str | None = None
+    left_out: str | None = None  # effect that the library lacks for this case
+    plant: str = "mujoco"  # or "foreign"
+    scale: float = 1.0  # times a clear size
+    slack: float = 0.0
+    episodes: int = 6
+    episode_s: float = 30.0
+    noise: float = 1.0
+    onset: bool = False  # the effects begin during the log
+
+    @property
+    def name(self) -> str:
+        """A name that tells nothing."""
+        return f"case_{self.number:04d}"
+
+    @property
+    def truth(self) -> str:
+        """What the first answer should be."""
+        if self.outside or self.left_out:
+            return "unknown"
+        return self.effects[0] if self.effects else "no_gap"
+
+
+def count_by_family(cases: int, shares: Mapping[str, float]) -> dict[str, int]:
+    """Split ``cases`` by shares; the largest remainders get the odd ones.
+
+    Raises:
+        ValueError: for an unknown family or shares that are not positive numbers.
+    """
+    if unknown := set(shares) - set(FAMILIES):
+        raise ValueError(f"blind: unknown families {sorted(unknown)}: there are {', '.join(FAMILIES)}")
+    if not shares or min(shares.values()) < 0 or sum(shares.values()) <= 0:
+        raise ValueError(f"blind: families are {dict(shares)}: give shares of 0 or more, one of them above 0")
+    if cases < 1:
+        raise ValueError(f"blind: cases is {cases}: give 1 or more")
+    exact = {name: cases * share / sum(shares.values()) for name, share in shares.items()}
+    counts = {name: int(value) for name, value in exact.items()}
+    by_remainder = sorted(exact, key=lambda name: counts[name] - exact[name])
+    for name in by_remainder[: cases - sum(counts.values())]:
+        counts[name] += 1
+    return counts
+
+
+def draw_cases(cases: int, shares: Mapping[str, float], seed: int) -> list[Case]:
+    """The cases, numbered from 1, families mixed; the same for the same arguments."""
+    rng = np.random.default_rng([seed, 0])
+    drawn = []
+    for family, count in count_by_family(cases, shares).items():
+        drawn += _FAMILY[family](count, rng)
+    order = rng.permutation(len(drawn))
+    plants = cycle(("mujoco", "foreign"))
+    return [Case(**{"number": i + 1, "plant": next(plants), **drawn[k]}) for i, k in enumerate(order)]
+
+
+def _shuffled(names: Iterable[str], count: int, rng: np.random.Generator) -> list[str]:
+    """Names in a random order, each as often as the others (or once more)."""
+    names = list(names)
+    rounds = -(-count // len(names))
+    return [str(name) for _ in range(rounds) for name in rng.permutation(names)][:count]
+
+
+def _single(count: int, rng: np.random.Generator) -> list[dict]:
+    return [{"family": "single", "effects": (name,)} for name in _shuffled(CLEAR, count, rng)]
+
+
+def _single_slack(count: int, rng: np.random.Generator) -> list[dict]:
+    return [{**case, "family": "single_slack", "slack": SLACK} for case in _single(count, rng)]
+
+
+def _severity(count: int, rng: np.random.Generator) -> list[dict]:
+    names = _shuffled((name for name in CLEAR if name != "thruster_swap"), count, rng)
+    scales = cycle(STEPS_DOWN)
+    return [{"family": "severity", "effects": (name,), "scale": next(scales)} for name in names]
+
+
+def _length(count: int, rng: np.random.Generator) -> list[dict]:
+    lengths = cycle(SHORT_S)
+    return [{**case, "family": "length", "episodes": round(next(lengths) / 30)} for case in _single(count, rng)]
+
+
+def _noise(count: int, rng: np.random.Generator) -> list[dict]:
+    noises = cycle(NOISES)
+    return [{**case, "family": "noise", "noise": next(noises)} for case in _single(count, rng)]
+
+
+def _pair(count: int, rng: np.random.Generator) -> list[dict]:
+    pairs = []
+    while len(pairs) < count:
+        pair = tuple(str(name) for name in rng.choice(list(CLEAR), 2, replace=False))
+        if set(pair) not in ONE_CAN_HIDE_THE_OTHER:
+            pairs.append({"family": "pair", "effects": pair})
+    return pairs
+
+
+def _no_gap(count: int, rng: np.random.Generator) -> list[dict]:
+    return [{"family": "no_gap"}] * count
+
+
+def _no_gap_slack(count: int, rng: np.random.Generator) -> list[dict]:
+    return [{"family": "no_gap_slack", "slack": SLACK}] * count
+
+
+def _outside(count: int, rng: np.random.Generator) -> list[dict]:
+    slacks = cycle((0.0, SLACK))
+    return [{"family": "outside", "outside": name, "slack": next(slacks)} for name in _shuffled(OUTSIDE, count, rng)]
+
+
+def _left_out(count: int, rng: np.random.Generator) -> list[dict]:
+    return [{"family": "left_out", "effects": (name,), "left_out": name} for name in _shuffled(CLEAR, count, rng)]
+
+
+def _onset(count: int, rng: np.random.Generator) -> list[dict]:
+    names = _shuffled(("thruster_gain", "current", "buoyancy", "heading_bias", "thruster_swap"), count, rng)
+    long = {"family": "onset", "onset": True, "episodes": 1, "episode_s": 120.0}
+    return [{**long, "effects": (name,)} for name in names]
+
+
+_FAMILY = {
+    "single": _single, "single_slack": _single_slack, "severity": _severity, "length": _length, "noise": _noise,
+    "pair": _pair, "no_gap": _no_gap, "no_gap_slack": _no_gap_slack, "outside": _outside, "left_out": _left_out,
+    "onset": _onset,
+}  # fmt: skip

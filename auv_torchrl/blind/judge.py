@@ -1,0 +1,193 @@
+"""One answer against one truth."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from auv_torchrl.effects import EFFECTS, get_effect
+from auv_torchrl.vehicle import Vehicle
+
+NOT_EXPLAINED = ("partly_explained", "unexplained")
+STANDS_FOR = {  # with the effect left out of the library, these say the same about any log
+    "command_delay": {"pose_delay"},
+    "pose_delay": {"command_delay"},
+    "buoyancy": {"payload"},
+    "payload": {"buoyancy", "added_mass", "mass_offset"},
+}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the scoring reads about one case."""
+
+    case: str
+    family: str
+    plant: str
+    truth: str
+    effects: tuple[str, ...]
+    outside: str | None
+    left_out: str | None
+    scale: float
+    seconds_of_log: float
+    noise: float
+    influence: float | None  # of the effect that shows least
+    answer: str  # first effect named, "no_gap", "unknown" or "error"
+    named: tuple[str, ...]  # all effects of the explanation
+    verdict: str
+    right: bool  # answer is the truth; for what the library lacks: said to be not (fully) explained
+    right_class: bool  # or declared indistinguishable from it, or the same thing under another name
+    thrusters_right: bool | None  # None where the effect is not of single thrusters
+    probability: float | None  # of the answer
+    probability_of_truth: float | None
+    closed: float | None
+    onset_error_s: float | None
+    seconds: float
+    cpu_s: float
+    errors: dict[str, float] = field(default_factory=dict)  # parameter error over the effect's size, by unit
+    covered: dict[str, bool] = field(default_factory=dict)  # whether the 95 % interval holds the truth
+    message: str = ""
+
+
+def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicle: Vehicle) -> Judgement:
+    """Compare the answer to a case with its label."""
+    diagnosis = answer.get("diagnosis") or {"verdict": "error", "effects": [], "candidates": [], "gap": {}}
+    verdict, named = diagnosis["verdict"], tuple(effect["name"] for effect in diagnosis["effects"])
+    first = named[0] if named else {"no_gap": "no_gap", "error": "error"}.get(verdict, "unknown")
+    truth, effects = label["truth"], tuple(label["effects"])
+    declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
+    if truth == "unknown":
+        right = verdict in NOT_EXPLAINED
+        stand_ins = STANDS_FOR.get(label["left_out"], set())
+        right_class = right or (bool(named) and set(named) <= stand_ins)
+    elif len(effects) > 1:
+        right = set(named) == set(effects)
+        right_class = right or _same_sets(effects, named, declared)
+    else:
+        right = first == truth
+        right_class = right or _same_sets((truth,), (first,), declared)
+    probabilities = {c["name"]: c["probability"] for c in diagnosis["candidates"]}
+    of_effects = {effect["name"]: effect["probability"] for effect in diagnosis["effects"]}
+    errors, covered = (
+        _parameters(label["values"], diagnosis["effects"], vehicle) if label["family"] != "onset" else ({}, {})
+    )
+    onset = (diagnosis.get("where") or {}).get("onset_s")
+    return Judgement(
+        case=name,
+        family=label["family"],
+        plant=label["plant"],
+        truth=truth,
+        effects=effects,
+        outside=label["outside"],
+        left_out=label["left_out"],
+        scale=label["scale"],
+        seconds_of_log=label["episodes"] * label["episode_s"],
+        noise=label["noise"],
+        influence=min(label["influence"].values(), default=None),
+        answer="unknown" if truth == "unknown" and right else first,
+        named=named,
+        verdict=verdict,
+        right=right,
+        right_class=right_class,
+        thrusters_right=_thrusters_right(label, diagnosis["effects"], declared, vehicle),
+        probability=_probability(first, probabilities, of_effects, verdict),
+        probability_of_truth=_probability(truth, probabilities, of_effects, verdict),
+        closed=diagnosis["gap"].get("closed"),
+        onset_error_s=abs(onset - label["onset_s"]) if onset is not None and label["onset_s"] is not None else None,
+        seconds=answer["seconds"],
+        cpu_s=answer["cpu_s"],
+        errors=errors,
+        covered=covered,
+        message=answer.get("error", ""),
+    )
+
+
+def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[list[str]]) -> bool:
+    """Whether the answer names the truth up to what it declared indistinguishable."""
+    if len(truth) != len(named):
+        return False
+
+    def allowed(effect: str) -> set[str]:
+        groups = [{_split(entry)[0] for entry in group} for group in declared]
+        return {effect}.union(*(group for group in groups if effect in group))
+
+    left = list(truth)
+    for effect in named:
+        match = next((t for t in left if t in allowed(effect)), None)
+        if match is None:
+            return False
+        left.remove(match)
+    return True
+
+
+def _split(entry: str) -> tuple[str, frozenset[int]]:
+    """Effect and thrusters of an entry such as ``thruster_gain 5`` or ``thruster_gain:5``."""
+    effect = max((name for name in EFFECTS if entry.startswith(name)), key=len, default=entry)
+    return effect, frozenset(int(number) for number in re.findall(r"\d+", entry.removeprefix(effect)))
+
+
+def thrusters_at_fault(effect: str, values: Mapping[str, float], vehicle: Vehicle) -> frozenset[int] | None:
+    """Thrusters that the label changes; None for an effect of all or none of them."""
+    declared = get_effect(effect).member_parameters(vehicle)
+    nominal = get_effect(effect).nominal(vehicle)
+    changed = {
+        int(k.rsplit("_", 1)[1]) for k, v in values.items() if declared[k].over == "thruster" and v != nominal[k]
+    }
+    return frozenset(changed) if 0 < len(changed) < vehicle.thrusters else None
+
+
+def _thrusters_right(
+    label: Mapping[str, Any], found: list[dict[str, Any]], declared: list[list[str]], vehicle: Vehicle
+) -> bool | None:
+    verdicts = []
+    for effect, values in label["values"].items():
+        wanted = thrusters_at_fault(effect, values, vehicle)
+        if wanted is None or label["left_out"]:
+            continue
+        named = {frozenset(f["thrusters"]) for f in found if f["name"] == effect}
+        exchangeable = {
+            thrusters
+            for group in declared
+            if any(_split(entry) == (effect, answer) for entry in group for answer in named)
+            for other, thrusters in map(_split, group)
+            if other == effect
+        }
+        verdicts.append(wanted in named | exchangeable)
+    return all(verdicts) if verdicts else None
+
+
+def _probability(
+    answer: str, candidates: Mapping[str, float], explanation: Mapping[str, float], verdict: str
+) -> float | None:
+    """Probability given to an answer: among the candidates, or in the explanation where several effects act."""
+    if answer == "no_gap":
+        return candidates.get("none", candidates.get("no_gap"))
+    if len(explanation) > 1 and answer in explanation:
+        return explanation[answer]
+    if answer in candidates:
+        return candidates[answer]
+    return 0.0 if candidates and verdict != "error" else None
+
+
+def _parameters(
+    truth: Mapping[str, Mapping[str, float]], found: list[dict[str, Any]], vehicle: Vehicle
+) -> tuple[dict[str, float], dict[str, bool]]:
+    """Errors over sizes by effect and unit, and what the intervals hold, for effects that were named rightly."""
+    errors, covered = {}, {}
+    for effect, values in truth.items():
+        answer = next((f["parameters"] for f in found if f["name"] == effect), None)
+        if answer is None:
+            continue
+        declared, nominal = get_effect(effect).member_parameters(vehicle), get_effect(effect).nominal(vehicle)
+        for unit in {p.unit for p in declared.values() if not p.discrete}:
+            members = [k for k, p in declared.items() if p.unit == unit and not p.discrete]
+            true = {k: values.get(k, nominal[k]) for k in members}
+            size = math.hypot(*(true[k] - nominal[k] for k in members))
+            if size > 0:
+                said = {k: answer[k]["value"] if k in answer else nominal[k] for k in members}
+                errors[f"{effect} [{unit}]"] = math.hypot(*(said[k] - true[k] for k in members)) / size
+            for k in members:
+                if k in answer:
+                    covered[f"{effect}.{k}"] = answer[k]["low"] <= true[k] <= answer[k]["high"]
+    return errors, covered

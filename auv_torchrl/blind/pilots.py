@@ -1,0 +1,87 @@
+"""Controllers and excitations that the diagnosis does not know: station keeping by PID, and sums of signals."""
+
+import numpy as np
+
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+
+CHANNELS = 4  # surge, sway, heave, yaw
+
+
+class Pilots:
+    """One pilot per row, drawn at random: even rows keep station, odd rows excite.
+
+    Station keeping is a PID on the reported, noisy pose towards set points that move every few seconds, so the noise
+    is in the loop. Excitation is a sum of sines, random steps and a chirp per channel, blind to the pose.
+    """
+
+    def __init__(self, vehicle: Vehicle, holding: np.ndarray, duration: float, rng: np.random.Generator) -> None:
+        """Draw the pilots.
+
+        Args:
+            vehicle: the nominal vehicle, whose mixer turns demands into thruster commands.
+            holding: (rows,) which rows keep station.
+            duration: seconds to fly.
+            rng: where the draws come from.
+        """
+        rows = len(holding)
+        self.mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)].double().numpy()
+        self.holding = holding
+        self.proportional = rng.uniform([0.8, 0.8, 0.8, 0.3], [2.0, 2.0, 2.0, 0.8], (rows, CHANNELS))
+        self.integral = self.proportional * rng.uniform(0.02, 0.2, (rows, CHANNELS))
+        self.derivative = self.proportional * rng.uniform(0.1, 0.4, (rows, CHANNELS))
+        moves = int(duration / 5) + 2
+        self.set_point_times = np.cumsum(rng.uniform(4.0, 11.0, (rows, moves)), axis=1)
+        self.set_points = rng.uniform([-1, -1, -1, -np.pi], [1, 1, 1, np.pi], (moves + 1, rows, CHANNELS))
+        self.sum = np.zeros((rows, CHANNELS))
+        self.filtered = np.zeros((rows, CHANNELS))
+        self.before: np.ndarray | None = None
+        self.signals = _Signals(rows, duration, rng)
+
+    def commands(self, time: float, pose: np.ndarray, dt: float) -> np.ndarray:
+        """Thruster commands (rows, n) in [-1, 1] from the reported pose (rows, 6)."""
+        demand = np.where(self.holding[:, None], self._hold(time, pose, dt), self.signals.at(time))
+        return np.clip(demand @ self.mixer.T, -1.0, 1.0)
+
+    def _hold(self, time: float, pose: np.ndarray, dt: float) -> np.ndarray:
+        rows = np.arange(len(pose))
+        target = self.set_points[(self.set_point_times < time).sum(axis=1), rows]
+        cos, sin = np.cos(pose[:, 5]), np.sin(pose[:, 5])
+        away = target[:, :3] - pose[:, :3]
+        turn = np.remainder(target[:, 3] - pose[:, 5] + np.pi, 2 * np.pi) - np.pi
+        body = [cos * away[:, 0] + sin * away[:, 1], -sin * away[:, 0] + cos * away[:, 1], away[:, 2], turn]
+        error = np.column_stack(body)
+        here = np.column_stack((pose[:, :3], pose[:, 5]))
+        moved = np.zeros_like(here) if self.before is None else here - self.before
+        moved[:, 3] = np.remainder(moved[:, 3] + np.pi, 2 * np.pi) - np.pi
+        self.before = here
+        rate = moved / dt
+        body_rate = np.column_stack(
+            (cos * rate[:, 0] + sin * rate[:, 1], -sin * rate[:, 0] + cos * rate[:, 1], rate[:, 2], rate[:, 3])
+        )
+        self.filtered += 0.3 * (body_rate - self.filtered)
+        self.sum = np.clip(self.sum + error * dt, -2.0, 2.0)
+        demand = self.proportional * error + self.integral * self.sum - self.derivative * self.filtered
+        return np.clip(demand, -0.8, 0.8)
+
+
+class _Signals:
+    def __init__(self, rows: int, duration: float, rng: np.random.Generator) -> None:
+        shape = (rows, CHANNELS, 3)
+        self.sine_size = rng.uniform(0.05, 0.3, shape)
+        self.sine_rate = 2 * np.pi * np.exp(rng.uniform(np.log(0.04), np.log(1.2), shape))
+        self.sine_phase = rng.uniform(0, 2 * np.pi, shape)
+        steps = int(duration / 0.5) + 2
+        self.step_times = np.cumsum(rng.uniform(0.5, 3.0, (rows, CHANNELS, steps)), axis=2)
+        self.steps = rng.uniform(-0.6, 0.6, (rows, CHANNELS, steps + 1)) * (rng.random((rows, CHANNELS, 1)) < 0.7)
+        self.chirp_size = rng.uniform(0.1, 0.4, (rows, CHANNELS)) * (rng.random((rows, CHANNELS)) < 0.4)
+        self.chirp_from = rng.uniform(0.03, 0.1, (rows, CHANNELS))  # Hz
+        self.chirp_rate = rng.uniform(0.02, 0.08, (rows, CHANNELS))  # Hz/s
+        self.chirp_period = rng.uniform(10.0, 20.0, (rows, CHANNELS))  # s, then it starts over
+
+    def at(self, time: float) -> np.ndarray:
+        sines = (self.sine_size * np.sin(self.sine_rate * time + self.sine_phase)).sum(axis=2)
+        index = (self.step_times < time).sum(axis=2)[..., None]
+        steps = np.take_along_axis(self.steps, index, axis=2)[..., 0]
+        t = np.remainder(time, self.chirp_period)
+        chirp = self.chirp_size * np.sin(2 * np.pi * (self.chirp_from + 0.5 * self.chirp_rate * t) * t)
+        return sines + steps + chirp

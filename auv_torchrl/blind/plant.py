@@ -1,0 +1,70 @@
+"""What a simulator must offer so that sealed cases can be flown in it."""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+
+class Influences(NamedTuple):
+    """What effects outside the library do to the vehicles during one control step; rows are vehicles."""
+
+    thrust_factor: np.ndarray  # (rows, n) times the thrust of each thruster
+    earth_force: np.ndarray  # (rows, 3) N, earth frame, at the body origin
+    current: np.ndarray  # (rows, 3) m/s, added to the velocity of the water
+
+    @staticmethod
+    def none(rows: int, thrusters: int) -> "Influences":
+        """No influence on any vehicle."""
+        return Influences(np.ones((rows, thrusters)), np.zeros((rows, 3)), np.zeros((rows, 3)))
+
+
+class Reported(NamedTuple):
+    """What noiseless sensors report; the velocity is the one that fits the reported pose."""
+
+    pose: np.ndarray  # (rows, 6) x, y, z in m, roll, pitch, yaw in rad
+    velocity: np.ndarray  # (rows, 6) body frame of the reported attitude, m/s and rad/s
+
+
+class Slack(NamedTuple):
+    """Factors by which a vehicle differs from its model although nothing is wrong with it."""
+
+    gain: np.ndarray  # (n,)
+    linear: np.ndarray  # (4,) on the linear drag in surge, sway, heave, yaw
+    quadratic: np.ndarray  # (4,) on the quadratic drag
+    mass: np.ndarray  # (4,) on the inertia
+
+    @staticmethod
+    def draw(rng: np.random.Generator, size: float, thrusters: int) -> "Slack":
+        """Normal factors around 1 with a standard deviation of ``size``."""
+        return Slack(*(1 + size * rng.standard_normal(count) for count in (thrusters, 4, 4, 4)))
+
+
+class Plant(Protocol):
+    """A batch of simulated vehicles, nominal at first, one row per vehicle."""
+
+    thrusters: int
+
+    def loosen(self, rows: slice, slack: Slack) -> None:
+        """Give some vehicles slack."""
+        ...
+
+    def change(self, rows: slice, effect: str, values: Mapping[str, float]) -> None:
+        """Give some vehicles an effect of the library, before or during a flight."""
+        ...
+
+    def reset(self, position: np.ndarray, yaw: np.ndarray) -> None:
+        """Start every vehicle at rest at (rows, 3) m and (rows,) rad with silent thrusters."""
+        ...
+
+    def step(self, commands: np.ndarray, influences: Influences) -> None:
+        """Hold commands (rows, n) for one control step."""
+        ...
+
+    def reported(self) -> Reported:
+        """What noiseless sensors report now."""
+        ...
+
+    def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position (rows, 3), yaw (rows,) and body velocity (rows, 6) that are true now."""
+        ...
