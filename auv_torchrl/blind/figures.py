@@ -91,5 +91,6 @@ def severity(judgements: Sequence[Judgement]) -> Figure | None:
         axes.errorbar(centre, y, error, fmt="o-", color=colour, capsize=2, label=label)
     axes.set(xscale="log", ylim=(-0.02, 1.02), ylabel="share of the logs")
     axes.set_xlabel("error at 2 s without the effect, in standard deviations of the sensors")
-    axes.legend(frameon=False, fontsize=8)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.legend(fontsize=8, loc="center right")
     return figure
