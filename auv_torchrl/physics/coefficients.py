@@ -18,8 +18,7 @@ class Coefficients(NamedTuple):
     mass_matrix: Array  # (6, 6) rigid body, added mass and payload, for the Coriolis terms
     linear_drag: Array  # (6, 6)
     quadratic_drag: Array  # (6,)
-    net_weight: Array  # () N, weight less buoyancy, down positive
-    restoring_arm: Array  # (3,) N m, so that the moment is arm x (earth z in the body frame)
+    restoring: Array  # (6, 3) wrench per unit of earth z in the body frame: weight, buoyancy and their arms
     coriolis: Array  # ()
     current: Array  # (3,)
     tether_anchor: Array  # (3,)
@@ -66,6 +65,7 @@ class ActiveTerms(NamedTuple):
     lag: bool
     battery_sag: bool
     coupled_drag: bool
+    coupled_mass: bool
     sensing: bool
     sensor_noise: bool
 
@@ -90,6 +90,7 @@ class ActiveTerms(NamedTuple):
             lag=bool((c.lag > 0).any()),
             battery_sag=bool((c.battery_sag != 0).any()),
             coupled_drag=bool((c.linear_drag * off_diagonal != 0).any()),
+            coupled_mass=bool((c.mass_inverse * off_diagonal != 0).any()),
             sensing=noisy or bool((c.heading_bias != 0).any() or (c.pose_delay > 0).any()),
             sensor_noise=noisy,
         )
@@ -117,13 +118,14 @@ def prepare(vehicle: Vehicle) -> Coefficients:
         - vehicle.centre_of_buoyancy * vehicle.buoyancy[..., None]
         + vehicle.payload_position * vehicle.payload_weight[..., None]
     )
+    net_weight = weight - vehicle.buoyancy + vehicle.payload_weight + vehicle.vertical_force
+    identity = torch.eye(3, dtype=weight.dtype, device=weight.device)
     return Coefficients(
         mass_inverse=mass_inverse,
         mass_matrix=mass_matrix,
         linear_drag=vehicle.linear_drag,
         quadratic_drag=vehicle.quadratic_drag,
-        net_weight=weight - vehicle.buoyancy + vehicle.payload_weight + vehicle.vertical_force,
-        restoring_arm=arm,
+        restoring=torch.cat((net_weight[..., None, None] * identity, skew(arm)), dim=-2),
         allocation=allocation_matrix(vehicle) * vehicle.gain[..., None, :],
         **{name: getattr(vehicle, name) for name in _COPIED},
     )

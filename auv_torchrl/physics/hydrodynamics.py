@@ -29,15 +29,13 @@ def acceleration(
     if terms.current:
         water = matvec(rotation.mT, c.current)
         relative = xp.concat((velocity[..., :3] - water, velocity[..., 3:]), axis=-1)
-    down = rotation[..., 2, :]
-    restoring = xp.concat((c.net_weight[..., None] * down, cross(c.restoring_arm, down)), axis=-1)
-    force = wrench + restoring - drag(c, terms, relative)
+    force = wrench + matvec(c.restoring, rotation[..., 2, :]) - drag(c, terms, relative)
     if terms.tether:
         pull = matvec(rotation.mT, tether_force(c, position))
         force = force + xp.concat((pull, xp.zeros_like(pull)), axis=-1)
     if terms.coriolis:
         force = force - c.coriolis[..., None] * coriolis_force(c.mass_matrix, relative)
-    rate = matvec(c.mass_inverse, force)
+    rate = matvec(c.mass_inverse, force) if terms.coupled_mass else xp.linalg.diagonal(c.mass_inverse) * force
     if water is not None and terms.coriolis:
         turning = -c.coriolis[..., None] * cross(velocity[..., 3:], water)
         rate = rate + xp.concat((turning, xp.zeros_like(turning)), axis=-1)

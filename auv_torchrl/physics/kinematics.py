@@ -23,16 +23,28 @@ def cross(a: Array, b: Array) -> Array:
     return xp.stack((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1), axis=-1)
 
 
+# Rows w, x, y, z; columns the entries of E and G, (3, 4) each, of Shabana 2013, Eq. 3.94 and 3.97:
+# E = [-v, w I + skew(v)], G = [-v, w I - skew(v)] for the vector part v
+_FACTORS = (
+    (0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1),
+    (-1, 0, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, -1, 0, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0),
+    (0, 0, 0, 1, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, -1, -1, 0, 0, 0, 0, 1, 0, 0),
+    (0, 0, -1, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -1, 0, 0, 0),
+)
+
+
+def quaternion_factors(quaternion: Array) -> tuple[Array, Array]:
+    """E and G, each ``(..., 3, 4)``: the rotation is E G^T, the rate of the quaternion G^T omega / 2."""
+    xp = array_namespace(quaternion)
+    table = xp.asarray(_FACTORS, dtype=quaternion.dtype, device=quaternion.device)
+    both = xp.reshape(quaternion @ table, (*quaternion.shape[:-1], 2, 3, 4))
+    return both[..., 0, :, :], both[..., 1, :, :]
+
+
 def rotation_matrix(quaternion: Array) -> Array:
     """Rotation from body to earth, ``(..., 3, 3)``, of unit quaternions ``(..., 4)``."""
-    xp = array_namespace(quaternion)
-    w, x, y, z = (quaternion[..., i] for i in range(4))
-    elements = (
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    )  # fmt: skip
-    return xp.reshape(xp.stack(elements, axis=-1), (*quaternion.shape[:-1], 3, 3))
+    e, g = quaternion_factors(quaternion)
+    return e @ g.mT
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
@@ -51,9 +63,7 @@ def quaternion_product(a: Array, b: Array) -> Array:
 
 def quaternion_rate(quaternion: Array, angular_velocity: Array) -> Array:
     """Time derivative of the quaternion for a body angular velocity ``(..., 3)`` in rad/s."""
-    xp = array_namespace(quaternion, angular_velocity)
-    zero = xp.zeros_like(angular_velocity[..., :1])
-    return 0.5 * quaternion_product(quaternion, xp.concat((zero, angular_velocity), axis=-1))
+    return 0.5 * matvec(quaternion_factors(quaternion)[1].mT, angular_velocity)
 
 
 def normalise(quaternion: Array) -> Array:
