@@ -23,13 +23,13 @@ class FusedSACLoss(SACLoss):
     target_entropy: Tensor
 
     def __init__(self, **settings: Any):
-        super().__init__(**settings)  # pyright: ignore[reportCallIssue] the metaclass hides the signature
+        super().__init__(**settings)
         self._extract = NormalParamExtractor()
         self._layers: dict[str, Layers] = {}
 
-    def _apply(self, fn, recurse: bool = True):
+    def _apply(self, fn):
         self._layers.clear()  # a move to another device or dtype makes new tensors
-        return super()._apply(fn, recurse)
+        return super()._apply(fn)
 
     def make_value_estimator(self, value_type: ValueEstimators | None = None, *, gamma: float, **unused):
         """TD(0) with discount ``gamma``."""

@@ -9,13 +9,14 @@ import logging
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import torch
 from tensordict import TensorDict
+from torch import Tensor
 from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
@@ -38,6 +39,7 @@ STORED = (
     ("next", "done"),
     ("next", "terminated"),
 )
+LOSS_KEYS = ("loss_qvalue", "loss_actor", "alpha", "entropy")
 CHECKPOINT = "checkpoint.pt"
 
 
@@ -129,7 +131,8 @@ class Trainer:
     def _run_stretch(self, progress: Progress) -> None:
         config = self.config
         wall, cpu = time.perf_counter(), time.process_time()
-        rewards, losses = [], TensorDict()
+        rewards: list[Tensor] = []
+        losses: Mapping[str, Tensor] = dict.fromkeys(LOSS_KEYS, torch.tensor(float("nan")))  # before the first update
         for data in self._collect():
             self.buffer.extend(data.select(*STORED).reshape(-1))
             self.frames += data.numel()
@@ -139,23 +142,24 @@ class Trainer:
             progress.advance(data.numel())
         self.stretch += 1
         score = self.examine(self.averaged)
-        previous = self.curve[-1] if self.curve else None
-        if previous is None or score.mean_m < previous["best_m"]:
+        best_m = min([score.mean_m, *(point["best_m"] for point in self.curve[-1:])])
+        if score.mean_m == best_m:
             self.best.load_state_dict(self.averaged.state_dict())
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        before = self.curve[-1] if self.curve else {"wall_s": 0.0, "cpu_s": 0.0}
         self.curve.append(
             CurvePoint(
                 frames=self.frames,
-                wall_s=wall + (previous["wall_s"] if previous else 0.0),
-                cpu_s=cpu + (previous["cpu_s"] if previous else 0.0),
-                episode_return=float(torch.stack(rewards).mean()) * self.config.stretch_steps,
+                wall_s=before["wall_s"] + wall,
+                cpu_s=before["cpu_s"] + cpu,
+                episode_return=float(torch.stack(rewards).mean()) * config.stretch_steps,
                 error_m=score.mean_m,
                 worst_m=score.worst_m,
-                best_m=min(score.mean_m, previous["best_m"]) if previous else score.mean_m,
-                **{
-                    key: float(losses.get(key, float("nan")))
-                    for key in ("loss_qvalue", "loss_actor", "alpha", "entropy")
-                },
+                best_m=best_m,
+                loss_qvalue=float(losses["loss_qvalue"]),
+                loss_actor=float(losses["loss_actor"]),
+                alpha=float(losses["alpha"]),
+                entropy=float(losses["entropy"]),
                 frames_per_s=config.stretch_frames / wall,
             )
         )
@@ -163,28 +167,30 @@ class Trainer:
     def _collect(self) -> Iterator[TensorDict]:
         """Transitions (N, steps_per_batch) of one stretch."""
         config = self.config
+        batch = config.num_envs * config.steps_per_batch
+        random_frames = max(0, config.random_frames - self.frames)
         collector = Collector(
             self.make_fleet(self.seed * 100_003 + self.stretch),
             self.exploring,
-            frames_per_batch=config.num_envs * config.steps_per_batch,
+            frames_per_batch=batch,
             total_frames=config.stretch_frames,
-            init_random_frames=max(0, config.random_frames - self.frames),
+            init_random_frames=-(-random_frames // batch) * batch,
             trust_policy=True,
             auto_register_policy_transforms=False,
         )
         yield from collector
         collector.shutdown()
 
-    def _update(self) -> TensorDict:
-        """The updates that are due after one batch of transitions; returns the last losses."""
+    def _update(self) -> dict[str, Tensor]:
+        """The updates that are due after one batch of transitions; returns the means of their losses."""
         config = self.config
         fraction = self.frames / (config.stretches * config.stretch_frames)
         self.updater.scale_learning_rate(1 + (config.learning_rate_end - 1) * fraction)
-        losses = TensorDict()
+        losses = []
         for batch in self.buffer.sample().split(config.batch_size):
-            losses = self.updater.step(batch)
+            losses.append(self.updater.step(batch))
             torch._foreach_lerp_(self._average, self._actor, 1 - config.average)  # pyright: ignore[reportPrivateImportUsage]
-        return losses
+        return {key: torch.stack([loss[key].detach() for loss in losses]).mean() for key in LOSS_KEYS}
 
     def save(self) -> None:
         """Write the checkpoint."""

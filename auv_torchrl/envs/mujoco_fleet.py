@@ -67,7 +67,7 @@ class MujocoFleet(FleetEnv):
         self._moved: State | None = None  # the state that MuJoCo's bodies are in
 
     def _native(self, tensor: Tensor) -> np.ndarray:
-        return np.array(tensor.detach().cpu(), dtype=np.float64)
+        return np.array(tensor.detach().cpu().numpy(), dtype=np.float64)
 
     def _tensor(self, array: np.ndarray, dtype: torch.dtype) -> Tensor:
         return torch.tensor(array, dtype=dtype)

@@ -1,0 +1,82 @@
+"""The classical controller: one PID per controlled degree of freedom, in the body frame."""
+
+import math
+from collections.abc import Sequence
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torch import Tensor
+
+from auv_torchrl.envs import RegulationTask
+from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.vehicle import CONTROLLED
+
+PROPORTIONAL = (3.0, 3.0, 3.0, 0.5)  # 1/m in surge, sway, heave; 1/rad in yaw: full command at 0.33 m and 2 rad
+DERIVATIVE = (0.5, 0.5, 0.5, 0.1)  # s/m, s/rad
+INTEGRAL_LIMIT = 0.3  # of the command; more would overshoot from far starts
+
+
+class PID(TensorDictModuleBase):
+    """Observation (..., d) to action (..., 4) = P error - D velocity + integral, clipped to [-1, 1].
+
+    The channels have the mixer's unit, full command. With an integral gain the module keeps a sum per vehicle,
+    which grows only while the command is not saturated and starts anew with each episode: it then needs a fixed
+    batch and reads ``time``.
+
+    Args:
+        task: tells which observation is what.
+        proportional: gain per controlled degree of freedom, 1/m and 1/rad.
+        derivative: gain on the body velocity, s/m and s/rad.
+        integral: gain on the summed error, 1/(m s) and 1/(rad s); None for none.
+
+    Raises:
+        ValueError: if a gain is not four finite numbers of 0 or more.
+    """
+
+    proportional: Tensor
+    derivative: Tensor
+    integral: Tensor | None
+
+    def __init__(
+        self,
+        task: RegulationTask,
+        proportional: Sequence[float] = PROPORTIONAL,
+        derivative: Sequence[float] = DERIVATIVE,
+        integral: Sequence[float] | None = None,
+    ):
+        super().__init__()
+        self.in_keys = ["observation"] if integral is None else ["observation", "time"]
+        self.out_keys = ["action"]
+        names = task.observation_names
+        self._velocity = [names.index(n) for n in ("surge_speed", "sway_speed", "heave_speed", "yaw_rate")]
+        self._error = [names.index(n) for n in ("error_x", "error_y", "error_z")]
+        self._heading = [names.index(n) for n in ("heading_error_sin", "heading_error_cos")]
+        self.register_buffer("proportional", _gain("proportional", proportional))
+        self.register_buffer("derivative", _gain("derivative", derivative))
+        self.register_buffer("integral", None if integral is None else _gain("integral", integral))
+        self._sum: Tensor | None = None
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Write ``action``."""
+        observation = tensordict["observation"]
+        sine, cosine = observation[..., self._heading].unbind(-1)
+        heading = torch.atan2(sine, cosine)
+        error = torch.cat((observation[..., self._error], heading.unsqueeze(-1)), dim=-1)
+        action = self.proportional * error - self.derivative * observation[..., self._velocity]
+        if self.integral is not None:
+            action = action + self._integrate(self.integral * error, action, tensordict["time"])
+        return tensordict.set("action", action.clamp(-1.0, 1.0))
+
+    def _integrate(self, rate: Tensor, action: Tensor, time: Tensor) -> Tensor:
+        held = self._sum if self._sum is not None and self._sum.shape == rate.shape else torch.zeros_like(rate)
+        grown = torch.where(action.abs() < 1.0, held + CONTROL_DT * rate, held)
+        begins = time < CONTROL_DT / 2
+        self._sum = torch.where(begins, 0.0, grown.clamp(-INTEGRAL_LIMIT, INTEGRAL_LIMIT))
+        return self._sum
+
+
+def _gain(name: str, values: Sequence[float]) -> Tensor:
+    if len(values) != len(CONTROLLED) or not all(math.isfinite(v) and v >= 0 for v in values):
+        raise ValueError(f"PID: {name} is {values!r}: give four gains of 0 or more, for {', '.join(CONTROLLED)}")
+    return torch.tensor(values, dtype=torch.float32)

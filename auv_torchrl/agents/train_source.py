@@ -1,0 +1,149 @@
+"""Train the source policy u_s, or take it from the store if the same training was done before."""
+
+import fcntl
+import logging
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torchrl.envs import EnvBase, TransformedEnv
+
+from auv_torchrl.agents.config import REPORTING, AgentConfig
+from auv_torchrl.agents.policy import SourcePolicy, fingerprint, load_policy, save_policy
+from auv_torchrl.agents.score import Examiner
+from auv_torchrl.agents.trainer import CHECKPOINT, Trainer
+from auv_torchrl.envs import RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.vehicle import Vehicle
+
+log = logging.getLogger(__name__)
+
+EVALUATION_SEED = 314_159  # the starts that choose the best policy; reported results use others
+
+
+def train_source(
+    vehicle: Vehicle,
+    task: RegulationTask,
+    agent_config: AgentConfig,
+    randomization: Mapping[str, Any] | None,
+    seed: int,
+    backend: str,
+    folder: Path,
+    resume: Path | None = None,
+) -> SourcePolicy:
+    """The best policy of a training with these ingredients.
+
+    A finished policy lies in ``folder/<hash>``, and is loaded from there instead of trained again. While it is
+    trained, its checkpoint and learning curve lie in ``folder/<hash>.training``; if a run was killed, the next
+    one goes on from there. Of several processes that want the same policy, one trains and the others wait.
+
+    Args:
+        vehicle: nominal vehicle, empty batch.
+        task: task to train on.
+        agent_config: settings of the training.
+        randomization: ranges per effect, as in ``conf/randomization``; None or empty for none.
+        seed: of everything random.
+        backend: "mujoco" or "torch".
+        folder: the store, for example ``outputs/policies``.
+        resume: a checkpoint to go on from instead of the one in the store.
+
+    Raises:
+        CheckpointError: if the checkpoint is missing, damaged or of another training.
+        Interrupted: after Ctrl-C.
+    """
+    ingredients = describe(vehicle, task, agent_config, randomization, seed, backend)
+    key = fingerprint(ingredients)
+    finished, training = folder / key, folder / f"{key}.training"
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked(folder / f"{key}.lock"):
+        if finished.exists():
+            policy = load_policy(finished)
+            log.info("source policy %s: taken from %s, trained before", key, finished)
+            return policy
+        training.mkdir(exist_ok=True)
+        trainer = make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key)
+        checkpoint = resume or training / CHECKPOINT
+        if resume is not None or checkpoint.exists():
+            trainer.resume(checkpoint)
+            log.info("source policy %s: going on from %s at %d transitions", key, checkpoint, trainer.frames)
+        else:
+            log.info("source policy %s: training", key)
+        trainer.run()
+        policy = SourcePolicy(
+            trainer.best.eval(),
+            {
+                "hash": key,
+                "ingredients": ingredients,
+                "network": trainer.network,
+                "result": {"best_m": trainer.curve[-1]["best_m"], "train_s": trainer.curve[-1]["wall_s"]},
+                "curve": trainer.curve,
+            },
+        )
+        save_policy(policy, finished)
+        shutil.rmtree(training)
+        log.info("source policy %s: kept in %s", key, finished)
+    return policy
+
+
+def describe(
+    vehicle: Vehicle,
+    task: RegulationTask,
+    agent_config: AgentConfig,
+    randomization: Mapping[str, Any] | None,
+    seed: int,
+    backend: str,
+) -> dict[str, Any]:
+    """Everything that shapes a policy, as plain values."""
+    agent = {name: value for name, value in asdict(agent_config).items() if name not in REPORTING}
+    return {
+        "vehicle": {name: value.tolist() for name, value in vehicle.items()},
+        "task": asdict(task),
+        "agent": agent,
+        "randomization": dict(randomization or {}),
+        "seed": seed,
+        "backend": backend,
+    }
+
+
+def make_trainer(
+    vehicle: Vehicle,
+    task: RegulationTask,
+    agent_config: AgentConfig,
+    randomization: Mapping[str, Any] | None,
+    seed: int,
+    backend: str,
+    folder: Path,
+    key: str,
+) -> Trainer:
+    """The trainer with its randomized training fleet and its nominal evaluation fleet."""
+
+    def training_fleet(fleet_seed: int) -> EnvBase:
+        fleet = make_fleet(backend, vehicle, task, agent_config.num_envs, seed=fleet_seed)
+        if not randomization:
+            return fleet
+        return TransformedEnv(fleet, RandomizeVehicle(vehicle, randomization, seed=fleet_seed))
+
+    exam = task.for_evaluation(agent_config.evaluation_box_m or task.box_m)
+    count = agent_config.evaluation_starts
+    position, quaternion, velocity = exam.draw_starts(count, torch.Generator().manual_seed(EVALUATION_SEED))
+    starts = TensorDict(
+        {"position": position, "quaternion": quaternion, "velocity": velocity}, batch_size=[count]
+    ).float()
+    examiner = Examiner(make_fleet(backend, vehicle, exam, count, seed=0), starts, exam.steps, exam.control_dt)
+    return Trainer(training_fleet, examiner, agent_config, seed, folder, key)
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold an exclusive lock that the system releases when the process ends, however it ends."""
+    with path.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            log.info("another process trains the same source policy: waiting for it")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield

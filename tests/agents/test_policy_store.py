@@ -1,0 +1,135 @@
+"""A source policy is trained once for everything that shapes it."""
+
+import json
+import logging
+from dataclasses import fields, replace
+
+import pytest
+import torch
+from tensordict import TensorDict
+from tiny_training import RANDOMIZATION, TASK, tiny_config, train_tiny
+
+from auv_torchrl.agents.config import REPORTING, load_agent_config
+from auv_torchrl.agents.policy import fingerprint, load_policy, save_policy
+from auv_torchrl.agents.train_source import describe
+from auv_torchrl.vehicle import load_vehicle
+
+
+def test_second_call_loads_and_says_so(tmp_path, caplog):
+    """The policy comes back the same without training, and the log says where from."""
+    first = train_tiny(tmp_path)
+    caplog.set_level(logging.INFO)
+    second = train_tiny(tmp_path)
+    assert "taken from" in caplog.text and "training" not in caplog.messages[-1]
+    assert second.metadata == json.loads(json.dumps(first.metadata))
+    observation = TensorDict({"observation": torch.randn(20, 12)}, batch_size=[20])
+    torch.testing.assert_close(
+        first.module(observation.clone())["action"], second.module(observation.clone())["action"], rtol=0, atol=0
+    )
+
+
+def test_half_written_policy_does_not_count(tmp_path, monkeypatch):
+    """A process that dies while it stores the policy leaves nothing that is taken for one."""
+
+    def die(*_, **__):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("auv_torchrl.agents.policy.json.dumps", die)
+    key = "0123"
+    with pytest.raises(OSError, match="disk full"):
+        save_policy(_policy(tmp_path), tmp_path / key)
+    assert not (tmp_path / key).exists()
+    with pytest.raises(FileNotFoundError, match="train one first"):
+        load_policy(tmp_path / key)
+
+
+def _policy(folder):
+    from auv_torchrl.agents.networks import make_policy
+    from auv_torchrl.agents.policy import SourcePolicy
+
+    network = {"observations": 5, "actions": 4, "hidden": [8]}
+    return SourcePolicy(make_policy(**network), {"network": network})
+
+
+def test_stored_policy_is_never_overwritten(tmp_path):
+    """Saving where a policy is raises and leaves it."""
+    save_policy(_policy(tmp_path), tmp_path / "a")
+    before = (tmp_path / "a" / "policy.safetensors").read_bytes()
+    with pytest.raises(FileExistsError, match="move it away"):
+        save_policy(_policy(tmp_path), tmp_path / "a")
+    assert (tmp_path / "a" / "policy.safetensors").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["policy.safetensors", "policy.json"])
+def test_damaged_policy_is_an_error(tmp_path, name):
+    """A damaged file is not trained over; the error says what to do."""
+    save_policy(_policy(tmp_path), tmp_path / "a")
+    path = tmp_path / "a" / name
+    path.write_bytes(path.read_bytes()[:20])
+    with pytest.raises(ValueError, match="move the folder away"):
+        load_policy(tmp_path / "a")
+
+
+def ingredients(**changes):
+    usual = {
+        "vehicle": load_vehicle("paper"), "task": TASK, "agent_config": tiny_config(),
+        "randomization": RANDOMIZATION, "seed": 0, "backend": "torch",
+    }  # fmt: skip
+    return describe(**{**usual, **changes})
+
+
+def other(value):
+    """A different value that is still allowed."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return {"fused": "stock"}[value]
+    if isinstance(value, tuple):
+        return tuple(2 * number for number in value)
+    return 2 * value if isinstance(value, int) else value / 2 if value is not None else 0.1
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(type(tiny_config()))])
+def test_every_setting_but_the_reporting_shapes_the_hash(name):
+    """Two trainings share a policy only if they would give the same one."""
+    usual = tiny_config()
+    changed = replace(usual, **{name: other(getattr(usual, name))})
+    same = fingerprint(ingredients(agent_config=changed)) == fingerprint(ingredients())
+    assert same == (name in REPORTING)
+
+
+def test_everything_else_shapes_the_hash():
+    """Vehicle numbers, task, randomization, seed and backend each change the hash."""
+    vehicle = load_vehicle("paper")
+    vehicle.mass += 1e-9
+    changes = [
+        {"vehicle": vehicle}, {"task": replace(TASK, error_weight=2.0)}, {"randomization": None},
+        {"randomization": {"added_mass": {"scale": [0.8, 1.3]}}}, {"seed": 1}, {"backend": "mujoco"},
+    ]  # fmt: skip
+    hashes = [fingerprint(ingredients())] + [fingerprint(ingredients(**change)) for change in changes]
+    assert len(set(hashes)) == len(hashes)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"gama": 0.9}, "unknown settings.*gama.*there are.*gamma"),
+        ({"gamma": 1.0}, "gamma is 1.0: give a number in"),
+        ({"loss": "fast"}, "give fused or stock"),
+        ({"batch_size": 0}, "batch_size is 0: give a number above 0"),
+        ({"hidden": []}, "hidden is"),
+        ({"stretch_steps": 41}, "multiple of steps_per_batch"),
+        ({"tau": 0.0}, "tau is 0.0"),
+    ],
+    ids=str,
+)
+def test_impossible_settings_are_refused(settings, message):
+    """The error names the setting, its value and what is allowed."""
+    with pytest.raises(ValueError, match=message):
+        load_agent_config("sac", settings)
+
+
+def test_unknown_agent_names_those_there_are():
+    """A misspelt agent is answered with the list."""
+    with pytest.raises(FileNotFoundError, match="there are.*sac"):
+        load_agent_config("sax")

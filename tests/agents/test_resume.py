@@ -1,0 +1,158 @@
+"""A training that was broken off ends as if it had not been."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import tiny_training
+import torch
+from tiny_training import TASK, train_tiny
+
+from auv_torchrl.agents import trainer as trainer_module
+from auv_torchrl.agents.checkpoint import CheckpointError
+from auv_torchrl.agents.score import Examiner
+from auv_torchrl.agents.trainer import CHECKPOINT, Interrupted
+from auv_torchrl.vehicle import load_vehicle
+
+
+def assert_same_policy(one, other):
+    weights, others = one.module.state_dict(), other.module.state_dict()
+    assert weights.keys() == others.keys()
+    assert all(torch.equal(weights[key], others[key]) for key in weights)
+    keys = ("frames", "error_m", "worst_m", "best_m", "episode_return", "loss_qvalue", "alpha")
+    for point, twin in zip(one.metadata["curve"], other.metadata["curve"], strict=True):
+        assert [repr(point[key]) for key in keys] == [repr(twin[key]) for key in keys]
+
+
+@pytest.fixture
+def interrupt_in_stretch(monkeypatch):
+    """Press Ctrl-C during the evaluation of some stretch."""
+
+    def arm(stretch: int) -> None:
+        examined = []
+        fly = Examiner.__call__
+
+        def fly_and_press(self, policy):
+            examined.append(policy)
+            if len(examined) == stretch:
+                signal.raise_signal(signal.SIGINT)
+            return fly(self, policy)
+
+        monkeypatch.setattr(Examiner, "__call__", fly_and_press)
+
+    return arm
+
+
+def test_killed_training_ends_like_an_unbroken_one(tmp_path):
+    """Kill -9 at some moment, then the same command: the same policy, bit for bit."""
+    frames = 80 * 20
+    program = [sys.executable, tiny_training.__file__, str(tmp_path / "broken"), str(frames)]
+    process = subprocess.Popen(program, env={**os.environ, "OMP_NUM_THREADS": "1"}, stderr=subprocess.DEVNULL)
+    try:
+        deadline = time.monotonic() + 120
+        while not list(tmp_path.glob(f"broken/*.training/{CHECKPOINT}")):
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.01)
+        time.sleep(0.1)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert not list(tmp_path.glob("broken/*/policy.json")), "it was killed too late to test anything"
+    resumed = train_tiny(tmp_path / "broken", total_frames=frames)
+    assert_same_policy(resumed, train_tiny(tmp_path / "unbroken", total_frames=frames))
+
+
+@pytest.mark.parametrize("loss", ["fused", "stock"])
+@pytest.mark.parametrize("backend", ["torch", "mujoco"])
+def test_interrupted_training_ends_like_an_unbroken_one(tmp_path, backend, loss, interrupt_in_stretch):
+    """Ctrl-C saves and says how to go on; going on gives the same policy, replay buffer wrapped or not."""
+    unbroken = train_tiny(tmp_path / "unbroken", backend=backend, loss=loss)
+    for stretch in (1, 2):
+        interrupt_in_stretch(stretch)
+        with pytest.raises(Interrupted, match="run the same command to go on"):
+            train_tiny(tmp_path / f"broken_{stretch}", backend=backend, loss=loss)
+        assert_same_policy(train_tiny(tmp_path / f"broken_{stretch}", backend=backend, loss=loss), unbroken)
+
+
+def test_seeds_differ_and_repeat(tmp_path):
+    """The same seed gives the same policy, another seed another one."""
+    one, again = (train_tiny(tmp_path / name, seed=1) for name in "ab")
+    assert_same_policy(one, again)
+    other = train_tiny(tmp_path / "a", seed=2)
+    with pytest.raises(AssertionError):
+        assert_same_policy(one, other)
+
+
+@pytest.fixture
+def broken_off(tmp_path, interrupt_in_stretch) -> Path:
+    """The checkpoint of a training that was interrupted."""
+    interrupt_in_stretch(2)
+    with pytest.raises(Interrupted):
+        train_tiny(tmp_path)
+    (checkpoint,) = tmp_path.glob(f"*.training/{CHECKPOINT}")
+    return checkpoint
+
+
+@pytest.mark.parametrize("damage", ["cut", "text", "empty", "foreign"])
+def test_damaged_checkpoint_is_refused_and_kept(broken_off, tmp_path, damage):
+    """The error names the file and the remedy, and the file stays as it is."""
+    whole = broken_off.read_bytes()
+    if damage == "foreign":
+        torch.save({"weights": torch.zeros(3)}, broken_off)
+    else:
+        broken_off.write_bytes({"cut": whole[: len(whole) // 2], "text": b"not a checkpoint", "empty": b""}[damage])
+    content = broken_off.read_bytes()
+    with pytest.raises(CheckpointError, match="move it away to train from the beginning") as error:
+        train_tiny(tmp_path)
+    assert str(broken_off) in str(error.value)
+    assert broken_off.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    "change", [{"vehicle": load_vehicle("bluerov2")}, {"seed": 6}, {"gamma": 0.9}, {"backend": "mujoco"}], ids=str
+)
+def test_checkpoint_of_another_training_is_refused(broken_off, tmp_path, change):
+    """Another vehicle, seed, setting or backend: the error says so, and the checkpoint stays."""
+    content = broken_off.read_bytes()
+    with pytest.raises(CheckpointError, match="belongs to another training"):
+        train_tiny(tmp_path, resume=broken_off, **change)
+    assert broken_off.read_bytes() == content
+
+
+def test_checkpoint_of_another_version_is_refused(broken_off, tmp_path, monkeypatch):
+    """After a change of the training code that raises its version, old checkpoints do not go on."""
+    monkeypatch.setattr("auv_torchrl.agents.policy.TRAINING_VERSION", 10**6)
+    with pytest.raises(CheckpointError, match="belongs to another training"):
+        train_tiny(tmp_path, resume=broken_off)
+
+
+def test_missing_checkpoint_is_an_error(tmp_path):
+    """Resuming from a file that is not there does not quietly train from the beginning."""
+    with pytest.raises(CheckpointError, match="there is no checkpoint"):
+        train_tiny(tmp_path, resume=tmp_path / "nowhere.pt")
+
+
+def test_checkpoint_is_old_or_new_when_writing_fails(broken_off, tmp_path, monkeypatch):
+    """A process that dies while it writes a checkpoint leaves the one before."""
+    content = broken_off.read_bytes()
+
+    def die(state, file):
+        file.write(b"half of it")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(trainer_module.torch, "save", die)
+    with pytest.raises(OSError, match="disk full"):
+        train_tiny(tmp_path)
+    assert broken_off.read_bytes() == content
+
+
+def test_stretches_of_any_length_are_complete(tmp_path):
+    """Training ends with whole stretches, and stops early where it is told to."""
+    policy = train_tiny(tmp_path, task=TASK, total_frames=161)
+    assert [point["frames"] for point in policy.metadata["curve"]] == [80, 160, 240]
+    stopped = train_tiny(tmp_path, total_frames=161, stop_below_m=100.0)
+    assert [point["frames"] for point in stopped.metadata["curve"]] == [80]

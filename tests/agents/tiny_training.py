@@ -1,0 +1,35 @@
+"""A training so small that it takes a second."""
+
+import sys
+from pathlib import Path
+
+from auv_torchrl.agents.config import AgentConfig, load_agent_config
+from auv_torchrl.agents.policy import SourcePolicy
+from auv_torchrl.agents.train_source import train_source
+from auv_torchrl.envs import RegulationTask
+from auv_torchrl.vehicle import load_vehicle
+
+TASK = RegulationTask(episode_s=1.0, box_m=1.0)
+RANDOMIZATION = {"added_mass": {"scale": [0.8, 1.2]}}
+
+
+def tiny_config(**changes) -> AgentConfig:
+    small = {
+        "hidden": [8, 8], "batch_size": 16, "num_envs": 4, "steps_per_batch": 5, "stretch_steps": 20, "updates_per_step": 2,
+        "total_frames": 240, "random_frames": 40, "buffer_size": 150, "evaluation_starts": 3,
+    }  # fmt: skip
+    return load_agent_config("sac", {**small, **changes})
+
+
+def train_tiny(folder: Path, **changes) -> SourcePolicy:
+    """``changes`` are arguments of ``train_source`` or settings of the agent."""
+    arguments = {
+        "vehicle": load_vehicle("paper"), "task": TASK, "randomization": RANDOMIZATION, "seed": 5,
+        "backend": "torch", "resume": None,
+    }  # fmt: skip
+    arguments.update({key: changes.pop(key) for key in list(changes) if key in arguments})
+    return train_source(agent_config=tiny_config(**changes), folder=folder, **arguments)
+
+
+if __name__ == "__main__":
+    train_tiny(Path(sys.argv[1]), total_frames=int(sys.argv[2]))
