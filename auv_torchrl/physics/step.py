@@ -85,8 +85,9 @@ def runge_kutta_step(
     xp = array_namespace(body)
     later = thrust_after(c, terms, thrust, target, h)
     if terms.lag or terms.battery_sag:
+        first = thrust_after(c, terms, thrust, target, 0.0)  # the new target at once where a thruster has no lag
         midway = thrust_after(c, terms, thrust, target, h / 2)
-        stages = ((thrust, 0.0), (midway, h / 2), (later, h))
+        stages = ((first, 0.0), (midway, h / 2), (later, h))
         wrenches = [body_wrench(c, terms, force, time + elapsed) for force, elapsed in stages]
     else:
         wrenches = [body_wrench(c, terms, later, time)] * 3
