@@ -1,0 +1,126 @@
+"""The charts of the report: curves over time, errors by horizon, shares, intervals."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from markupsafe import Markup
+
+from auv_torchrl.diagnosis.report.svg import circle, line, number, polyline, rect, svg, text, ticks
+from auv_torchrl.diagnosis.verdict import Errors, Estimate
+from auv_torchrl.flightlog.log import Floats
+
+_WIDTH, _HEIGHT = 300.0, 170.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 22.0, 24.0
+_BAR = 16.0
+_DOTS = 36  # measured samples drawn per curve
+_LABEL = 26.0  # room that two labels need above each other
+
+
+def curves(title: str, unit: str, t: Floats, series: Mapping[str, Floats]) -> Markup:
+    """Curves (T,) over time (T,): ``measured`` as dots, the others as lines; the names are CSS classes."""
+    values = np.concatenate([np.asarray(v)[np.isfinite(v)] for v in series.values()])
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    margin = max(0.06 * (high - low), 1e-3)
+    low, high = low - margin, high + margin
+    start, stop = float(t[0]), float(t[-1])
+
+    def across(time: Floats) -> Floats:
+        return _LEFT + (np.asarray(time) - start) / (stop - start) * (_WIDTH - _LEFT - _RIGHT)
+
+    def down(value: Floats) -> Floats:
+        return _HEIGHT - _BOTTOM - (np.asarray(value) - low) / (high - low) * (_HEIGHT - _TOP - _BOTTOM)
+
+    parts = [text(_LEFT, 13, f"{title}, {unit}", "title")]
+    for tick in ticks(low, high):
+        y = float(down(np.array(tick)))
+        parts += [line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"), text(_LEFT - 5, y + 3.5, f"{tick:g}", "tick", "end")]
+    for tick in ticks(start, stop, 5):
+        x = float(across(np.array(tick)))
+        parts.append(text(x, _HEIGHT - 8, f"{tick:g} s", "tick", "middle"))
+    for name in sorted(series, key=lambda name: name == "measured"):
+        y = down(series[name])
+        if name != "measured":
+            parts.append(polyline(across(t).tolist(), y.tolist(), f"curve {name}"))
+            continue
+        every = max(1, len(t) // _DOTS)
+        points = zip(across(t)[::every], y[::every], strict=True)
+        parts += [circle(float(a), float(b), 2.6, "dot measured") for a, b in points if np.isfinite(b)]
+    return svg(_WIDTH, _HEIGHT, f"{title} over time: {', '.join(series)}", parts, "chart")
+
+
+def horizons(title: str, unit: str, horizon_s: Sequence[float], errors: Errors) -> Markup:
+    """Errors before, after and the floor over the horizon, on a logarithmic scale."""
+    curves_of = {"before": errors.before, "after": errors.after, "floor": errors.floor}
+    positive = [value for values in curves_of.values() for value in values if value > 0] or [1.0]
+    low, high = math.log10(min(positive)) - 0.12, math.log10(max(positive)) + 0.22
+    slot = (_WIDTH - _LEFT - _RIGHT) / len(horizon_s)
+    xs = [_LEFT + (i + 0.5) * slot for i in range(len(horizon_s))]
+
+    def down(value: float) -> float:
+        share = (math.log10(value) - low) / (high - low) if value > 0 else 0.0
+        return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
+
+    parts = [text(_LEFT, 13, f"{title}, {unit}", "title")]
+    for power in range(low, high + 1):
+        y = down(10.0**power)
+        parts += [
+            line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"),
+            text(_LEFT - 5, y + 3.5, f"{10.0**power:g}", "tick", "end"),
+        ]
+    for x, horizon in zip(xs, horizon_s, strict=True):
+        parts.append(text(x, _HEIGHT - 8, f"{horizon:g} s", "tick", "middle"))
+    for name, values in reversed(curves_of.items()):
+        ys = [down(value) for value in values]
+        parts.append(polyline(xs, ys, f"curve {name}"))
+        if name == "floor":
+            continue
+        for x, y, value, first in zip(xs, ys, values, errors.before, strict=True):
+            parts.append(circle(x, y, 3.5, f"bar {name}"))
+            if name == "before" or y - down(first) > _LABEL:
+                parts.append(text(x, y - 7, number(value, 2), f"value {name}", "middle"))
+    label = f"{title} after {', '.join(f'{h:g} s' for h in horizon_s)}: before, after and floor"
+    return svg(_WIDTH, _HEIGHT, label, parts, "chart")
+
+
+def shares(label: str, values: Mapping[str, float], css: str = "share") -> Markup:
+    """Horizontal bars of shares in [0, 1], in the order given."""
+    parts = []
+    for i, (name, value) in enumerate(values.items()):
+        y = i * (_BAR + 6)
+        parts.append(text(138, y + 12, name, "name", "end"))
+        parts.append(rect(144, y, 130, _BAR, "track"))
+        parts.append(rect(144, y, 130 * min(max(value, 0.0), 1.0), _BAR, f"bar {css}"))
+        parts.append(text(280, y + 12, percent(value), "value"))
+    return svg(330, max(len(values), 1) * (_BAR + 6), label, parts, "shares")
+
+
+def interval(estimate: Estimate) -> Markup:
+    """The estimate with its interval, and a tick at the nominal value."""
+    finite = [v for v in (estimate.value, estimate.low, estimate.high, estimate.nominal) if np.isfinite(v)]
+    low, high = min(finite), max(finite)
+    span = (high - low) or 1.0
+    low, high = low - 0.1 * span, high + 0.1 * span
+
+    def across(value: float) -> float:
+        return 4 + 152 * (min(max(value, low), high) - low) / (high - low)
+
+    parts = [
+        line(4, 10, 156, 10, "grid"),
+        line(across(estimate.nominal), 2, across(estimate.nominal), 18, "nominal"),
+        line(across(estimate.low), 10, across(estimate.high), 10, "interval"),
+        circle(across(estimate.value), 10, 4, "point"),
+    ]
+    label = f"{number(estimate.value)} in {number(estimate.low)} to {number(estimate.high)}"
+    return svg(160, 20, f"{label}, nominal {number(estimate.nominal)}", parts, "interval")
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent, honest at both ends."""
+    if share is None or not np.isfinite(share):
+        return "–"
+    if 0 < share < 0.005:
+        return "<\u202f1\u202f%"
+    if 0.995 < share < 1:
+        return ">\u202f99\u202f%"
+    return f"{100 * share:.0f}\u202f%"

@@ -1,0 +1,167 @@
+"""report.html: what a diagnosis says, on one page that needs nothing else."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from auv_torchrl import __version__
+from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
+from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
+from auv_torchrl.diagnosis.report.svg import number
+from auv_torchrl.diagnosis.verdict import Diagnosis, Verdict, Window
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.flightlog import POSE, VELOCITY
+from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
+
+_HERE = Path(__file__).parent
+_UNITS: dict[str, str] = dict(
+    zip(POSE + VELOCITY, ("m",) * 3 + ("rad",) * 3 + ("m/s",) * 3 + ("rad/s",) * 3, strict=True)
+)
+_TITLES: dict[str, str] = {
+    "x": "north", "y": "east", "z": "depth", "roll": "roll", "pitch": "pitch", "yaw": "heading", "u": "surge speed",
+    "v": "sway speed", "w": "heave speed", "p": "roll rate", "q": "pitch rate", "r": "yaw rate",
+}  # fmt: skip
+_FIRST_CANDIDATES = 8
+_CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are marked where no thruster is at fault
+_GLYPH = {Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○"}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A measured stretch beside its simulations."""
+
+    title: str
+    charts: Sequence[Markup]
+
+
+def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
+    """The page as HTML.
+
+    Args:
+        diagnosis: with its windows, which the curves are drawn from.
+        vehicle: the nominal vehicle, no batch, for the drawing.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_HERE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {"percent": percent, "number": number, "words": words}
+    environment.globals |= {"interval": interval}
+    thrusters = sorted({i for effect in diagnosis.effects for i in effect.thrusters})
+    axes = [] if thrusters or diagnosis.verdict is Verdict.NO_GAP else _clear_axes(diagnosis)
+    candidates = [candidate for candidate in diagnosis.candidates if np.isfinite(candidate.probability)]
+    return environment.get_template("page.html.j2").render(
+        d=diagnosis,
+        verdict=diagnosis.verdict,
+        glyph=_GLYPH[diagnosis.verdict],
+        version=__version__,
+        style=Markup((_HERE / "style.css").read_text()),
+        drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
+        thrusters=thrusters,
+        axes=axes,
+        figures=_figures(diagnosis.windows),
+        gap_charts=_gap_charts(diagnosis),
+        facts=_facts(diagnosis),
+        where=_where(diagnosis),
+        ranking=shares(
+            "Probability of each effect",
+            {words(c.name): c.probability for c in candidates[:_FIRST_CANDIDATES]},
+        ),
+        further=candidates[_FIRST_CANDIDATES:],
+        meaning={name: effect.meaning for name, effect in EFFECTS.items()},
+    )
+
+
+def words(name: str) -> str:
+    """``thruster_gain`` as people write it; ``gain_4`` is left alone."""
+    return name.replace("_", " ")
+
+
+def _clear_axes(diagnosis: Diagnosis) -> list[str]:
+    named = {part for effect in diagnosis.effects for name in effect.parameters for part in name.split("_")}
+    from_effects = [axis for axis in DEGREES_OF_FREEDOM if axis in named]
+    return from_effects or [axis for axis, share in diagnosis.where.dof.items() if share > _CLEAR_SHARE]
+
+
+def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """The few numbers beside the verdict."""
+    facts = [("of the gap closed", percent(diagnosis.gap.closed))] if diagnosis.gap.closed is not None else []
+    for errors, unit, name in (
+        (diagnosis.gap.position_m, "m", "position error"),
+        (diagnosis.gap.velocity, "m/s", "velocity error"),
+    ):
+        if errors is not None and errors.before:
+            horizon = diagnosis.gap.horizon_s[-1]
+            change = f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)} {unit}"
+            facts.append(
+                (f"{name} after {horizon:g} s, before and after (floor {number(errors.floor[-1], 2)})", change)
+            )
+            break
+    if diagnosis.effects:
+        first = diagnosis.effects[0]
+        facts.append((f"probability of {words(first.name)}", percent(first.probability)))
+    if diagnosis.input_mappable is not None:
+        facts.append(("of the gap that remapping the commands could close", percent(diagnosis.input_mappable)))
+    return facts
+
+
+def _gap_charts(diagnosis: Diagnosis) -> list[Markup]:
+    gap = diagnosis.gap
+    kinds = (("Position error", "m", gap.position_m), ("Heading error", "rad", gap.yaw_rad),
+             ("Velocity error", "m/s", gap.velocity))  # fmt: skip
+    return [horizons(title, unit, gap.horizon_s, errors) for title, unit, errors in kinds if errors is not None]
+
+
+def _where(diagnosis: Diagnosis) -> list[tuple[str, Markup]]:
+    where = diagnosis.where
+    numbered = {f"thruster {name}": share for name, share in where.thruster.items()}
+    kinds = (("by degree of freedom", where.dof), ("by origin", where.origin), ("by thruster", numbered))
+    return [(title, shares(f"Share of the gap {title}", values)) for title, values in kinds if values]
+
+
+def _figures(windows: Sequence[Window]) -> list[Figure]:
+    """A typical window and the one that is explained worst."""
+    if not windows:
+        return []
+    order = np.argsort([_misfit(window) for window in windows])
+    typical, worst = windows[order[len(order) // 2]], windows[order[-1]]
+    shown = {"A typical held-out stretch": typical}
+    if worst is not typical:
+        shown["The held-out stretch that is explained worst"] = worst
+    return [
+        Figure(f"{title}: episode {w.episode}, {w.t[0]:.1f} to {w.t[-1]:.1f} s", list(_window_charts(w)))
+        for title, w in shown.items()
+    ]
+
+
+def _misfit(window: Window) -> float:
+    """Size of what is left after the effects are in, each axis in units of its own motion."""
+    left = []
+    for kind in ("pose", "velocity"):
+        measured = getattr(window.measured, kind)
+        seen = np.isfinite(measured).all(axis=0)
+        scale = measured[:, seen].std(axis=0) + 1e-3
+        left.append((np.abs(getattr(window.after, kind)[:, seen] - measured[:, seen]) / scale).mean(axis=0))
+    every = np.concatenate(left)
+    return float(np.nan_to_num(every, nan=np.inf).mean()) if len(every) else 0.0
+
+
+def _window_charts(window: Window) -> Iterable[Markup]:
+    velocity_seen = np.isfinite(window.measured.velocity[:, [0, 1, 2, 5]]).all()
+    kind, names, axes = ("velocity", VELOCITY, "uvwr") if velocity_seen else ("pose", POSE, ("x", "y", "z", "yaw"))
+    for axis in axes:
+        column = names.index(axis)
+        series = {}
+        for name in ("measured", "before", "after"):
+            values = getattr(getattr(window, name), kind)[:, column]
+            series[name] = np.unwrap(values) if axis == "yaw" else values
+        if np.isfinite(series["measured"]).any():
+            if axis == "yaw":
+                first = series["measured"][0]
+                for name in ("before", "after"):
+                    series[name] = series[name] - 2 * np.pi * np.round((series[name][0] - first) / (2 * np.pi))
+            yield curves(_TITLES[axis], _UNITS[axis], window.t, series)
