@@ -23,6 +23,7 @@ from auv_torchrl.vehicle import Vehicle
 
 ROUNDS = 12  # of drawing an effect again until it shows clearly
 AXES = ("x", "y", "z", "yaw")  # what the logs hold of the pose
+START = np.array([1, 1, 1, np.pi, 0.3, 0.3, 0.2, 0.5])  # m, rad, m/s, rad/s; half widths
 NOISE = np.array([POSITION_NOISE] * 3 + [ATTITUDE_NOISE] * 3)
 
 log = logging.getLogger(__name__)
@@ -112,11 +113,11 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
             plant.loosen(part, draw.slack)
         if draw.onset_s is None:
             _break(plant, part, draw)
-    starts = [draw.rng.uniform([-1, -1, -1, -np.pi], [1, 1, 1, np.pi], (draw.case.episodes, 4)) for draw in draws]
+    starts = [draw.rng.uniform(-1, 1, (draw.case.episodes, 8)) * START for draw in draws]
     pilots = [Pilots(vehicle, np.arange(d.case.episodes) % 2 == 0, duration, d.rng) for d in draws]
     noise = [d.case.noise * NOISE * d.rng.standard_normal((steps, d.case.episodes, 6)) for d in draws]
     start = np.concatenate(starts)
-    plant.reset(start[:, :3], start[:, 3])
+    plant.reset(start[:, :3], start[:, 3], start[:, 4:])
     pose, velocity, measured = (np.empty((total, steps, 6)) for _ in range(3))
     sent = np.empty((total, steps, plant.thrusters))
     for step in range(steps):

@@ -125,10 +125,10 @@ class ForeignPlant:
         self.mass_scale[rows] *= slack.mass
         self._prepare()
 
-    def reset(self, position: np.ndarray, yaw: np.ndarray) -> None:
-        """Start every vehicle at rest at (rows, 3) m and (rows,) rad with silent thrusters."""
+    def reset(self, position: np.ndarray, yaw: np.ndarray, velocity: np.ndarray) -> None:
+        """Start at (rows, 3) m, (rows,) rad, with u, v, w, r (rows, 4) in m/s and rad/s and silent thrusters."""
         self.position, self.yaw = position.astype(float).copy(), yaw.astype(float).copy()
-        self.velocity = np.zeros((self.rows, 4))
+        self.velocity = velocity.astype(float).copy()
         self.thrust = np.zeros((self.rows, 6))
         self.time = 0.0
         self._steps = 0

@@ -14,7 +14,7 @@ from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, rotation_matrix
 from auv_torchrl.physics.sensors import measured_pose
 from auv_torchrl.physics.step import memory_length, push
-from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 _FAR = 1e4  # m, where the tether that stands for a constant earth-frame force is anchored
 
@@ -55,15 +55,17 @@ class MujocoPlant:
         self.vehicles[rows] = vehicles
         self.coefficients = prepare(self.vehicles).numpy()
 
-    def reset(self, position: np.ndarray, yaw: np.ndarray) -> None:
-        """Start every vehicle at rest at (rows, 3) m and (rows,) rad with silent thrusters."""
+    def reset(self, position: np.ndarray, yaw: np.ndarray, velocity: np.ndarray) -> None:
+        """Start at (rows, 3) m, (rows,) rad, with u, v, w, r (rows, 4) in m/s and rad/s and silent thrusters."""
         zero = np.zeros(self.rows)
         memory = memory_length(float(self.coefficients.delay.max()), self.control_dt)
         quaternion = quaternion_from_euler(zero, zero, yaw)
-        self.state = rest_state(position, quaternion, np.zeros((self.rows, 6)), self.thrusters, memory)
+        moving = np.zeros((self.rows, 6))
+        moving[:, list(CONTROLLED_INDEX)] = velocity
+        self.state = rest_state(position, quaternion, moving, self.thrusters, memory)
         length = memory_length(float(self.coefficients.pose_delay.max()), self.control_dt)
         self.poses = np.repeat(self._pose()[:, None], length, axis=1)
-        self.velocities = np.zeros((self.rows, length, 6))
+        self.velocities = np.repeat(moving[:, None], length, axis=1)
 
     def step(self, commands: np.ndarray, influences: Influences) -> None:
         """Hold commands (rows, n) for one control step."""

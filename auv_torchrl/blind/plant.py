@@ -53,8 +53,8 @@ class Plant(Protocol):
         """Give some vehicles an effect of the library, before or during a flight."""
         ...
 
-    def reset(self, position: np.ndarray, yaw: np.ndarray) -> None:
-        """Start every vehicle at rest at (rows, 3) m and (rows,) rad with silent thrusters."""
+    def reset(self, position: np.ndarray, yaw: np.ndarray, velocity: np.ndarray) -> None:
+        """Start at (rows, 3) m, (rows,) rad, with u, v, w, r (rows, 4) in m/s and rad/s and silent thrusters."""
         ...
 
     def step(self, commands: np.ndarray, influences: Influences) -> None:
