@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any
 
+import numpy as np
+
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import Floats
 
@@ -49,7 +51,7 @@ class Where:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter with its 95 % interval."""
+    """A parameter with its 95 % interval, infinite where the log does not bound it (null in the file)."""
 
     value: float
     low: float
@@ -166,7 +168,7 @@ class Diagnosis:
             "indistinguishable": _plain(self.indistinguishable),
             "next_experiment": experiment and {"why": experiment.why, "commands": experiment.commands},
             "gap": _plain(self.gap),
-            "input_mappable": self.input_mappable,
+            "input_mappable": _plain(self.input_mappable),
             "detectable": _plain(self.detectable),
             "cannot_tell": list(self.cannot_tell),
             "findings": _plain(self.findings),
@@ -203,7 +205,7 @@ class Diagnosis:
                 held_out_episodes=tuple(gap["held_out_episodes"]),
             ),
             input_mappable=content["input_mappable"],
-            detectable={name: Estimate(**size) for name, size in content["detectable"].items()},
+            detectable={name: _estimate(size) for name, size in content["detectable"].items()},
             cannot_tell=tuple(content["cannot_tell"]),
             findings=tuple(_finding(finding) for finding in content["findings"]),
         )
@@ -216,7 +218,14 @@ def _plain(value: Any) -> Any:
         return {key: _plain(entry) for key, entry in value.items()}
     if hasattr(value, "__dataclass_fields__"):
         return _plain(asdict(value))
-    return value
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None  # JSON has no infinity
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def _estimate(content: Mapping[str, Any]) -> Estimate:
+    unbounded: dict[str, Any] = {"low": -np.inf, "high": np.inf}
+    return Estimate(**{name: unbounded.get(name) if value is None else value for name, value in content.items()})
 
 
 def _errors(content: Mapping[str, Any] | None) -> Errors | None:
@@ -224,7 +233,7 @@ def _errors(content: Mapping[str, Any] | None) -> Errors | None:
 
 
 def _found_effect(content: Mapping[str, Any]) -> FoundEffect:
-    parameters = {name: Estimate(**estimate) for name, estimate in content["parameters"].items()}
+    parameters = {name: _estimate(estimate) for name, estimate in content["parameters"].items()}
     return FoundEffect(**{**content, "parameters": parameters, "thrusters": tuple(content["thrusters"])})
 
 

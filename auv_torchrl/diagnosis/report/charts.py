@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
-from auv_torchrl.diagnosis.report.svg import circle, line, number, polyline, rect, svg, text, ticks
+from auv_torchrl.diagnosis.report.svg import circle, decades, line, number, polyline, rect, svg, text, ticks
 from auv_torchrl.diagnosis.verdict import Errors, Estimate
 from auv_torchrl.flightlog.log import Floats
 
@@ -62,12 +62,9 @@ def horizons(title: str, unit: str, horizon_s: Sequence[float], errors: Errors) 
         return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
 
     parts = [text(_LEFT, 13, f"{title}, {unit}", "title")]
-    for power in range(low, high + 1):
-        y = down(10.0**power)
-        parts += [
-            line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"),
-            text(_LEFT - 5, y + 3.5, f"{10.0**power:g}", "tick", "end"),
-        ]
+    for tick in decades(low, high):
+        y = down(tick)
+        parts += [line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"), text(_LEFT - 5, y + 3.5, f"{tick:g}", "tick", "end")]
     for x, horizon in zip(xs, horizon_s, strict=True):
         parts.append(text(x, _HEIGHT - 8, f"{horizon:g} s", "tick", "middle"))
     for name, values in reversed(curves_of.items()):

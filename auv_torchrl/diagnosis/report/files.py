@@ -1,0 +1,83 @@
+"""The files that a diagnosis leaves in its folder."""
+
+import json
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from auv_torchrl.diagnosis.report.page import report_page
+from auv_torchrl.diagnosis.report.recording import record_diagnosis
+from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
+from auv_torchrl.diagnosis.verdict import Diagnosis, Window
+from auv_torchrl.flightlog import POSE, VELOCITY
+from auv_torchrl.vehicle import Vehicle
+
+log = logging.getLogger(__name__)
+
+
+def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path) -> list[Path]:
+    """Write diagnosis.json, report.html, scenario.yaml and what goes with them; each appears complete or not at all.
+
+    Args:
+        diagnosis: what to write.
+        vehicle: the nominal vehicle, no batch.
+        folder: where to; it must hold none of these files.
+
+    Returns:
+        The files, in the order in which people look at them.
+
+    Raises:
+        FileExistsError: if one is there already.
+    """
+    content = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    writers: dict[str, Callable[[Path], object]] = {
+        "report.html": lambda path: path.write_text(report_page(diagnosis, vehicle), encoding="utf-8"),
+        "diagnosis.json": lambda path: path.write_text(content, encoding="utf-8"),
+        "scenario.yaml": lambda path: path.write_text(scenario_yaml(diagnosis, vehicle), encoding="utf-8"),
+        "randomization.yaml": lambda path: path.write_text(randomization_yaml(diagnosis, vehicle), encoding="utf-8"),
+        "predictions.parquet": lambda path: pyarrow.parquet.write_table(predictions(diagnosis.windows), path),
+    }
+    experiment = diagnosis.next_experiment
+    if experiment is not None and experiment.t is not None and experiment.thruster_commands is not None:
+        commands = {"t": np.round(experiment.t, 6)}
+        commands |= {f"cmd_{i + 1}": np.round(c, 6) for i, c in enumerate(experiment.thruster_commands.T)}
+        writers[experiment.commands] = lambda path: pyarrow.csv.write_csv(pa.table(commands), path)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, write in writers.items():
+        target = folder / name
+        if target.exists():
+            raise FileExistsError(f"{target} exists: give another output folder or delete it")
+        partial = folder / f".{name}.partial"
+        write(partial)
+        partial.replace(target)
+        written.append(target)
+    record_diagnosis(diagnosis, vehicle, folder / "diagnosis.rrd")
+    return [*written, folder / "diagnosis.rrd"]
+
+
+def predictions(windows: tuple[Window, ...]) -> pa.Table:
+    """Held-out windows, one row per sample: window, episode, t, commands, then measured, before and after by axis."""
+    columns: dict[str, list[np.ndarray]] = {}
+
+    def add(name: str, values: np.ndarray) -> None:
+        columns.setdefault(name, []).append(values)
+
+    for number, window in enumerate(windows):
+        length = len(window.t)
+        add("window", np.full(length, number))
+        add("episode", np.full(length, window.episode))
+        add("t", window.t)
+        for i in range(window.commands.shape[1]):
+            add(f"cmd_{i + 1}", window.commands[:, i])
+        for kind in ("measured", "before", "after"):
+            trajectory = getattr(window, kind)
+            values = np.hstack((trajectory.pose, trajectory.velocity))
+            for i, axis in enumerate((*POSE, *VELOCITY)):
+                add(f"{kind}_{axis}", values[:, i])
+    return pa.table({name: np.concatenate(parts) for name, parts in columns.items()})

@@ -1,0 +1,113 @@
+"""diagnosis.rrd: the held-out windows one after the other, with the vehicle measured, before and after side by side."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+import torch
+
+from auv_torchrl.diagnosis.verdict import Diagnosis, Trajectory, Window
+from auv_torchrl.evaluation import Flight
+from auv_torchrl.flightlog import POSE, VELOCITY
+from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.palette import NEUTRAL, U_S, U_T, rgb
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
+from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.recording.body import record_vehicle
+from auv_torchrl.vehicle import Vehicle
+
+COLOUR = {"measured": NEUTRAL, "before": U_S, "after": U_T}
+PAUSE_S = 0.5  # between windows on the common timeline
+
+
+def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path) -> None:
+    """Write a recording of the windows of a diagnosis.
+
+    Args:
+        diagnosis: with its windows.
+        vehicle: the nominal vehicle, no batch.
+        path: of the .rrd file; it must not exist.
+
+    Raises:
+        FileExistsError: if there is such a file.
+    """
+    if path.exists():
+        raise FileExistsError(f"the recording {path} exists already: give another output folder or delete it")
+    partial = path.with_name(f".{path.name}.partial")
+    seen = [axis for axis in (*POSE, *VELOCITY) if any(_measured(window, axis) for window in diagnosis.windows)]
+    with rr.RecordingStream("auv_torchrl diagnose") as recording:
+        recording.save(partial, default_blueprint=_blueprint(seen))
+        recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
+        about = f"# {diagnosis.verdict.key.replace('_', ' ')}\n\n{diagnosis.summary}\n\n" + "\n".join(
+            f"- {effect.sentence}" for effect in diagnosis.effects
+        )
+        recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
+        if diagnosis.windows:
+            _record_windows(recording, diagnosis.windows, vehicle, seen)
+    partial.replace(path)
+
+
+def _record_windows(
+    recording: rr.RecordingStream, windows: Sequence[Window], vehicle: Vehicle, seen: list[str]
+) -> None:
+    starts = np.cumsum([0.0, *(window.t[-1] - window.t[0] + PAUSE_S for window in windows)])
+    time = np.concatenate([window.t - window.t[0] + start for window, start in zip(windows, starts, strict=False)])
+    commands = np.concatenate([window.commands for window in windows])
+    for name, colour in COLOUR.items():
+        trajectories: list[Trajectory] = [getattr(window, name) for window in windows]
+        poses = [_shown_pose(w.t, trajectory) for w, trajectory in zip(windows, trajectories, strict=True)]
+        flight = _flight(time, np.concatenate(poses), commands, vehicle)
+        record_vehicle(recording, f"world/{name}", vehicle, flight, colour)
+        paths = rr.LineStrips3D([pose[:, :3] for pose in poses], colors=[rgb(colour)], radii=0.006)
+        recording.log(f"world/paths/{name}", paths, static=True)
+        values = np.concatenate([np.hstack((t.pose, t.velocity)) for t in trajectories])
+        for axis in seen:
+            entity = f"axes/{axis}/{name}"
+            style = rr.SeriesLines(names=[name], colors=[rgb(colour)], widths=[2.0])
+            recording.log(entity, style, static=True)
+            column = values[:, (*POSE, *VELOCITY).index(axis)]
+            recording.send_columns(entity, [rr.TimeColumn("time", duration=time)], rr.Scalars.columns(scalars=column))
+
+
+def _measured(window: Window, axis: str) -> bool:
+    both = np.hstack((window.measured.pose, window.measured.velocity))
+    return bool(np.isfinite(both[:, (*POSE, *VELOCITY).index(axis)]).any())
+
+
+def _shown_pose(t: Floats, trajectory: Trajectory) -> Floats:
+    """Pose (T, 6) to draw: angles that are not measured are 0, a position that is not measured follows the velocity."""
+    pose = trajectory.pose.copy()
+    velocity = np.nan_to_num(trajectory.velocity)
+    steps = np.diff(t, prepend=t[0])[:, None]
+    if np.isnan(pose[:, 5]).any():
+        pose[:, 5] = np.cumsum(velocity[:, 5] * steps[:, 0])
+    pose[:, 3:] = np.nan_to_num(pose[:, 3:])
+    if np.isnan(pose[:, :3]).any():
+        earth = matvec(rotation_matrix(quaternion_from_euler(*pose[:, 3:].T)), velocity[:, :3])
+        pose[:, :3] = np.where(np.isnan(pose[:, :3]), np.cumsum(earth * steps, axis=0), pose[:, :3])
+    return pose
+
+
+def _flight(time: Floats, pose: Floats, commands: Floats, vehicle: Vehicle) -> Flight:
+    """What :func:`record_vehicle` draws; the thrust is what a nominal vehicle makes of the commands."""
+    coefficients = prepare(vehicle).numpy()
+    thrust = thrust_target(coefficients, ActiveTerms.of(coefficients), commands)
+    nothing = np.zeros((len(time), 4))
+    fields = {
+        "time": time, "position": pose[:, :3], "quaternion": quaternion_from_euler(*pose[:, 3:].T),
+        "velocity": np.zeros((len(time), 6)), "thrust": thrust, "command": commands, "action": nothing,
+        "applied_action": nothing,
+    }  # fmt: skip
+    return Flight.from_dict({k: torch.from_numpy(v) for k, v in fields.items()}, batch_size=[len(time)])
+
+
+def _blueprint(axes: list[str]) -> rrb.Blueprint:
+    scene = rrb.Spatial3DView(origin="world", name="measured grey, before red, after blue; NED in m")
+    plots = [rrb.TimeSeriesView(origin=f"axes/{axis}", name=axis) for axis in axes]
+    about = rrb.TextDocumentView(origin="about", name="Diagnosis")
+    left = rrb.Vertical(scene, about, row_shares=[3, 1])
+    right = rrb.Grid(*plots, grid_columns=2 if len(plots) > 4 else 1) if plots else about
+    return rrb.Blueprint(rrb.Horizontal(left, right), rrb.TimePanel(state="collapsed", timeline="time"))

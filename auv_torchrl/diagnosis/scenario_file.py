@@ -1,0 +1,72 @@
+"""What was found, as files that training reads: a scenario like any other, and ranges to randomize around it."""
+
+from typing import Any
+
+import numpy as np
+import yaml
+
+from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
+from auv_torchrl.effects import get_effect
+from auv_torchrl.vehicle import Vehicle
+
+_DIGITS = 6
+
+
+def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
+    """The effects with their values, for :func:`auv_torchrl.scenario.read_scenario`; intervals in comments.
+
+    Args:
+        diagnosis: what was found.
+        vehicle: the nominal vehicle, no batch.
+    """
+    lines = [
+        f"# {_one_line(diagnosis.summary)}",
+        f"# Found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.",
+    ]
+    lines.append("# Copy it to conf/scenario/NAME.yaml and train with +scenario=NAME.")
+    if diagnosis.where.onset_s is not None:
+        lines.append(
+            f"# The vehicle changed {diagnosis.where.onset_s:.1f} s into the log; here it is so from the start."
+        )
+    if not diagnosis.effects:
+        return "\n".join([*lines, "effects: {}", ""])
+    lines.append("effects:")
+    for found in diagnosis.effects:
+        lines.append(f"  {found.name}:")
+        for name, value in _values(found, vehicle).items():
+            e = found.parameters[name]
+            lines.append(
+                f"    {name}: {value!r}  # {e.unit}, 95 % in [{e.low:.4g}, {e.high:.4g}], nominal {e.nominal:.4g}"
+            )
+    return "\n".join([*lines, ""])
+
+
+def randomization_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
+    """The 95 % intervals, for :func:`auv_torchrl.envs.randomize.read_ranges`; swapped commands have none."""
+    ranges: dict[str, Any] = {}
+    for found in diagnosis.effects:
+        declared = get_effect(found.name).member_parameters(vehicle)
+        members = {}
+        for name, estimate in found.parameters.items():
+            bounds = declared[name]
+            if not bounds.discrete:
+                low, high = np.clip((estimate.low, estimate.high), bounds.low, bounds.high)
+                members[name] = [round(float(low), _DIGITS), round(float(high), _DIGITS)]
+        if members:
+            ranges[found.name] = members
+    head = f"# 95 % intervals of what was found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.\n"
+    return head + yaml.safe_dump(ranges, sort_keys=False, default_flow_style=None)
+
+
+def _values(found: FoundEffect, vehicle: Vehicle) -> dict[str, float]:
+    """Values within the bounds of the effect; counts as whole numbers."""
+    declared = get_effect(found.name).member_parameters(vehicle)
+    values = {}
+    for name, estimate in found.parameters.items():
+        value = float(np.clip(estimate.value, declared[name].low, declared[name].high))
+        values[name] = float(round(value)) if declared[name].discrete else round(value, _DIGITS)
+    return values
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
