@@ -44,8 +44,8 @@ class Actuation(nn.Module):
                 f"{int(torch.linalg.matrix_rank(full))} of {len(CONTROLLED)}): check thruster positions and the mixer"
             )
         self.coefficients = Coefficients(*(field.float() for field in c))
-        self.register_buffer("mixer", mixer.float())
-        self.register_buffer("channels_per_share", torch.linalg.solve(full, per_share).float())
+        self.register_buffer("mixer", mixer.float(), persistent=False)
+        self.register_buffer("channels_per_share", torch.linalg.solve(full, per_share).float(), persistent=False)
 
     def _apply(self, fn: Any, recurse: bool = True) -> Any:
         self.coefficients = Coefficients(*(fn(field) for field in self.coefficients))
@@ -121,20 +121,33 @@ class ControlSpace(nn.Module, ABC):
 class Channels(ControlSpace):
     """The four command channels, as in the paper; limited so that no thruster saturates either."""
 
+    unmixer: Tensor  # (4, n)
+
     def __init__(self, actuation: Actuation):
         rows = torch.cat((actuation.mixer, torch.eye(len(CONTROLLED))))
         one = torch.ones(len(rows))
         super().__init__(rows, -one, one, torch.eye(len(CONTROLLED)))
         self.actuation = actuation
+        self.register_buffer("unmixer", torch.linalg.pinv(actuation.mixer), persistent=False)
+
+    def encode(self, command: Tensor) -> Tensor:
+        """Channels (..., 4) less what falls into the thrusters' dead band."""
+        return self._heard(command) @ self.unmixer.mT
 
     def informative(self, command: Tensor) -> Tensor:
-        """Not where a thruster that is asked for something lies inside its dead band, or saturates.
+        """Where some thruster turns, and what the thrusters hear is still a combination of channels.
 
-        There the wrench is no linear function of the channels, and such pairs would bias G.
+        A heave command inside the dead band is no heave command. But where one of the thrusters that share a
+        channel is silent and another is not, the wrench is no function of channels, and would bias G.
         """
-        thrusters = command @ self.actuation.mixer.mT
-        silent = (thrusters.abs() > EDGE) & (self.actuation.delivered(thrusters) == 0)
-        return ~(silent | (thrusters.abs() > 1 + EDGE)).any(-1)
+        heard = self._heard(command)
+        combined = heard @ self.unmixer.mT @ self.actuation.mixer.mT
+        return (heard != 0).any(-1) & ((heard - combined).abs() < EDGE).all(-1)
+
+    def _heard(self, command: Tensor) -> Tensor:
+        """Thruster commands (..., n) after limits, zero where the dead band leaves no thrust."""
+        thrusters = (command @ self.actuation.mixer.mT).clamp(-1.0, 1.0)
+        return torch.where(self.actuation.delivered(thrusters) != 0, thrusters, 0.0)
 
 
 class Thrusters(ControlSpace):

@@ -72,6 +72,9 @@ class AffineMap(nn.Module):
         self.standard_error[which] = (variance * spread).sqrt()[which].float()
         self.inverse.set_weight(self.weight)
 
+    def refine(self, pairs: Pairs, which: Tensor) -> None:
+        """What is worth doing once after the last of several fits; nothing, because :meth:`fit` is exact."""
+
     @torch.no_grad()
     def gradient_step(self, pairs: Pairs, which: Tensor, rate: float) -> None:
         """One step down the gradient of Eq. 8 over the bag (Eq. 9), for the maps in ``which`` (m,).

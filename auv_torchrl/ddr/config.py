@@ -22,12 +22,12 @@ class AdapterConfig:
     bag_cap: int = 400
     least_pairs: int = 12
     ridge: float = 1e-3
-    tolerance: float = 0.015
+    tolerance: float = 0.005
     threshold: float = 0.15
     window: int = 4
     gradient_rate: float = 0.1
     hidden: int = 16
-    network_steps: int = 150
+    network_steps: int = 60
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -7,6 +7,8 @@ from auv_torchrl.ddr.affine import AffineMap
 from auv_torchrl.ddr.bag import Bag, Pairs, bag_size
 from auv_torchrl.ddr.config import AdapterConfig
 
+IMPOSSIBLE = 4.0  # full commands; no fault makes thrusters that strong, a jump of the measurement does
+
 
 class MapLearner(nn.Module):
     """Keeps m maps up to date with the transitions of the target.
@@ -24,7 +26,7 @@ class MapLearner(nn.Module):
 
     uncertain: Tensor  # (m,) bool
     residual: Tensor  # (m, window) newest values of Eq. 8, newest last
-    ignored: Tensor  # () pairs left out because a measurement or a command was not finite
+    ignored: Tensor  # () pairs left out because a measurement was not finite or jumped impossibly
 
     def __init__(self, g: AffineMap, states: int, config: AdapterConfig):
         super().__init__()
@@ -47,9 +49,9 @@ class MapLearner(nn.Module):
             source: (N, 4) R(x, x').
             valid: (N,) bool, transitions that happened.
         """
-        finite = (state.isfinite().all(-1) & command.isfinite().all(-1) & source.isfinite().all(-1)) | ~valid
-        self.ignored += (~finite).sum()
-        use = valid & finite & self.g.space.informative(command)
+        possible = state.isfinite().all(-1) & command.isfinite().all(-1) & (source.abs() < IMPOSSIBLE).all(-1)
+        self.ignored += (valid & ~possible).sum()
+        use = valid & possible & self.g.space.informative(command)
         maps = self.uncertain.shape[0]
         control = self.g.space.encode(command)
 
@@ -81,12 +83,16 @@ class MapLearner(nn.Module):
         settled = ~self.uncertain & new
         if bool(refit.any()):
             self.g.fit(self.bag.pairs(), refit)
-            self.uncertain &= ~(refit & (self.g.standard_error < self.config.tolerance))
+            certain = refit & (self.g.standard_error < self.config.tolerance)
+            self.g.refine(self.bag.pairs(), certain)
+            self.uncertain &= ~certain
         if self.config.gradient_rate > 0 and bool(settled.any()):
             self.g.gradient_step(self.bag.pairs(), settled, self.config.gradient_rate)
 
     @torch.no_grad()
     def refit(self) -> None:
         """Fit all maps from scratch to what is in their bags."""
-        self.g.fit(self.bag.pairs(), self.bag.count >= self.config.least_pairs)
+        enough = self.bag.count >= self.config.least_pairs
+        self.g.fit(self.bag.pairs(), enough)
+        self.g.refine(self.bag.pairs(), enough)
         self.residual.zero_()

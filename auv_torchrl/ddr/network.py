@@ -42,13 +42,16 @@ class NetworkMap(AffineMap):
         return self.inverse.shrink(super().invert(state, tau) + self.h(torch.cat((state, tau), dim=-1)))
 
     def fit(self, pairs: Pairs, which: Tensor) -> None:
-        """Fit the affine part in closed form, then both networks from scratch."""
+        """Fit the affine part in closed form and silence the networks, which take longer to train."""
         super().fit(pairs, which)
-        if not bool(which.any()):
-            return
-        for parameter in (*self.g[-1].parameters(), *self.h[-1].parameters()):
-            parameter.zero_()
-        self._train(pairs, self.steps)
+        if bool(which.any()):
+            for parameter in (*self.g[-1].parameters(), *self.h[-1].parameters()):
+                parameter.zero_()
+
+    def refine(self, pairs: Pairs, which: Tensor) -> None:
+        """Train both networks on top of the affine fit."""
+        if bool(which.any()):
+            self._train(pairs, self.steps)
 
     def gradient_step(self, pairs: Pairs, which: Tensor, rate: float) -> None:
         """One gradient step of both networks over the bag."""

@@ -1,0 +1,44 @@
+"""F and R of the source vehicle, and where they are kept."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from auv_torchrl.ddr import PretrainingConfig
+from auv_torchrl.ddr.pretraining import source_transitions
+from auv_torchrl.ddr.store import load_or_pretrain
+
+
+def test_the_inverse_model_finds_the_realised_channels(models, vehicle, task):
+    """On transitions it has not seen R is off by less than 2 % of a full command (root mean square)."""
+    config = PretrainingConfig(transitions=2000, seed=99)
+    x, realised, following = (d.float() for d in source_transitions(vehicle, task, models, config))
+    assert (models.R(x, following) - realised).square().mean().sqrt() < 0.02
+    assert (models.F.under(x, realised) - following).square().mean().sqrt() < 0.05 * (following - x).std()
+
+
+def test_the_long_form_is_the_projection_onto_what_the_source_can_do(models):
+    """R(x, F(x, u)) is u as the source's dead band and limits let it through, to 2 % of a full command."""
+    state = 0.2 * (2 * torch.rand(200, 4, generator=torch.Generator().manual_seed(1)) - 1)
+    action = 2 * torch.rand(200, 4, generator=torch.Generator().manual_seed(2)) - 1
+    error = models.R(state, models.F(state, action)) - models.actuation.realised(action)
+    assert error.square().mean().sqrt() < 0.02
+
+
+def test_models_are_trained_once(tmp_path, vehicle, task):
+    """The second call returns the same networks from the file; other ingredients make another file."""
+    config = PretrainingConfig(transitions=200, iterations=3, hidden=4)
+    first = load_or_pretrain(vehicle, task, tmp_path, config)
+    (path,) = tmp_path.glob("*.safetensors")
+    written = path.stat().st_mtime_ns
+    second = load_or_pretrain(vehicle, task, tmp_path, config)
+    assert path.stat().st_mtime_ns == written
+    for name, tensor in first.state_dict().items():
+        torch.testing.assert_close(second.state_dict()[name], tensor, rtol=0, atol=0)
+    load_or_pretrain(vehicle, replace(task, control_dt=0.04), tmp_path, config)
+    assert len(list(tmp_path.glob("*.safetensors"))) == 2
+    path.write_bytes(b"damaged")
+    with pytest.raises(ValueError, match="move the file away"):
+        load_or_pretrain(vehicle, task, tmp_path, config)
+    assert path.read_bytes() == b"damaged"
