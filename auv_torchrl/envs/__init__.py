@@ -2,6 +2,7 @@
 
 from auv_torchrl.envs import headless  # isort: skip  # before anything imports MuJoCo
 from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.envs.gymnasium_env import RegulationEnv, RegulationVectorEnv
 from auv_torchrl.envs.make import BACKENDS, make_fleet
 from auv_torchrl.envs.mujoco_fleet import MujocoFleet
 from auv_torchrl.envs.randomize import RandomizeVehicle
@@ -13,7 +14,9 @@ __all__ = [
     "FleetEnv",
     "MujocoFleet",
     "RandomizeVehicle",
+    "RegulationEnv",
     "RegulationTask",
+    "RegulationVectorEnv",
     "TorchFleet",
     "headless",
     "make_fleet",

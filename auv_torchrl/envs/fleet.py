@@ -4,6 +4,7 @@ import logging
 from abc import abstractmethod
 from typing import Any
 
+import numpy as np
 import torch
 from array_api_compat import array_namespace
 from tensordict import TensorDict, TensorDictBase
@@ -13,6 +14,7 @@ from torchrl.envs import EnvBase
 
 from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.envs.rows import lengthened, with_rows
+from auv_torchrl.envs.scene import SIZE, Scene
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
 from auv_torchrl.physics.sensors import measured_pose
 from auv_torchrl.physics.step import memory_length, push
@@ -92,6 +94,7 @@ class FleetEnv(EnvBase):
         self._state = rest_state(zeros[:, :3], zeros[:, 3:], zeros[:, :6], vehicle.thrusters)
         self._poses = zeros[:, None]  # (N, L, 7) true poses, newest first
         self._start: dict[str, Array] = dict(zip(BODY, self._state[:3], strict=True))
+        self._scene: tuple[int, Scene] | None = None
         self._remember(first)
 
     # what a backend provides
@@ -119,6 +122,13 @@ class FleetEnv(EnvBase):
         """The vehicles as they are now, batch [N], effects of the scenario included."""
         phases = [self.scenario.vehicle_at(self._flown, time) for time in self._phase_starts]
         return torch.stack(phases)[self._phase, torch.arange(self.num_envs)]  # type: ignore[return-value]
+
+    def render(self, row: int = 0, size: tuple[int, int] = SIZE) -> np.ndarray:
+        """The vehicle of a row, with its own thrusters, as an RGB image (height, width, 3), uint8."""
+        if self._scene is None or self._scene[0] != row:
+            self._scene = row, Scene(self.vehicle[row])  # type: ignore[arg-type]
+        position, quaternion = (self._tensor(part[row], torch.float64).cpu().numpy() for part in self._state[:2])
+        return self._scene[1].photograph(position, quaternion, size)
 
     def _native_coefficients(self, coefficients: Coefficients) -> Coefficients:
         return Coefficients(*(self._native(field) for field in coefficients))

@@ -1,0 +1,146 @@
+"""The regulation task for gymnasium: ``gymnasium.make("auv_torchrl/Regulation-v0", vehicle="bluerov2")``."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+import yaml
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from tensordict import TensorDict, TensorDictBase
+
+from auv_torchrl.envs.fleet import BODY, FARTHEST, FleetEnv
+from auv_torchrl.envs.make import make_fleet
+from auv_torchrl.envs.regulation import RegulationTask
+from auv_torchrl.paths import config_path
+from auv_torchrl.scenario import read_scenario
+from auv_torchrl.vehicle import load_vehicle
+
+ID = "auv_torchrl/Regulation-v0"
+
+
+def fleet_by_names(
+    num_envs: int,
+    vehicle: str | Mapping[str, Any] = "paper",
+    backend: str = "mujoco",
+    task: RegulationTask | Mapping[str, Any] | None = None,
+    scenario: str | Mapping[str, Any] | None = None,
+) -> FleetEnv:
+    """A fleet from names or mappings as in ``conf``; errors list what there is."""
+    loaded = load_vehicle(vehicle)
+    name, config = "given", scenario
+    if isinstance(scenario, str):
+        name, config = scenario, yaml.safe_load(config_path("scenario", scenario).read_text())
+    flown = task if isinstance(task, RegulationTask) else RegulationTask(**(task or {}))
+    return make_fleet(backend, loaded, flown, num_envs, scenario=read_scenario(name, config, loaded))  # type: ignore[arg-type]
+
+
+class RegulationEnv(gymnasium.Env):
+    """One vehicle; ``reset(options={"start": {...}})`` starts from a position, quaternion and velocity.
+
+    Args:
+        vehicle: name in ``conf/vehicle`` or a mapping like its files.
+        backend: "mujoco" or "torch".
+        task: a :class:`RegulationTask` or some of its fields.
+        scenario: name in ``conf/scenario`` or a mapping like its files; None for the nominal vehicle.
+        render_mode: "rgb_array" or None.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}
+
+    def __init__(self, *, render_mode: str | None = None, **fleet: Any) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode is {render_mode!r}: give 'rgb_array' or None")
+        self.fleet = fleet_by_names(1, **fleet)
+        self.render_mode = render_mode
+        self.observation_space, self.action_space = spaces(self.fleet)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode."""
+        super().reset(seed=seed)
+        if seed is not None:
+            self.fleet.set_seed(seed)
+        now = reset_fleet(self.fleet, options)
+        return now["observation"][0].numpy(), {key: now[key][0].numpy() for key in BODY}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+        """Hold the action for one control step."""
+        actions = torch.as_tensor(np.asarray(action, dtype=np.float32))[None]
+        now = self.fleet.step(TensorDict({"action": actions}, [1]))["next"]
+        info = {key: now[key][0].numpy() for key in (*BODY, "thrust", "command")}
+        return (
+            now["observation"][0].numpy(),
+            float(now["reward"]),
+            bool(now["terminated"]),
+            bool(now["truncated"]),
+            info,
+        )
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """The vehicle as the camera sees it, (height, width, 3) uint8; None without a render mode."""
+        return self.fleet.render() if self.render_mode else None
+
+
+class RegulationVectorEnv(VectorEnv):
+    """``num_envs`` vehicles in one fleet, reset in the step that ends their episode; options as RegulationEnv."""
+
+    metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(self, num_envs: int = 1, *, render_mode: str | None = None, **fleet: Any) -> None:
+        self.fleet = fleet_by_names(num_envs, **fleet)
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.single_observation_space, self.single_action_space = spaces(self.fleet)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:  # type: ignore[override]
+        """Begin an episode of every vehicle."""
+        if seed is not None:
+            self.fleet.set_seed(seed)
+        return reset_fleet(self.fleet, options)["observation"].numpy(), {}
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:  # type: ignore[override]
+        """Hold the actions for one control step; ``final_obs`` in the info is the last of an ended episode."""
+        given = torch.as_tensor(np.asarray(actions, dtype=np.float32))
+        done, now = self.fleet.step_and_maybe_reset(TensorDict({"action": given}, [self.num_envs]))
+        last = done["next"]
+        info = {}
+        if last["done"].any():
+            ended = last["done"][:, 0].numpy()
+            info = {"final_obs": last["observation"].numpy(), "_final_obs": ended}
+        flags = (last[key][:, 0].numpy() for key in ("reward", "terminated", "truncated"))
+        reward, terminated, truncated = flags
+        return now["observation"].numpy(), reward, terminated, truncated, info
+
+
+def spaces(fleet: FleetEnv) -> tuple[Box, Box]:
+    """Observation and action space of one vehicle."""
+    size = len(fleet.task.observation_names)
+    bound = 2 * FARTHEST  # nothing observed can be larger, the body-frame error of a vehicle in a far corner included
+    return Box(-bound, bound, (size,), np.float32), Box(-1.0, 1.0, fleet.action_spec.shape[1:], np.float32)
+
+
+def reset_fleet(fleet: FleetEnv, options: Mapping[str, Any] | None) -> TensorDictBase:
+    """Reset all vehicles, from ``options["start"]`` where it is given.
+
+    Raises:
+        ValueError: for any other option, or a start that the fleet refuses.
+    """
+    if unknown := set(options or {}) - {"start"}:
+        raise ValueError(f"reset: unknown options {sorted(unknown)}: there is start with {', '.join(BODY)}")
+    if not options:
+        return fleet.reset()
+    start = {
+        key: torch.as_tensor(np.asarray(value)).reshape(fleet.num_envs, -1) for key, value in options["start"].items()
+    }
+    return fleet.reset(TensorDict({"start": TensorDict(start, fleet.batch_size)}, fleet.batch_size), set_state=True)
+
+
+gymnasium.register(
+    ID,
+    entry_point="auv_torchrl.envs.gymnasium_env:RegulationEnv",
+    vector_entry_point="auv_torchrl.envs.gymnasium_env:RegulationVectorEnv",
+)
