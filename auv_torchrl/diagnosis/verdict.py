@@ -3,6 +3,7 @@
 A field that is None could not be told from the log. Shares are of the gap, in [0, 1].
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import Enum
@@ -224,8 +225,9 @@ def _plain(value: Any) -> Any:
 
 
 def _estimate(content: Mapping[str, Any]) -> Estimate:
-    unbounded: dict[str, Any] = {"low": -np.inf, "high": np.inf}
-    return Estimate(**{name: unbounded.get(name) if value is None else value for name, value in content.items()})
+    low = -math.inf if content["low"] is None else content["low"]
+    high = math.inf if content["high"] is None else content["high"]
+    return Estimate(**{**content, "low": low, "high": high})
 
 
 def _errors(content: Mapping[str, Any] | None) -> Errors | None:

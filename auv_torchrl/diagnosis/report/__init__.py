@@ -2,5 +2,6 @@
 
 from auv_torchrl.diagnosis.report.files import write_files
 from auv_torchrl.diagnosis.report.page import report_page
+from auv_torchrl.diagnosis.report.table import summary_table
 
-__all__ = ["report_page", "write_files"]
+__all__ = ["report_page", "summary_table", "write_files"]

@@ -1,0 +1,44 @@
+"""The verdict as a few lines for the console."""
+
+from auv_torchrl.diagnosis.report.charts import percent
+from auv_torchrl.diagnosis.report.svg import number
+from auv_torchrl.diagnosis.verdict import Diagnosis
+
+_CANDIDATES = 3
+
+
+def summary_table(diagnosis: Diagnosis) -> str:
+    """Summary sentence, effects with their values, and errors before and after."""
+    lines = [f"{diagnosis.verdict.key.replace('_', ' ')}: {diagnosis.summary}"]
+    if diagnosis.effects:
+        lines += [
+            "",
+            f"{'effect':<22} {'prob.':>6}  {'parameter':<18} {'value':>9} {'95 % interval':>21} {'nominal':>9}  unit",
+        ]
+    for effect in diagnosis.effects:
+        name, probability = effect.name, percent(effect.probability)
+        for parameter, e in effect.parameters.items():
+            inside = f"{number(e.low)} to {number(e.high)}"
+            row = (
+                f"{name:<22} {probability:>6}  {parameter:<18} {number(e.value):>9} {inside:>21} {number(e.nominal):>9}"
+            )
+            lines.append(f"{row}  {e.unit}")
+            name = probability = ""
+    if not diagnosis.effects and diagnosis.candidates:
+        ranked = (f"{c.name} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
+        lines += ["", f"most probable: {', '.join(ranked)}"]
+    lines += ["", *_errors(diagnosis)]
+    return "\n".join(lines)
+
+
+def _errors(diagnosis: Diagnosis) -> list[str]:
+    gap = diagnosis.gap
+    kinds = {"position, m": gap.position_m, "heading, rad": gap.yaw_rad, "velocity, m/s": gap.velocity}
+    lines = [f"{'held-out error':<16}" + "".join(f"{f'{h:g} s':>26}" for h in gap.horizon_s)]
+    for name, errors in kinds.items():
+        if errors is not None:
+            triples = zip(errors.before, errors.after, errors.floor, strict=True)
+            cells = (f"{number(b, 2)} → {number(a, 2)} ({number(f, 2)})" for b, a, f in triples)
+            lines.append(f"{name:<16}" + "".join(f"{cell:>26}" for cell in cells))
+    closed = "not defined, there is none" if gap.closed is None else percent(gap.closed)
+    return [*lines, f"before → after (floor); share of the gap closed: {closed}"]

@@ -1,0 +1,45 @@
+"""Say where a vehicle departs from the simulator, which effect causes it, and how far the gap shrinks with it.
+
+``python diagnose.py log=flight.csv``; every setting is in conf/diagnose.yaml.
+"""
+
+import logging
+from pathlib import Path
+
+import torch
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from auv_torchrl.command import checking_input, command
+from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.report import summary_table, write_files
+from auv_torchrl.diagnosis.report.progress import ProgressBar
+from auv_torchrl.diagnosis.request import read_request, register
+
+log = logging.getLogger("diagnose")
+register()
+
+
+@command("diagnose")
+def main(config: DictConfig) -> None:
+    """Read the logs, diagnose them, write the files, print the verdict."""
+    torch.set_num_threads(1)  # the arrays are small: a second thread only waits
+    with checking_input():
+        request = read_request(config)
+        with ProgressBar() as progress:
+            diagnosis = diagnose(
+                request.log,
+                request.vehicle,
+                healthy=request.healthy,
+                test=request.test,
+                progress=progress,
+                vehicle_name=request.vehicle_name,
+                settings=request.settings,
+            )
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    write_files(diagnosis, request.vehicle, folder)
+    log.info("\n%s\n\nreport.html, diagnosis.json and scenario.yaml are in %s", summary_table(diagnosis), folder)
+
+
+if __name__ == "__main__":
+    main()
