@@ -53,7 +53,8 @@ def horizons(title: str, unit: str, horizon_s: Sequence[float], errors: Errors) 
     """Errors before, after and the floor over the horizon, on a logarithmic scale."""
     curves_of = {"before": errors.before, "after": errors.after, "floor": errors.floor}
     positive = [value for values in curves_of.values() for value in values if value > 0] or [1.0]
-    low, high = math.log10(min(positive)) - 0.12, math.log10(max(positive)) + 0.22
+    low, high = math.log10(min(positive)), math.log10(max(positive))
+    low, high = low - 0.08 * (high - low) - 0.05, high + 0.16 * (high - low) + 0.1  # room for the labels
     slot = (_WIDTH - _LEFT - _RIGHT) / len(horizon_s)
     xs = [_LEFT + (i + 0.5) * slot for i in range(len(horizon_s))]
 

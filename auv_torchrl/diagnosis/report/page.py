@@ -49,7 +49,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         loader=jinja2.FileSystemLoader(_HERE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters |= {"percent": percent, "number": number, "words": words}
+    environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
     environment.globals |= {"interval": interval}
     thrusters = sorted({i for effect in diagnosis.effects for i in effect.thrusters})
     axes = [] if thrusters or diagnosis.verdict is Verdict.NO_GAP else _clear_axes(diagnosis)
@@ -79,6 +79,11 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
 def words(name: str) -> str:
     """``thruster_gain`` as people write it; ``gain_4`` is left alone."""
     return name.replace("_", " ")
+
+
+def sentence(text: str) -> str:
+    """A clause with a capital and a full stop."""
+    return text[:1].upper() + text[1:].rstrip(".") + "." if text else ""
 
 
 def _clear_axes(diagnosis: Diagnosis) -> list[str]:
