@@ -1,0 +1,50 @@
+"""What a person sees while a command works: one banner per stage, with its time."""
+
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+log = logging.getLogger(__name__)
+
+
+class Clock:
+    """Seconds that a stage took, once it is over."""
+
+    seconds = 0.0
+
+
+class Stages:
+    """Counts the stages of a command and reports when each begins and ends.
+
+    Args:
+        total: number of stages of this run.
+    """
+
+    def __init__(self, total: int):
+        self.total = total
+        self.number = 0
+        self.begun = time.perf_counter()
+
+    @contextmanager
+    def __call__(self, title: str) -> Iterator[Clock]:
+        """Report a stage; the yielded clock holds its wall time afterwards."""
+        self.number += 1
+        log.info("")
+        log.info("── %d/%d %s", self.number, self.total, title)
+        clock, begun = Clock(), time.perf_counter()
+        yield clock
+        clock.seconds = time.perf_counter() - begun
+        log.info("   done in %s", readable(clock.seconds))
+
+    @property
+    def elapsed(self) -> str:
+        """Time since the first stage could begin."""
+        return readable(time.perf_counter() - self.begun)
+
+
+def readable(seconds: float) -> str:
+    """``0.012 s``, ``4.1 s`` or ``2 min 05 s``."""
+    if seconds < 60:
+        return f"{seconds:.3f} s" if seconds < 1 else f"{seconds:.1f} s"
+    return f"{int(seconds // 60)} min {round(seconds % 60):02d} s"

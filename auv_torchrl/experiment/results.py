@@ -1,0 +1,98 @@
+"""results.json and the table of one run."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from auv_torchrl.evaluation import Metrics
+from auv_torchrl.experiment.console import readable
+from auv_torchrl.experiment.paper import TABLE_2
+
+RESULTS = "results.json"
+COLUMNS = ("mean m", "std m", "p95 m", "worst m", "settling s", "settled", "heading rad")
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a run found out; times in s, None where there was nothing to do."""
+
+    scenario: str
+    vehicle: str
+    seed: int
+    box_m: float
+    starts: int
+    nominal: Metrics
+    u_s: Metrics | None = None
+    u_t: Metrics | None = None
+    u_t_forms: Mapping[str, Metrics] = field(default_factory=dict)  # by composition: short, long
+    target_data_s: float | None = None
+    fit_s: float | None = None
+    train_s: float | None = None
+    feasible: bool = True
+    reason: str | None = None  # why not, with the rank
+    policy: str | None = None  # hash of the source policy
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        flown = {"u_s": self.u_s, "u_t": self.u_t, "nominal": self.nominal}
+        return {
+            "scenario": self.scenario,
+            "vehicle": self.vehicle,
+            "seed": self.seed,
+            "box_m": self.box_m,
+            "starts": self.starts,
+            **{name: metrics and metrics.as_dict() for name, metrics in flown.items()},
+            "target_data_s": self.target_data_s,
+            "fit_s": self.fit_s,
+            "train_s": self.train_s,
+            "u_t_forms": {name: metrics.as_dict() for name, metrics in self.u_t_forms.items()},
+            "feasible": self.feasible,
+            "reason": self.reason,
+            "policy": self.policy,
+        }
+
+    def save(self, folder: Path) -> None:
+        """Write ``results.json`` at once or not at all."""
+        partial = folder / f"{RESULTS}.partial"
+        partial.write_text(json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
+        partial.replace(folder / RESULTS)
+
+    def table(self) -> str:
+        """Markdown: the paper's row beside ours, then what it took."""
+        rows = [f"{self.scenario}, vehicle {self.vehicle}, {self.starts} starts within ±{self.box_m:g} m", ""]
+        rows += ["| | " + " | ".join(COLUMNS) + " |", "|---|" + "---:|" * len(COLUMNS)]
+        published = TABLE_2.get(self.scenario, {}) if self.vehicle == "paper" else {}
+        rows += [_row(f"paper, {name}", {"mean_m": published[name]}) for name in ("u_s", "u_t") if name in published]
+        flown = {"ours, u_s on the nominal vehicle": self.nominal, "ours, u_s": self.u_s, "ours, u_t": self.u_t}
+        flown |= {f"ours, u_t, {form} form": m for form, m in self.u_t_forms.items() if m != self.u_t}
+        rows += [_row(label, metrics.as_dict()) for label, metrics in flown.items() if metrics is not None]
+        took = [("seconds of target data", self.target_data_s), ("fit", self.fit_s), ("source training", self.train_s)]
+        rows += ["", ", ".join(f"{label}: {readable(s)}" for label, s in took if s is not None)]
+        if self.reason is not None:
+            rows += ["", f"no u_t: {self.reason}"]
+        return "\n".join(rows)
+
+
+def _row(label: str, metrics: Mapping[str, Any]) -> str:
+    """One line of the table; ``inf`` is an error without bound, ``–`` a number that there is not."""
+    if "std_m" not in metrics:
+        cells = [f"{metrics['mean_m']:.3f}"] + ["–"] * (len(COLUMNS) - 1)
+    else:
+        metres = (metrics[key] for key in ("mean_m", "std_m", "p95_m", "worst_m"))
+        cells = [f"{math.inf if value is None else value:.4f}" for value in metres]
+        cells.append("never" if metrics["settling_s"] is None else f"{metrics['settling_s']:.2f}")
+        cells += [f"{metrics['settled']:.0%}", f"{metrics['heading_rad']:.3f}"]
+    return f"| {label} | " + " | ".join(cells) + " |"
+
+
+def read_results(folder: Path) -> list[dict[str, Any]]:
+    """All results below a folder, in the order of its subfolders."""
+    paths = sorted(folder.rglob(RESULTS), key=lambda path: [_number(part) for part in path.parts])
+    return [json.loads(path.read_text()) for path in paths]
+
+
+def _number(name: str) -> tuple[int, str]:
+    return (int(name), "") if name.isdigit() else (-1, name)

@@ -1,0 +1,135 @@
+"""The stages of one run: source policy, nominal flight, flight of the changed vehicle, adaptation, flight again."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from torchrl.envs import TransformedEnv
+
+from auv_torchrl.agents.checkpoint import CheckpointError
+from auv_torchrl.agents.policy import SourcePolicy
+from auv_torchrl.agents.train_source import train_source
+from auv_torchrl.authority import Recovery, authority
+from auv_torchrl.command import checking_input
+from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt, pretrain
+from auv_torchrl.ddr.config import COMPOSITIONS
+from auv_torchrl.evaluation import Flight, Metrics, fly
+from auv_torchrl.experiment.console import Stages
+from auv_torchrl.experiment.figures import save_figures
+from auv_torchrl.experiment.results import Results
+from auv_torchrl.experiment.setup import NOMINAL, Experiment
+from auv_torchrl.recording import ControlMap, record_run
+from auv_torchrl.vehicle import CONTROLLED
+
+log = logging.getLogger(__name__)
+
+
+def run(experiment: Experiment, folder: Path) -> Results:
+    """Everything that ``train.py`` does after its config is checked; files go into ``folder``."""
+    scenario, count = experiment.scenario, len(experiment.starts)
+    changed = scenario.name != NOMINAL
+    reason = obstacle(experiment) if changed else None
+    stages = Stages(3 + changed + 2 * (changed and reason is None))
+    flights: dict[str, Flight] = {}
+    with stages("Source policy u_s"), checking_input((CheckpointError,)):
+        policy = source_policy(experiment)
+    with stages(f"Fly {count} starts with u_s on the nominal vehicle"):
+        flights["nominal"] = fly(experiment.fleet(count), policy.module, experiment.starts, experiment.exam.steps)
+    if changed:
+        with stages(f"Fly them with u_s on the vehicle with {scenario.name}"):
+            target = experiment.fleet(count, scenario)
+            flights["u_s"] = fly(target, policy.module, experiment.starts, experiment.exam.steps)
+    adaptation, forms = None, {}
+    if reason is not None:
+        log.info("\nNo adaptation: %s", reason)
+    elif changed:
+        with stages("Collect target data and fit the map"):
+            adaptation = fit_map(experiment, policy)
+        with stages(f"Fly them with u_t on the vehicle with {scenario.name}"):
+            forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
+            flights["u_t"] = forms[experiment.adapter.composition]
+    with stages("Results, figures and recording"):
+        results = summarize(experiment, policy, flights, forms, adaptation, reason)
+        results.save(folder)
+        vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
+        save_figures(folder, flights, vehicles, scenario.name)
+        control_map = linear_map(adaptation.adapter) if adaptation is not None else None
+        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map)
+    return results
+
+
+def obstacle(experiment: Experiment) -> str | None:
+    """Why no map of this kind can recover the vehicle, with the rank; None if one can."""
+    judged = authority(experiment.target, experiment.vehicle, experiment.scenario.name)
+    if judged.recovery is Recovery.NONE:
+        return str(judged)
+    if judged.recovery is Recovery.THRUSTERS and experiment.adapter.map != "thrusters":
+        return f"{judged}: give adapter=thrusters"
+    return None
+
+
+def source_policy(experiment: Experiment) -> SourcePolicy:
+    """Trained now, or kept from a run with the same ingredients."""
+    return train_source(
+        experiment.vehicle, experiment.task, experiment.agent, experiment.randomization, experiment.seed,
+        experiment.backend, experiment.policies,
+    )  # fmt: skip
+
+
+def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
+    """F and R of the source vehicle, then seconds of flight of one target vehicle, then G and H."""
+    models = pretrain(experiment.vehicle, experiment.task)
+    to_thrusters = experiment.adapter.map == "thrusters"
+    return adapt(
+        lambda count: experiment.fleet(count, experiment.scenario, to_thrusters),
+        policy.module, models, experiment.adapter,
+    )  # fmt: skip
+
+
+def fly_adapted(experiment: Experiment, policy: SourcePolicy, adaptation: Adaptation, composition: str) -> Flight:
+    """The starts again with the fitted map, in its short or its long form."""
+    fitted = adaptation.adapter
+    adapter = DDRAdapter(fitted.models, replace(fitted.config, composition=composition))
+    adapter.load_state_dict(fitted.state_dict())
+    to_thrusters = experiment.adapter.map == "thrusters"
+    fleet = experiment.fleet(len(experiment.starts), experiment.scenario, to_thrusters)
+    return fly(TransformedEnv(fleet, adapter), policy.module, experiment.starts, experiment.exam.steps)
+
+
+def summarize(
+    experiment: Experiment,
+    policy: SourcePolicy,
+    flights: Mapping[str, Flight],
+    forms: Mapping[str, Flight],
+    adaptation: Adaptation | None,
+    reason: str | None,
+) -> Results:
+    """The numbers of a run."""
+    metrics = {name: Metrics.of(flight) for name, flight in flights.items()}
+    return Results(
+        scenario=experiment.scenario.name,
+        vehicle=experiment.vehicle_name,
+        seed=experiment.seed,
+        box_m=experiment.box_m,
+        starts=len(experiment.starts),
+        nominal=metrics["nominal"],
+        u_s=metrics.get("u_s"),
+        u_t=metrics.get("u_t"),
+        u_t_forms={form: Metrics.of(flight) for form, flight in forms.items()},
+        target_data_s=adaptation.target_data_s if adaptation else None,
+        fit_s=adaptation.fit_s if adaptation else None,
+        train_s=policy.metadata["result"]["train_s"],
+        feasible=reason is None,
+        reason=reason,
+        policy=policy.metadata["hash"],
+    )
+
+
+def linear_map(adapter: DDRAdapter) -> ControlMap:
+    """H about rest, away from the limits; of a network map its affine part."""
+    matrix = adapter.g.inverse.free[0].double()
+    offset = -matrix @ adapter.g.bias[0].double()
+    size = matrix.shape[0]
+    rows = CONTROLLED if size == len(CONTROLLED) else tuple(f"thruster {i + 1}" for i in range(size))
+    return ControlMap(matrix.numpy(), offset.numpy(), rows)

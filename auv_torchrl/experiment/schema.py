@@ -1,0 +1,58 @@
+"""Types of everything that conf/train.yaml holds, so that a misspelt key or a wrong type is an error."""
+
+from collections.abc import Callable
+from dataclasses import MISSING as NO_DEFAULT
+from dataclasses import dataclass, field, fields, make_dataclass
+from enum import Enum
+from typing import Any, get_type_hints
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.ddr.config import AdapterConfig
+from auv_torchrl.envs import BACKENDS, RegulationTask
+
+Backend = Enum("Backend", {name: name for name in BACKENDS})
+
+
+def schema_of(settings: type) -> Callable[[], Any]:
+    """A writable dataclass with the fields of a frozen one, which OmegaConf would not let anyone override."""
+    hints = get_type_hints(settings)
+    columns = []
+    for entry in fields(settings):
+        default = MISSING if entry.default is NO_DEFAULT else entry.default
+        columns.append((entry.name, hints[entry.name], field(default=default)))
+    return make_dataclass(f"{settings.__name__}Schema", columns)
+
+
+@dataclass
+class ScenarioSchema:
+    """``conf/scenario/*.yaml``; the effects are checked by :func:`auv_torchrl.scenario.read_scenario`."""
+
+    effects: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class TrainSchema:
+    """The comments are in ``conf/train.yaml``."""
+
+    vehicle: dict[str, Any] = MISSING
+    scenario: ScenarioSchema = field(default_factory=ScenarioSchema)
+    task: Any = field(default_factory=schema_of(RegulationTask))
+    randomization: dict[str, Any] = field(default_factory=dict)
+    agent: Any = field(default_factory=schema_of(AgentConfig))
+    adapter: Any = field(default_factory=schema_of(AdapterConfig))
+    backend: Backend = MISSING  # type: ignore[valid-type]
+    device: str = MISSING
+    seed: int = MISSING
+    starts: int = MISSING
+    starts_seed: int = MISSING
+    box_m: float = MISSING
+    policies: str = MISSING
+    output: str = MISSING
+
+
+def register() -> None:
+    """Make the schema known to Hydra as ``train_schema``."""
+    ConfigStore.instance().store("train_schema", TrainSchema)

@@ -1,0 +1,121 @@
+"""From a composed config to checked objects, before anything is computed."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from omegaconf import DictConfig, OmegaConf
+from tensordict import TensorDict
+
+from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.ddr.config import AdapterConfig
+from auv_torchrl.envs import FleetEnv, RegulationTask, make_fleet
+from auv_torchrl.envs.randomize import read_ranges
+from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
+from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.vehicle import Vehicle, load_vehicle
+
+NOMINAL = "nominal"  # the name of no scenario
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Everything that a run needs, checked."""
+
+    vehicle_name: str
+    vehicle: Vehicle  # nominal, no batch
+    scenario: Scenario
+    task: RegulationTask  # of the training
+    exam: RegulationTask  # of the evaluation: the same with starts in the box
+    starts: TensorDict
+    randomization: Mapping[str, Any]
+    agent: AgentConfig
+    adapter: AdapterConfig
+    backend: str
+    device: str
+    seed: int
+    box_m: float
+    policies: Path
+
+    @property
+    def target(self) -> Vehicle:
+        """The vehicle when the last effect of the scenario has begun, no batch."""
+        begun = max((change.start_s for change in self.scenario.changes), default=0.0)
+        return self.scenario.vehicle_at(self.vehicle, begun)
+
+    def fleet(self, count: int, scenario: Scenario | None = None, thruster_commands: bool = False) -> FleetEnv:
+        """Vehicles with the changes of a scenario, None for none; actions are channels or thruster commands."""
+        exam = replace(self.exam, thruster_commands=thruster_commands)
+        options: dict[str, Any] = {"device": self.device} if self.backend == "torch" else {}
+        return make_fleet(self.backend, self.vehicle, exam, count, scenario=scenario, seed=self.seed, **options)
+
+
+def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
+    """Check a composed config.
+
+    Raises:
+        ValueError: for a value that cannot work, naming it and what to give.
+    """
+    vehicle = load_vehicle(_plain(config.vehicle))
+    task = RegulationTask(**_with_tuples(_plain(config.task)))
+    if task.episode_s <= STEADY_FROM_S:
+        raise ValueError(
+            f"task.episode_s is {task.episode_s:g}: errors are averaged from {STEADY_FROM_S:g} s: give more"
+        )
+    exam = task.for_evaluation(config.box_m)
+    _check_device(config.device, config.backend.name)
+    randomization = _plain(config.randomization)
+    read_ranges(vehicle, randomization)
+    return Experiment(
+        vehicle_name=str(config.vehicle.get("name", "unnamed")),
+        vehicle=vehicle,
+        scenario=read_scenario(scenario_name, _plain(config.scenario), vehicle),
+        task=task,
+        exam=exam,
+        starts=draw_starts(exam, config.starts, config.starts_seed),
+        randomization=randomization,
+        agent=AgentConfig(**_with_tuples(_plain(config.agent))),
+        adapter=AdapterConfig(**_plain(config.adapter)),
+        backend=config.backend.name,
+        device=config.device,
+        seed=config.seed,
+        box_m=config.box_m,
+        policies=Path(config.policies),
+    )
+
+
+def _plain(node: Any) -> Any:
+    return OmegaConf.to_container(node, resolve=True, throw_on_missing=True)
+
+
+def _with_tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in settings.items()}
+
+
+def _check_device(device: str, backend: str) -> None:
+    available = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
+    if device not in available and not (device == "cuda" and len(available) > 1):
+        raise ValueError(f"device is {device!r}: there are {', '.join(available)}")
+    if backend != "torch" and device != "cpu":
+        raise ValueError(
+            f"device is {device!r}: the {backend} backend runs on the CPU: give backend=torch or device=cpu"
+        )
+
+
+def scenario_name(choices: Mapping[str, Any], overrides: Sequence[str]) -> str:
+    """What to call the scenario that a command line asked for, e.g. ``thruster_gain+swap``.
+
+    Args:
+        choices: Hydra's choice per config group; it has no entry for a list.
+        overrides: of the command line.
+    """
+    names = [choices["scenario"]] if choices.get("scenario") else []
+    for override in overrides:
+        if listed := re.fullmatch(r"\+scenario=\[(.*)\]", override):
+            names = [name.strip() for name in listed[1].split(",")]
+        if re.match(r"\+{0,2}scenario\.effects", override):
+            names = [*names, "custom"] if "custom" not in names else names
+    return "+".join(names) or NOMINAL

@@ -1,0 +1,104 @@
+"""Bad input ends with one line that says what there is, and nothing is overwritten."""
+
+import sys
+
+import pytest
+
+from auv_torchrl.command import BadInput, checking_input, claim_folder
+
+
+@pytest.fixture
+def train(monkeypatch, capsys):
+    """Runs train.py in process; returns exit code and standard error. The experiment itself must not begin."""
+    import train
+
+    def must_not_run(*_):
+        raise AssertionError("the experiment began in spite of bad input")
+
+    monkeypatch.setattr(train, "run", must_not_run)
+
+    def call(*arguments: str) -> tuple[int, str]:
+        quiet = ["hydra/job_logging=none", "hydra/hydra_logging=none"]  # pytest's logging stays as it is
+        monkeypatch.setattr(sys, "argv", ["train.py", *arguments, *quiet])
+        with pytest.raises(SystemExit) as ended:
+            train.main()
+        return int(ended.value.code), capsys.readouterr().err
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("argument", "names"),
+    [
+        ("+scenario=foo", ["'foo'", "swap", "two_dead"]),
+        ("+scenario=[swap,foo]", ["'foo'", "swap", "two_dead"]),
+        ("vehicle=foo", ["'foo'", "paper", "bluerov2_heavy"]),
+        ("agent=foo", ["'foo'", "sac"]),
+        ("adapter=foo", ["'foo'", "affine"]),
+        ("randomization=foo", ["'foo'", "none"]),
+        ("scenario=swap", ["+scenario=swap"]),
+        ("sed=3", ["'sed'", "did you mean seed"]),
+        ("agent.gama=0.9", ["'gama'", "did you mean gamma"]),
+        ("task.box=3", ["'box'", "did you mean box_m"]),
+        ("seed=x", ["seed=x", "Integer"]),
+        ("starts=2.5", ["starts=2.5", "Integer"]),
+        ("backend=foo", ["foo", "mujoco", "torch"]),
+        ("device=foo", ["'foo'", "cpu"]),
+        ("box_m=-1", ["box_m", "above 0"]),
+        ("starts=0", ["starts", "1 or more"]),
+        ("task.episode_s=5", ["episode_s", "10 s"]),
+        ("agent.loss=foo", ["loss", "fused", "stock"]),
+        ("adapter.map=foo", ["map", "affine"]),
+        ("vehicle.rigid_body.mass=-3", ["rigid_body.mass", "above 0"]),
+        ("+scenario.effects.curent.north=0.2", ["'curent'", "current"]),
+        ("+scenario.effects.current.nord=0.2", ["'nord'", "north"]),
+        ("+scenario.effects.current.north=200", ["north", "[-2, 2]"]),
+        ("+randomization.curent.north=[0,1]", ["'curent'", "current"]),
+    ],
+)
+def test_bad_input_is_one_line_that_names_what_there_is(train, tmp_path, argument, names):
+    """Exit code 2, no traceback, and the words that a person needs to go on."""
+    code, error = train(argument, f"output={tmp_path / 'out'}")
+    assert code == 2
+    assert error.startswith("train: ") and error.count("\n") == 1
+    for name in names:
+        assert name in error
+
+
+def test_a_used_output_folder_is_refused_and_left_as_it_is(train, tmp_path):
+    """The message names what is in it and the way out."""
+    (tmp_path / "results.json").write_text("mine")
+    code, error = train(f"output={tmp_path}")
+    assert code == 2 and "already used" in error and "results.json" in error and "output=DIR" in error
+    assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
+    assert (tmp_path / "results.json").read_text() == "mine"
+
+
+def test_a_used_folder_of_a_sweep_is_refused_too(train, tmp_path):
+    """Nothing is written before the refusal."""
+    (tmp_path / "multirun.yaml").write_text("mine")
+    code, error = train("-m", "seed=0,1", f"output={tmp_path}")
+    assert code == 2 and "already used" in error
+    assert (tmp_path / "multirun.yaml").read_text() == "mine"
+
+
+def test_a_folder_that_cannot_be_written_is_refused(train, tmp_path):
+    """Here a file is in the way."""
+    (tmp_path / "file").write_text("")
+    code, error = train(f"output={tmp_path / 'file' / 'out'}")
+    assert code == 2 and "cannot write" in error and "output=DIR" in error
+
+
+def test_only_one_run_gets_a_folder(tmp_path):
+    """Two runs that start in the same second do not write into each other's folder."""
+    claim_folder(tmp_path / "run")
+    with pytest.raises(BadInput, match="already used"):
+        claim_folder(tmp_path / "run")
+
+
+def test_errors_of_the_program_itself_keep_their_traceback():
+    """Only named kinds of errors of checking functions become bad input."""
+    with pytest.raises(ZeroDivisionError), checking_input():
+        _ = 1 / 0
+    with pytest.raises(BadInput, match="^a b$"), checking_input():
+        raise ValueError("a\n  b")

@@ -1,0 +1,35 @@
+"""Train a source policy, break the vehicle, adapt the policy from a few seconds of data, and report.
+
+``python train.py +scenario=thruster_gain``; every setting is in conf/train.yaml.
+"""
+
+import logging
+from pathlib import Path
+
+import torch
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from auv_torchrl.command import checking_input, command
+from auv_torchrl.experiment import schema
+from auv_torchrl.experiment.run import run
+from auv_torchrl.experiment.setup import read_experiment, scenario_name
+
+log = logging.getLogger("train")
+schema.register()
+
+
+@command("train")
+def main(config: DictConfig) -> None:
+    """Check the config, run the experiment, print its table."""
+    torch.set_num_threads(1)  # small networks: a second thread costs more than it gives, and the cores are for sweeps
+    hydra = HydraConfig.get()
+    with checking_input():
+        experiment = read_experiment(config, scenario_name(hydra.runtime.choices, hydra.overrides.task))
+    folder = Path(hydra.runtime.output_dir)
+    results = run(experiment, folder)
+    log.info("\n%s\n\nresults.json, figures and run.rrd are in %s", results.table(), folder)
+
+
+if __name__ == "__main__":
+    main()
