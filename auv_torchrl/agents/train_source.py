@@ -119,7 +119,7 @@ def make_trainer(
     folder: Path,
     key: str,
 ) -> Trainer:
-    """The trainer with its randomized training fleet and its nominal evaluation fleet."""
+    """The trainer with its randomized training fleet and its examiner."""
 
     def training_fleet(fleet_seed: int) -> EnvBase:
         fleet = make_fleet(backend, vehicle, task, agent_config.num_envs, seed=fleet_seed)
@@ -127,14 +127,19 @@ def make_trainer(
             return fleet
         return TransformedEnv(fleet, RandomizeVehicle(vehicle, randomization, seed=fleet_seed))
 
+    examiner = make_examiner(vehicle, task, agent_config, backend)
+    return Trainer(training_fleet, examiner, agent_config, seed, folder, key)
+
+
+def make_examiner(vehicle: Vehicle, task: RegulationTask, agent_config: AgentConfig, backend: str) -> Examiner:
+    """The nominal vehicle from the starts by which the best policy is chosen."""
     exam = task.for_evaluation(agent_config.evaluation_box_m or task.box_m)
     count = agent_config.evaluation_starts
     position, quaternion, velocity = exam.draw_starts(count, torch.Generator().manual_seed(EVALUATION_SEED))
     starts = TensorDict(
         {"position": position, "quaternion": quaternion, "velocity": velocity}, batch_size=[count]
     ).float()
-    examiner = Examiner(make_fleet(backend, vehicle, exam, count, seed=0), starts, exam.steps, exam.control_dt)
-    return Trainer(training_fleet, examiner, agent_config, seed, folder, key)
+    return Examiner(make_fleet(backend, vehicle, exam, count, seed=0), starts, exam.steps, exam.control_dt)
 
 
 @contextmanager

@@ -15,8 +15,8 @@ RANDOMIZATION = {"added_mass": {"scale": [0.8, 1.2]}}
 
 def tiny_config(**changes) -> AgentConfig:
     small = {
-        "hidden": [8, 8], "batch_size": 16, "num_envs": 4, "steps_per_batch": 5, "stretch_steps": 20, "updates_per_step": 2,
-        "total_frames": 240, "random_frames": 40, "buffer_size": 150, "evaluation_starts": 3,
+        "hidden": [8, 8], "batch_size": 16, "num_envs": 4, "steps_per_batch": 5, "stretch_steps": 20,
+        "updates_per_step": 2, "total_frames": 240, "random_frames": 40, "buffer_size": 150, "evaluation_starts": 3,
     }  # fmt: skip
     return load_agent_config("sac", {**small, **changes})
 

@@ -1,0 +1,57 @@
+"""The classical controller regulates, and its integral takes away what a constant force leaves."""
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from auv_torchrl.agents.config import load_agent_config
+from auv_torchrl.agents.pid import PID
+from auv_torchrl.agents.train_source import make_examiner
+from auv_torchrl.effects import get_effect
+from auv_torchrl.envs import RegulationTask
+from auv_torchrl.vehicle import load_vehicle
+
+TASK = RegulationTask(box_m=1.0)
+FEW = load_agent_config("sac", {"evaluation_starts": 8, "evaluation_box_m": 1.0})
+
+
+@pytest.mark.parametrize("name", ["paper", "bluerov2"])
+def test_pid_regulates(name):
+    """From starts in +-1 m it stays within 0.05 m, dead band included."""
+    score = make_examiner(load_vehicle(name), TASK, FEW, "mujoco")(PID(TASK))
+    assert score.worst_m < 0.05
+
+
+def test_integral_cancels_a_constant_force():
+    """A vehicle that is 20 N too heavy hangs lower with PD than with PID."""
+    heavy = get_effect("buoyancy").apply(load_vehicle("paper"), {"force": 20.0})
+    examine = make_examiner(heavy, TASK, FEW, "mujoco")
+    without, with_integral = examine(PID(TASK)), examine(PID(TASK, integral=(0.0, 0.0, 2.0, 0.0)))
+    assert with_integral.mean_m < 0.5 * without.mean_m
+
+
+def test_integral_starts_anew_with_every_episode():
+    """The same starts give the same flight, whatever was flown before."""
+    examine = make_examiner(load_vehicle("paper"), TASK, FEW, "mujoco")
+    controller = PID(TASK, integral=(1.0, 1.0, 1.0, 0.1))
+    assert examine(controller) == examine(controller)
+
+
+def test_gains_that_cannot_be_are_refused():
+    """The error names the gains and the degrees of freedom."""
+    for gains in ((1.0, 1.0), (1.0, 1.0, -1.0, 1.0), (1.0, 1.0, float("nan"), 1.0)):
+        with pytest.raises(ValueError, match="proportional.*surge, sway, heave, yaw"):
+            PID(TASK, proportional=gains)
+
+
+def test_command_is_full_and_points_home():
+    """Far ahead of the vehicle the target asks for full surge, and a target to port for turning that way."""
+    observation = torch.zeros(2, len(TASK.observation_names))
+    names = TASK.observation_names
+    observation[:, names.index("heading_error_cos")] = 1.0
+    observation[0, names.index("error_x")] = 5.0
+    observation[1, names.index("heading_error_sin")] = -1.0
+    observation[1, names.index("heading_error_cos")] = 0.0
+    action = PID(TASK)(TensorDict({"observation": observation}, batch_size=[2]))["action"]
+    assert action[0].tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert action[1, 3] < 0 and (action[1, :3] == 0).all()
