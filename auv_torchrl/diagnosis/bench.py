@@ -1,0 +1,235 @@
+"""Everything that judging explanations of one log needs, and the two ways to judge them.
+
+Screening looks along the measured motion, where effects are nearly linear, and judges all of them at once. Polishing
+simulates one explanation and fits its values, its slack, the starts and the disturbance until nothing moves.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.evidence import Prior, volume
+from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.force import force_changes, marks, measured_motion
+from auv_torchrl.diagnosis.hypotheses import Settings, Values, batch, make_atoms, slack_parameters
+from auv_torchrl.diagnosis.reduce import Quadratic, local_precision, reduce
+from auv_torchrl.diagnosis.smooth import (
+    Layout,
+    Smoothed,
+    first_noise,
+    follow,
+    local_slopes,
+    residual_at,
+    sensor_noise,
+    settle,
+)
+from auv_torchrl.diagnosis.windows import Floats, Windows
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.physics import prepare
+from auv_torchrl.vehicle import Vehicle
+
+WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
+SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap
+SLACK_STEP = 0.05  # relative step of slack derivatives
+KNOB_STEP = 0.004  # of the plausible range of a parameter
+
+
+@dataclass(frozen=True)
+class Base:
+    """Windows that follow the log under one explanation."""
+
+    explanation: Explanation
+    vehicle: Vehicle  # (1,) with the explanation, slack included
+    state: Smoothed
+    motion: Floats  # (W, S, 13)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An explanation with its values fitted."""
+
+    explanation: Explanation
+    chi2: float  # with the cost of slack
+    evidence: float
+    covariance: Floats  # (k, k) of the fitted knobs, slack included
+    base: Base
+    quadratic: Quadratic  # of slack, then fitted knobs, at the base
+
+
+class Bench:
+    """A log cut into windows, a vehicle and the settings to judge with."""
+
+    def __init__(self, windows: Windows, vehicle: Vehicle, settings: Settings, sigma: dict[str, float] | None = None):
+        self.windows = windows
+        self.vehicle = vehicle
+        self.settings = settings
+        self.layout = Layout.of(windows, vehicle, settings.bin_s)
+        self.floor = np.array(settings.floor_force)[self.layout.dof]
+        self.wide = self._wide_prior()
+        self.atoms = make_atoms(vehicle, settings)
+        self.slack = slack_parameters(vehicle, settings)
+        self.prior = Prior(vehicle, len({atom.effect for atom in self.atoms}), settings.prior_none)
+        self.sigma = sigma or first_noise(windows)
+
+    def _wide_prior(self) -> Floats:
+        reach = batch(self.vehicle, [{}])
+        push = np.abs(_allocation(reach)).sum(-1)[self.layout.dof]
+        return np.maximum(WIDE_SHARE * push, 0.1)
+
+    def follow(self) -> Base:
+        """The windows under the nominal vehicle with a wide force; measures the sensor noise on the way."""
+        vehicle = batch(self.vehicle, [{}])
+        state = follow(self.windows, vehicle, self.layout, self.sigma, self.wide)
+        self.sigma = sensor_noise(self.windows, state, self.sigma, self.wide)
+        return Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+
+    def rebase(self, explanation: Explanation, start: Base) -> Base:
+        """The windows under another explanation, from what is left of the force when the explanation is taken out."""
+        vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
+        explained = force_changes(self.windows, start.vehicle, vehicle, start.motion)[:, 0, :, self.layout.dof]
+        edges = np.arange(0, self.windows.steps, self.layout.steps_per_bin)
+        counts = np.diff(np.append(edges, self.windows.steps))
+        explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first
+        bins = start.state.bins - np.add.reduceat(explained, edges, axis=1) / counts[:, None]
+        state = local_slopes(self.windows, vehicle, self.layout, start.state.start, bins)
+        return self._settled(explanation, vehicle, state)
+
+    def nudge(self, explanation: Explanation, start: Base) -> Base:
+        """The windows under an explanation that differs a little from that of ``start``."""
+        vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
+        residual = residual_at(self.windows, vehicle, self.layout, start.state.start, start.state.bins)
+        return self._settled(explanation, vehicle, replace(start.state, residual=residual))
+
+    def _settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
+        precision = local_precision(self.layout, self.windows.dt, self.floor)
+        state = settle(self.windows, vehicle, self.layout, self.sigma, precision, state)
+        return Base(explanation, vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+
+    def quadratic(self, base: Base, changes: list[Explanation]) -> Quadratic:
+        """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation)."""
+        rows: list[Values] = []
+        steps = np.ones(len(self.slack) + len(changes))
+        for column, (effect, member, nominal, _) in enumerate(self.slack):
+            key = effect, member
+            steps[column] = SLACK_STEP * abs(nominal)
+            slack = {**base.explanation.slack, key: base.explanation.slack.get(key, 0.0) + steps[column]}
+            rows.append(replace(base.explanation, slack=slack).values(self.vehicle))
+        rows += [change.values(self.vehicle) for change in changes]
+        forces = force_changes(self.windows, base.vehicle, batch(self.vehicle, rows), base.motion)
+        columns = marks(self.windows, base.vehicle, self.layout, base.state, forces) / steps
+        return reduce(self.windows, self.layout, base.state, columns, self.sigma, self.floor)
+
+    def without_slack(self, q: Quadratic, explanation: Explanation) -> tuple[float, Floats, Floats, Floats, Floats]:
+        """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
+        k = len(self.slack)
+        at, precision = self.slack_now(explanation), self.slack_precision
+        inside = q.A[:k, :k] + np.diag(precision)
+        right = np.concatenate([(q.b[:k] - precision * at)[:, None], q.A[:k, k:]], axis=1)
+        solved = np.linalg.solve(inside, right)
+        offset, response = solved[:, 0], solved[:, 1:]
+        constant = q.constant + float((precision * at**2).sum()) - float(right[:, 0] @ offset)
+        b = q.b[k:] - q.A[k:, :k] @ offset
+        A = q.A[k:, k:] - q.A[k:, :k] @ response
+        return constant, b, 0.5 * (A + A.T), at + offset, response
+
+    def knob_changes(self, explanation: Explanation) -> tuple[list[Explanation], Floats]:
+        """The explanation with each fitted knob moved a little, and by how much."""
+        moved, steps = [], []
+        for place, knob in enumerate(explanation.knobs):
+            if knob.discrete:
+                continue
+            p = EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]]
+            step = KNOB_STEP * self.prior.width(knob.effect, knob.members[0])
+            if knob.value + step > p.high:
+                step = -step
+            moved.append(explanation.moved({place: knob.value + step}))
+            steps.append(step)
+        return moved, np.array(steps)
+
+    def weigh(self, chi2: float, explanation: Explanation) -> float:
+        """Log evidence less the volume of the fitted values."""
+        return -0.5 * self.settings.tempering * chi2 + self.prior.structure(explanation)
+
+    def polish(self, explanation: Explanation, start: Base, rounds: int = 4) -> Judged:
+        """Fit all values of an explanation by simulating it, and weigh it."""
+        best, step, slack_step = self._judge(self.rebase(explanation, start))
+        stride, even = 1.0, np.ones(len(self.slack), bool)
+        for _ in range(rounds):
+            moved = self._move(best.explanation, stride * step, stride * slack_step * even)
+            trial, trial_step, trial_slack_step = self._judge(self.nudge(moved, best.base))
+            if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
+                stride, even = (stride, self.even) if even.all() else (0.3 * stride, even)
+                continue
+            settled = best.chi2 - trial.chi2 < 0.5
+            best, step, slack_step = trial, trial_step, trial_slack_step
+            if settled:
+                break
+        return best
+
+    def _judge(self, base: Base) -> tuple[Judged, Floats, Floats]:
+        """Weigh an explanation as it is, with the Gauss-Newton step of its knobs and of its slack."""
+        explanation = base.explanation
+        changes, steps = self.knob_changes(explanation)
+        q = self.quadratic(base, changes)
+        at = self.slack_now(explanation)
+        chi2 = q.constant + float((at**2 * self.slack_precision).sum())
+        if not np.isfinite(chi2):  # the windows diverge under this vehicle
+            nothing = np.zeros(len(explanation.fitted))
+            return Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q), nothing, np.zeros(len(self.slack))
+        _, b, A, slack, response = self.without_slack(q, explanation)
+        widths = np.array([self.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
+        curvature = A / np.outer(steps, steps)
+        covariance = np.linalg.inv(curvature + np.diag(widths**-2.0))
+        amounts = covariance @ (b / steps)
+        evidence = self.weigh(chi2, explanation) + volume(curvature, widths)
+        judged = Judged(explanation, chi2, evidence, covariance, base, q)
+        return judged, amounts, slack - response @ (amounts / steps) - at
+
+    def slack_now(self, explanation: Explanation) -> Floats:
+        """Slack deviations of an explanation, in the order of the slack parameters."""
+        return np.array([explanation.slack.get((effect, member), 0.0) for effect, member, _, _ in self.slack])
+
+    @property
+    def even(self) -> np.ndarray:
+        """Slack parameters in which chi-square is smooth: moving a threshold flips single samples."""
+        return np.array([effect not in self.settings.thresholds for effect, *_ in self.slack])
+
+    @property
+    def slack_precision(self) -> Floats:
+        """Inverse prior variance of the slack parameters."""
+        return np.array([deviation for *_, deviation in self.slack]) ** -2.0
+
+    def minor(self, explanation: Explanation) -> bool:
+        """Whether some effect is no larger than what slack allows anyway."""
+        slack = {(effect, member): width for effect, member, _, width in self.slack}
+
+        def small(effect: str) -> bool:
+            nominal = EFFECTS[effect].nominal(self.vehicle)
+            return all(
+                abs(knob.value - nominal[member]) < 2 * slack.get((effect, member), 0.0)
+                for knob in explanation.knobs
+                if knob.effect == effect
+                for member in knob.members
+            )
+
+        return any(small(effect) for effect in explanation.effects)
+
+    def _move(self, explanation: Explanation, step: Floats, slack_step: Floats) -> Explanation:
+        amounts, order = {}, 0
+        for place, knob in enumerate(explanation.knobs):
+            if knob.discrete:
+                continue
+            p = EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]]
+            amounts[place] = float(np.clip(knob.value + step[order], p.low, p.high))
+            order += 1
+        slack = {
+            (e, m): float(np.clip(explanation.slack.get((e, m), 0.0) + move, -SLACK_LIMIT * width, SLACK_LIMIT * width))
+            for (e, m, _, width), move in zip(self.slack, slack_step, strict=True)
+        }
+        return replace(explanation.moved(amounts), slack=slack)
+
+
+def _allocation(vehicle: Vehicle) -> Floats:
+    """Wrench (6, n) of each thruster at full command."""
+    c = prepare(vehicle).numpy()
+    return (c.allocation * c.full_thrust[..., None, :])[0]

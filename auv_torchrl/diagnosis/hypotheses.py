@@ -1,0 +1,159 @@
+"""What could be wrong: every effect of the registry as a few concrete changes, and the slack of a healthy vehicle."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import Any
+
+import numpy as np
+import torch
+import yaml
+
+from auv_torchrl.effects import EFFECTS, Effect, Parameter
+from auv_torchrl.paths import config_path
+from auv_torchrl.vehicle import Vehicle
+
+Values = dict[str, dict[str, float]]  # effect -> parameter -> value
+DEFAULT_SCAN = 7  # values across the bounds of a parameter that the settings do not mention
+
+
+@dataclass(frozen=True)
+class Atom:
+    """One concrete change: parameters of one effect at given values.
+
+    A continuous atom may act by any amount near 1 (``elastic``) or at all (not), 0 being the nominal vehicle.
+    """
+
+    effect: str
+    values: dict[str, float]
+    discrete: bool = False
+    elastic: bool = True
+
+    @property
+    def label(self) -> str:
+        """For people and logs."""
+        return f"{self.effect}({', '.join(f'{name}={value:g}' for name, value in self.values.items())})"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """``conf/diagnosis/*.yaml``."""
+
+    window_s: float
+    lead_s: float
+    bin_s: float
+    floor_force: tuple[float, ...]
+    prior_none: float
+    slack: dict[str, dict[str, float]]
+    scan: dict[str, dict[str, Any]]
+    ignored: tuple[str, ...]
+    thresholds: tuple[str, ...]
+    excess: float
+    tempering: float
+
+
+def load_settings(name: str = "default") -> Settings:
+    """Read settings; the fields are commented in the file.
+
+    Raises:
+        FileNotFoundError: for an unknown name.
+        TypeError: for a missing or unknown entry, naming it.
+    """
+    content = yaml.safe_load(config_path("diagnosis", name).read_text())
+    content["floor_force"] = tuple(content["floor_force"])
+    content["ignored"] = tuple(content["ignored"])
+    content["thresholds"] = tuple(content["thresholds"])
+    return Settings(**content)
+
+
+def apply_values(vehicle: Vehicle, values: Mapping[str, Mapping[str, Any]]) -> Vehicle:
+    """The vehicle with several effects, in the order of the registry; the values may be batches."""
+    for name, effect in EFFECTS.items():
+        if name in values:
+            vehicle = effect.apply(vehicle, values[name])
+    return vehicle
+
+
+def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
+    """One vehicle per entry of ``rows``, as a batch."""
+    stacked: dict[str, dict[str, torch.Tensor]] = {}
+    for name in {name for row in rows for name in row}:
+        nominal = EFFECTS[name].nominal(vehicle)
+        members = {member for row in rows for member in row.get(name, ())}
+        stacked[name] = {
+            member: torch.tensor([row.get(name, {}).get(member, nominal[member]) for row in rows], dtype=torch.float64)
+            for member in members
+        }
+    return apply_values(vehicle.expand(len(rows)).clone(), stacked)
+
+
+def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effect] = EFFECTS) -> list[Atom]:
+    """All changes to try on this vehicle."""
+    atoms: list[Atom] = []
+    for name, effect in effects.items():
+        if name in settings.ignored:
+            continue
+        scan = settings.scan.get(name, {})
+        if any(p.discrete for p in effect.parameters):
+            atoms += _permutations(effect, vehicle)
+        elif "together" in scan:
+            atoms += [Atom(name, dict(values)) for values in scan["together"]]
+        else:
+            for p in effect.parameters:
+                atoms += _one_by_one(effect, p, vehicle, scan.get(p.name))
+    return [atom for atom in atoms if _changes(vehicle, atom)]
+
+
+def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Mapping[str, Any] | None) -> list[Atom]:
+    members = p.members(vehicle)
+    nominal = p.nominal_value(vehicle, members[0])
+    if scan is None:
+        scan = {"values": [float(v) for v in np.linspace(p.low, p.high, DEFAULT_SCAN) if v != nominal]}
+    elastic = not scan.get("linear", False)
+    values = [v * nominal if scan.get("relative") else v for v in scan["values"]]
+    groups: list[tuple[str, ...]] = [(member,) for member in members]
+    if len(members) > 1 and scan.get("all", False):
+        groups.append(members)
+    return [
+        Atom(effect.name, dict.fromkeys(group, float(value)), elastic=elastic)
+        for group in groups
+        for value in values
+        if p.low <= value <= p.high and value != nominal
+    ]
+
+
+def _permutations(effect: Effect, vehicle: Vehicle) -> list[Atom]:
+    """Exchanges of two thrusters, and 3-cycles of those that push alike (all horizontal, or all vertical)."""
+    n = vehicle.thrusters
+    rings: list[tuple[int, ...]] = [(i, j) for i, j in combinations(range(1, n + 1), 2)]
+    upright = vehicle.thruster_direction[..., 2].abs().reshape(-1, n)[0] > 0.5
+    for trio in combinations(range(1, n + 1), 3):
+        if len({bool(upright[i - 1]) for i in trio}) == 1:
+            first, *rest = trio
+            rings += [(first, *order) for order in permutations(rest)]
+    key = effect.parameters[0].name
+    return [
+        Atom(
+            effect.name,
+            {f"{key}_{receiver}": float(giver) for giver, receiver in zip(ring, ring[1:] + ring[:1], strict=True)},
+            discrete=True,
+        )
+        for ring in rings
+    ]
+
+
+def _changes(vehicle: Vehicle, atom: Atom) -> bool:
+    changed = EFFECTS[atom.effect].apply(vehicle, atom.values)
+    return any(not torch.equal(changed.get(key), value) for key, value in vehicle.items())
+
+
+def slack_parameters(vehicle: Vehicle, settings: Settings) -> list[tuple[str, str, float, float]]:
+    """(effect, parameter, nominal, prior standard deviation) of what no vehicle has exactly as modelled."""
+    found = []
+    for name, widths in settings.slack.items():
+        declared = EFFECTS[name].member_parameters(vehicle)
+        for member, p in declared.items():
+            nominal = p.nominal_value(vehicle, member)
+            if p.name in widths:
+                found.append((name, member, nominal, widths[p.name] * abs(nominal)))
+    return found

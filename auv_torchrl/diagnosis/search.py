@@ -1,0 +1,92 @@
+"""Find the explanation: screen everything, polish what could be it, add and take out effects while the log pays."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from auv_torchrl.diagnosis.bench import Base, Bench, Judged
+from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.screen import Field, Screened
+
+POLISHED = 4  # candidates that are simulated
+WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
+EVIDENCE_SLIP = 40.0
+HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
+WORTH = 5.0  # log evidence that one more effect must bring
+MOST_EFFECTS = 5
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search leaves behind."""
+
+    follow: Base  # nominal vehicle, the gap in a free force
+    none: Judged
+    best: Judged
+    polished: list[Judged]  # all that were simulated, the best first
+    screened: list[Screened]  # every family alone
+
+
+def search(bench: Bench, progress: Progress) -> Found:
+    """Explain the windows of a bench."""
+    follow = bench.follow()
+    progress("following the log", 0.2)
+    field = Field.of(bench, follow)
+    families, pairs = field.families(), field.pairs()
+    progress("screening effects", 0.4)
+    hopeless = field.none().evidence < families[0].evidence - HOPELESS
+    none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
+    polished = [none]
+    for screened in _promising(field, families, pairs):
+        polished.append(bench.polish(screened.explanation, follow))
+        progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1))
+    best = max((j for j in polished if not bench.minor(j.explanation)), key=lambda judged: judged.evidence)
+    best = _grow(bench, best, polished, progress)
+    best = _prune(bench, best, polished)
+    polished.sort(key=lambda judged: -judged.evidence)
+    return Found(follow, none, best, polished, families)
+
+
+def _promising(field: Field, families: list[Screened], pairs: list[Screened]) -> list[Screened]:
+    """The few that may turn out best once simulated, best first."""
+    ranked = sorted([*families, *pairs], key=lambda screened: -screened.evidence)
+    none = field.none().evidence
+    least = ranked[0].evidence - EVIDENCE_SLIP - WITHIN * max(0.0, ranked[0].evidence - none)
+    kept, seen = [], set()
+    for screened in ranked:
+        key = frozenset(screened.explanation.effects)
+        dominated = any(known < key for known in seen)  # the extra effect is added later if it pays
+        if screened.evidence > max(least, none - EVIDENCE_SLIP / 4) and key not in seen and not dominated:
+            kept.append(screened)
+            seen.add(key)
+    return kept[:POLISHED]
+
+
+def _grow(bench: Bench, best: Judged, polished: list[Judged], progress: Progress) -> Judged:
+    while len(best.explanation.effects) < MOST_EFFECTS:
+        progress("looking for further effects", 0.7 + 0.05 * len(best.explanation.effects))
+        field = Field.of(bench, best.base)
+        here = field.none().evidence
+        ahead = sorted(field.families(), key=lambda screened: -screened.evidence)
+        trials = [s for s in ahead[:2] if s.evidence > here + WORTH and s.explanation.knobs != best.explanation.knobs]
+        fresh = [bench.polish(s.explanation, best.base) for s in trials]
+        polished += fresh
+        better = max(
+            (j for j in fresh if not bench.minor(j.explanation)), key=lambda judged: judged.evidence, default=best
+        )
+        if better.evidence <= best.evidence + WORTH:
+            return best
+        best = better
+    return best
+
+
+def _prune(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+    while len(best.explanation.effects) > 1:
+        fewer = [bench.polish(best.explanation.without(effect), best.base) for effect in best.explanation.effects]
+        polished += fewer
+        better = max(fewer, key=lambda judged: judged.evidence)
+        if better.evidence <= best.evidence - WORTH:
+            return best
+        best = better
+    return best

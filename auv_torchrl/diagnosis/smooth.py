@@ -1,0 +1,223 @@
+"""Let each window start freely and let a free force act on it until it follows what was measured.
+
+The force is what the simulator misses, in newtons, without differentiating a noisy position. With a wide prior on the
+force the fit is a smoother and its residual is sensor noise; with the narrow prior of a disturbance the same
+quantities are the innovations that hypotheses are judged by.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.diagnosis.rollout import DIVERGING, simulate
+from auv_torchrl.diagnosis.windows import CHANNELS, Floats, Windows
+from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.vehicle import Vehicle
+
+STEP_START = np.array([1e-3] * 3 + [1e-3] * 3 + [1e-3] * 3 + [1e-3] * 3)  # m, rad, m/s, rad/s: central in float64
+STEP_FORCE = np.array([0.1] * 3 + [0.01] * 3)  # N, N m
+SETTLE_STEPS = 2
+PIECE_BINS = 2  # bins of a short piece
+LOOSE_START = np.array([10.0] * 3 + [0.1, 0.1, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which numbers are free in every window: entries of its start, and a force per bin and degree of freedom."""
+
+    start: np.ndarray  # indices into the 12 numbers of a start
+    dof: np.ndarray  # indices into the 6 degrees of freedom
+    bins: int
+    steps_per_bin: int
+
+    @property
+    def size(self) -> int:
+        """Free numbers per window."""
+        return len(self.start) + self.bins * len(self.dof)
+
+    @staticmethod
+    def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
+        """The layout for the degrees of freedom in which the vehicle moves."""
+        dof = np.flatnonzero(vehicle.free.numpy() > 0)
+        per_bin = max(1, round(bin_s / windows.dt))
+        return Layout(np.concatenate([dof, dof + 6]), dof, -(-windows.steps // per_bin), per_bin)
+
+    def force(self, bins: Floats, steps: int) -> Floats:
+        """Force (..., steps, 6) of bins (..., B, D)."""
+        full = np.zeros((*bins.shape[:-1], 6))
+        full[..., self.dof] = bins
+        return np.repeat(full, self.steps_per_bin, axis=-2)[..., :steps, :]
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Windows with their free numbers, what is left, and how that changes with the free numbers."""
+
+    start: Floats  # (W, 12)
+    bins: Floats  # (W, B, D) N, N m
+    residual: Floats  # (W, K) measured less predicted, K = m C
+    slope: Floats  # (W, K, L) of the prediction in the L free numbers
+
+
+def noise_per_sample(windows: Windows, sigma: dict[str, float]) -> Floats:
+    """Standard deviation (K,) of each number of a window's residual."""
+    return np.tile([sigma[channel] for channel in windows.channels], windows.measured.shape[1])
+
+
+@DIVERGING
+def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Smoothed:
+    """Residual and slopes at given starts and forces; ``vehicle`` is a batch (1,)."""
+    rows = 1 + layout.size
+    starts = np.repeat(start[:, None], rows, axis=1)
+    forces = np.repeat(bins[:, None], rows, axis=1)
+    steps = np.empty(layout.size)
+    for column, entry in enumerate(layout.start):
+        steps[column] = STEP_START[entry]
+        starts[:, 1 + column, entry] += steps[column]
+    for column in range(layout.bins * len(layout.dof)):
+        bin_, d = divmod(column, len(layout.dof))
+        at = len(layout.start) + column
+        steps[at] = STEP_FORCE[layout.dof[d]]
+        forces[:, 1 + at, bin_, d] += steps[at]
+    predicted = simulate(windows, vehicle, starts, layout.force(forces, windows.steps))
+    return Smoothed(start, bins, *_slopes(windows, predicted, steps))
+
+
+def _slopes(windows: Windows, predicted: Floats, steps: Floats) -> tuple[Floats, Floats]:
+    """Residual (W, K) of row 0 and slopes (W, K, rows - 1) from finite differences."""
+    residual = windows.residual(predicted)
+    change = residual[:, :1] - residual[:, 1:]
+    change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
+    slope = change.reshape(len(windows), len(steps), -1).swapaxes(1, 2) / steps
+    return residual[:, 0].reshape(len(windows), -1), slope
+
+
+@DIVERGING
+def smooth(
+    windows: Windows,
+    vehicle: Vehicle,
+    layout: Layout,
+    sigma: dict[str, float],
+    force_prior: Floats,
+    begin: tuple[Floats, Floats] | None = None,
+    rounds: int = 3,
+) -> Smoothed:
+    """Levenberg-Marquardt over the free numbers of all windows, forces held near zero by ``force_prior`` (D,).
+
+    ``begin`` are the starts (W, 12) and bins (W, B, D) to begin from, else the guess of the windows and no force.
+    """
+    weight = 1.0 / noise_per_sample(windows, sigma)
+    held = np.setdiff1d(np.arange(12), layout.start)
+    if begin is None:
+        begin = windows.guess.copy(), np.zeros((len(windows), layout.bins, len(layout.dof)))
+        begin[0][:, held] = 0.0
+    precision = np.concatenate([LOOSE_START[layout.start] ** -2, np.tile(force_prior**-2, layout.bins)])
+
+    def away(state: Smoothed) -> Floats:
+        moved = (state.start - windows.guess)[:, layout.start]
+        return np.concatenate([moved, state.bins.reshape(len(windows), -1)], axis=1)
+
+    def cost(state: Smoothed) -> Floats:
+        return ((state.residual * weight) ** 2).sum(1) + (precision * away(state) ** 2).sum(1)
+
+    state = local_slopes(windows, vehicle, layout, *begin)
+    damping = np.full(len(windows), 1e-4)
+    for _ in range(rounds):
+        slope = state.slope * weight[:, None]
+        gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
+        damped = gram + damping[:, None, None] * np.eye(layout.size) * np.einsum("wll->wl", gram)[:, None]
+        pull = (slope.swapaxes(1, 2) @ (state.residual * weight)[..., None])[..., 0] - precision * away(state)
+        move = np.linalg.solve(damped, pull[..., None])[..., 0]
+        start, bins = state.start.copy(), state.bins.copy()
+        start[:, layout.start] += move[:, : len(layout.start)]
+        bins += move[:, len(layout.start) :].reshape(bins.shape)
+        fresh = local_slopes(windows, vehicle, layout, start, bins)
+        better = cost(fresh) < cost(state)
+        damping = np.where(better, damping * 0.1, damping * 30.0)
+        state = Smoothed(
+            *(
+                np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
+                for new, old in zip(_fields(fresh), _fields(state), strict=True)
+            )
+        )
+    return state
+
+
+@DIVERGING
+def settle(
+    windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], precision: Floats, state: Smoothed
+) -> Smoothed:
+    """Gauss-Newton steps with the slopes that ``state`` has; ``precision`` (L, L) is that of the free numbers.
+
+    One rollout per step: slopes hardly change where a small change of the vehicle moves the windows a little.
+    """
+    weight = 1.0 / noise_per_sample(windows, sigma)
+    slope = state.slope * weight[:, None]
+    gram = slope.swapaxes(1, 2) @ slope + precision
+    inverse = np.linalg.inv(gram)
+    start, bins = state.start, state.bins
+    residual = state.residual
+    for _ in range(SETTLE_STEPS):
+        away = np.concatenate([(start - windows.guess)[:, layout.start], bins.reshape(len(windows), -1)], axis=1)
+        pull = np.einsum("wkl,wk->wl", slope, residual * weight) - away @ precision
+        move = np.einsum("wlm,wm->wl", inverse, pull)
+        start, bins = start.copy(), bins.copy()
+        start[:, layout.start] += move[:, : len(layout.start)]
+        bins += move[:, len(layout.start) :].reshape(bins.shape)
+        residual = residual_at(windows, vehicle, layout, start, bins)
+    return Smoothed(start, bins, residual, state.slope)
+
+
+def residual_at(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Floats:
+    """Measured less predicted (W, K) at given starts and forces; ``vehicle`` is a batch (1,)."""
+    force = layout.force(bins[:, None], windows.steps)
+    return windows.residual(simulate(windows, vehicle, start[:, None], force))[:, 0].reshape(len(windows), -1)
+
+
+def _fields(state: Smoothed) -> tuple[Floats, ...]:
+    return state.start, state.bins, state.residual, state.slope
+
+
+def follow(
+    windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], force_prior: Floats
+) -> Smoothed:
+    """Smooth from far away: first in pieces so short that even a wrong model stays near, then whole windows."""
+    pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
+    short = Layout(layout.start, layout.dof, PIECE_BINS, layout.steps_per_bin)
+    near = smooth(pieces, vehicle, short, sigma, force_prior, rounds=2)
+    parts = len(pieces) // len(windows)
+    start = near.start.reshape(len(windows), parts, 12)[:, 0]
+    bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
+    return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins), rounds=3)
+
+
+def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], force_prior: Floats) -> dict[str, float]:
+    """White noise of each channel, from what is left when a free force follows everything slower than its bins."""
+    weight = 1.0 / noise_per_sample(windows, sigma)
+    slope = state.slope * weight[:, None]
+    starts = slope.shape[-1] - state.bins[0].size
+    loose = np.full(starts, 1e-6)
+    precision = np.concatenate([loose, np.tile(force_prior**-2, state.bins.shape[1])])
+    gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
+    leverage = np.einsum("wkl,wlk->wk", slope, np.linalg.solve(gram, slope.swapaxes(1, 2)))
+    left = state.residual.reshape(windows.measured.shape)
+    free = np.clip(1 - leverage.reshape(left.shape), 0.05, 1.0)
+    noise = {}
+    for column, channel in enumerate(windows.channels):
+        squares = (left[..., column] ** 2 * windows.present).sum(1) / (free[..., column] * windows.present).sum(1)
+        noise[channel] = float(np.sqrt(np.median(squares)))  # the median window: a few windows may be badly followed
+    return noise
+
+
+def first_noise(windows: Windows) -> dict[str, float]:
+    """Rough white noise of each channel from third differences, which a smooth motion hardly has."""
+    noise = {}
+    for column, channel in enumerate(windows.channels):
+        series = windows.measured[..., column]
+        if channel in ANGLES:
+            series = np.unwrap(series, axis=1)
+        third = np.diff(series, 3, axis=1)[windows.present[:, 3:]]
+        scale = 1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)
+        floor = 1e-4 if CHANNELS.index(channel) < 6 else 1e-3
+        noise[channel] = float(max(scale, floor))
+    return noise

@@ -1,0 +1,210 @@
+"""A flight log cut into short windows on a uniform time grid, ready to be simulated side by side."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog, FlightLogError
+from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.physics import CONTROL_DT
+
+Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
+CHANNELS = POSE + VELOCITY
+MAX_WINDOWS = 360  # 12 minutes of windows of 2 s: more adds time and memory, not certainty
+
+
+@dataclass(frozen=True)
+class Windows:
+    """``W`` windows of ``S`` steps with up to ``m`` samples of the ``C`` measured channels.
+
+    The command of grid step k of an episode is the mean of what was commanded during it.
+    """
+
+    dt: float  # s, grid step
+    steps: int
+    channels: tuple[str, ...]  # measured, out of CHANNELS
+    commands: Floats  # (E, T, n) on the grid
+    episode: np.ndarray  # (W,) row of commands
+    number: np.ndarray  # (W,) number of the episode in the log
+    start: np.ndarray  # (W,) grid step at which the window begins
+    origin: np.ndarray  # (W,) s, time of the first grid step in its episode
+    index: np.ndarray  # (W, m) grid step of each sample, from the start of the window
+    fraction: Floats  # (W, m) of a step behind it
+    measured: Floats  # (W, m, C)
+    present: np.ndarray  # (W, m) True where there is a sample
+    guess: Floats  # (W, 12) pose and velocity at the start, from a local fit to the samples
+
+    def __len__(self) -> int:
+        return len(self.episode)
+
+    @property
+    def angular(self) -> np.ndarray:
+        """(C,) True for channels that are angles."""
+        return np.array([channel in ANGLES for channel in self.channels])
+
+    @property
+    def time(self) -> Floats:
+        """(W,) s since the start of the episode at the start of each window."""
+        return self.origin + self.start * self.dt
+
+    def subset(self, chosen: np.ndarray) -> "Windows":
+        """Some of the windows."""
+        names = ("episode", "number", "start", "origin", "index", "fraction", "measured", "present", "guess")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+    def split(self, steps: int) -> "Windows":
+        """Each window as ``S / steps`` shorter ones, in order; ``steps`` divides ``S``."""
+        parts = self.steps // steps
+        position = self.index + self.fraction
+        rows = []
+        for w, part in np.ndindex(len(self), parts):
+            inside = self.present[w] & (self.index[w] >= part * steps) & (self.index[w] < (part + 1) * steps)
+            rows.append((w, part, inside))
+        most = max(int(inside.sum()) for _, _, inside in rows)
+        shape = (len(rows), most)
+        index, fraction, present = np.zeros(shape, int), np.zeros(shape), np.zeros(shape, bool)
+        measured = np.zeros((*shape, len(self.channels)))
+        guess = np.empty((len(rows), 12))
+        columns = [CHANNELS.index(channel) for channel in self.channels]
+        for row, (w, part, inside) in enumerate(rows):
+            k = int(inside.sum())
+            index[row, :k], fraction[row, :k] = self.index[w, inside] - part * steps, self.fraction[w, inside]
+            measured[row, :k], present[row, :k] = self.measured[w, inside], True
+            near = self.present[w] & (np.abs(position[w] - part * steps) * self.dt < 0.3)
+            values = np.full((int(near.sum()), 12), np.nan)
+            values[:, columns] = self.measured[w, near]
+            guess[row] = _guess_start((position[w, near] - part * steps) * self.dt, values)
+        owner = np.repeat(np.arange(len(self)), parts)
+        start = self.start[owner] + np.tile(np.arange(parts) * steps, len(self))
+        whole = replace(self.subset(owner), steps=steps, start=start)
+        return replace(whole, index=index, fraction=fraction, measured=measured, present=present, guess=guess)
+
+    def residual(self, predicted: Floats) -> Floats:
+        """Measured less predicted (W, ..., m, C), angles wrapped, zero where there is no sample."""
+        extra = predicted.ndim - self.measured.ndim
+        shape = (len(self), *(1,) * extra)
+        left = self.measured.reshape(*shape, *self.measured.shape[1:]) - predicted
+        left[..., self.angular] -= 2 * np.pi * np.round(left[..., self.angular] / (2 * np.pi))
+        return left * self.present.reshape(*shape, -1, 1)
+
+
+def grid_step(log: FlightLog) -> tuple[float, int]:
+    """Grid step in s, near the control step, and how many samples are averaged into one (1 unless sampled fast)."""
+    sample = float(np.median(np.concatenate([np.diff(episode.t) for episode in log.episodes])))
+    irregular = any(np.ptp(np.diff(e.t)) > 0.02 * sample for e in log.episodes if len(e) > 2)
+    if sample < 0.75 * CONTROL_DT:
+        merged = max(1, round(CONTROL_DT / sample))
+        return sample * merged, merged
+    target = CONTROL_DT / 2 if irregular else CONTROL_DT  # samples between grid steps are interpolated linearly
+    return sample / np.ceil(sample / target - 1e-6), 1
+
+
+def cut_windows(log: FlightLog, window_s: float, lead_s: float, offset_s: float = 0.0) -> Windows:
+    """Windows of ``window_s`` seconds, end to end, the first ``lead_s`` seconds of each episode left out.
+
+    The lead is there because nobody logged what was commanded before the first row.
+
+    Raises:
+        ValueError: if no episode holds a window.
+    """
+    dt, merged = grid_step(log)
+    steps = max(4, round(window_s / dt))
+    channels = tuple(axis for axis in CHANNELS if axis in log.axes)
+    columns = [CHANNELS.index(channel) for channel in channels]
+    lead, offset = round(lead_s / dt), round(offset_s / dt)
+    grids, rows = [], []
+    for order, episode in enumerate(log.episodes):
+        t, values = _merge(episode, merged)
+        length = int(np.floor((t[-1] - episode.t[0]) / dt + 1e-6)) + 1
+        grids.append(_commands_on_grid(episode, dt, length))
+        position = (t - episode.t[0]) / dt
+        for start in range(lead + offset, length - steps + 1, steps):
+            inside = np.flatnonzero((position > start - 1e-6) & (position < start + steps - 1e-6))
+            ends = np.concatenate([[start], position[inside], [start + steps]])
+            if len(inside) < 4 or np.diff(ends).max() * dt > max(0.5, 0.25 * window_s):
+                continue
+            rows.append((order, episode, start, position[inside] - start, values[inside]))
+    if not rows:
+        raise FlightLogError(
+            f"{log.name}: no episode holds a window of {window_s:g} s behind the first {lead_s:g} s: give a longer log"
+        )
+    if len(rows) > MAX_WINDOWS:
+        rows = [rows[i] for i in np.linspace(0, len(rows) - 1, MAX_WINDOWS).astype(int)]
+    most = max(len(row[3]) for row in rows)
+    number = len(rows)
+    index, fraction = np.zeros((number, most), int), np.zeros((number, most))
+    measured, present = np.zeros((number, most, len(columns))), np.zeros((number, most), bool)
+    guess = np.zeros((number, 12))
+    for w, (_, _, _, position, values) in enumerate(rows):
+        k = len(position)
+        whole = np.floor(position + 1e-6).astype(int)
+        index[w, :k], fraction[w, :k] = whole, np.where(position - whole < 1e-3, 0.0, position - whole)
+        measured[w, :k], present[w, :k] = values[:, columns], True
+        guess[w] = _guess_start(position * dt, values)
+    longest = max(len(grid) for grid in grids)
+    commands = np.stack([np.pad(grid, ((0, longest - len(grid)), (0, 0)), mode="edge") for grid in grids])
+    return Windows(
+        dt=dt,
+        steps=steps,
+        channels=channels,
+        commands=commands,
+        episode=np.array([row[0] for row in rows]),
+        number=np.array([row[1].number for row in rows]),
+        start=np.array([row[2] for row in rows]),
+        origin=np.array([row[1].t[0] for row in rows]),
+        index=index,
+        fraction=fraction,
+        measured=measured,
+        present=present,
+        guess=guess,
+    )
+
+
+def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats]:
+    """Times (T,) and values (T, 12) of an episode, each the mean of ``merged`` samples, angles unwrapped."""
+    values = np.concatenate([episode.pose, episode.velocity], axis=1)
+    for angle in ANGLES:
+        column = CHANNELS.index(angle)
+        if np.isfinite(values[:, column]).all():
+            values[:, column] = np.unwrap(values[:, column])
+    if merged == 1:
+        return episode.t, values
+    whole = len(values) // merged * merged
+    return (
+        episode.t[:whole].reshape(-1, merged).mean(1),
+        values[:whole].reshape(-1, merged, values.shape[1]).mean(1),
+    )
+
+
+def _commands_on_grid(episode: Episode, dt: float, length: int) -> Floats:
+    """Mean command (length, n) during each grid step, exact for commands held from row to row."""
+    edges = episode.t[0] + np.arange(length + 1) * dt
+    ends = np.append(episode.t, max(edges[-1], episode.t[-1]) + dt)
+    impulse = np.cumsum(np.diff(ends)[:, None] * episode.commands, axis=0)
+    impulse = np.concatenate([np.zeros((1, impulse.shape[1])), impulse])
+    at_edges = np.stack([np.interp(edges, ends, column) for column in impulse.T], axis=1)
+    return np.clip(np.diff(at_edges, axis=0) / dt, -1.0, 1.0)
+
+
+def _guess_start(t: Floats, values: Floats) -> Floats:
+    """Pose and velocity (12,) at the start of a window, from a parabola through its first samples."""
+    few = min(len(t), max(4, int(np.searchsorted(t, 0.4))))
+    if few < 4:
+        raise FlightLogError(f"a window has {few} samples near its start, at least 4 are needed: give longer windows")
+    powers = np.vander(t[:few], 3, increasing=True)
+    start = np.zeros(12)
+    pose_rate = np.zeros(6)
+    for column in range(12):
+        if np.isfinite(values[:few, column]).all():
+            coefficients = np.linalg.lstsq(powers, values[:few, column], rcond=None)[0]
+            start[column] = coefficients[0]
+            if column < 6:
+                pose_rate[column] = coefficients[1]
+    known = np.asarray(np.isfinite(values[:few]).all(0))
+    yaw = start[5]
+    c, s = np.cos(yaw), np.sin(yaw)
+    from_pose = [c * pose_rate[0] + s * pose_rate[1], c * pose_rate[1] - s * pose_rate[0], *pose_rate[2:]]
+    start[6:] = np.where(known[6:], start[6:], from_pose)
+    return start
