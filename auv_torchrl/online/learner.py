@@ -1,0 +1,272 @@
+"""Follow, notice, search, freeze: what the adaptation does for each vehicle of a fleet during one flight."""
+
+import logging
+from collections.abc import Iterator
+from enum import Enum
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from auv_torchrl.online.allocation import Allocation
+from auv_torchrl.online.config import OnlineConfig
+from auv_torchrl.online.detector import ChangeDetector
+from auv_torchrl.online.filter import Belief, EffectivenessFilter
+from auv_torchrl.online.guard import MeasurementGuard, Verdict
+from auv_torchrl.online.motion import SourceMotion, Step
+from auv_torchrl.online.sensing import Reading, Sensing
+from auv_torchrl.online.timing import ActuatorTiming
+from auv_torchrl.vehicle import CONTROLLED
+
+Array = Any
+log = logging.getLogger(__name__)
+_D = len(CONTROLLED)
+_NOISE_RATE = 0.02  # per step, how fast the noise grows that the map cannot explain
+_LARGEST_NOISE = 1e4  # times the variance of the config
+_FIELDS = ("phase", "total", "noise_scale", "lost_s", "search_s", "stalled_s", "alarms", "carried")
+_STILL = 0.05  # m/s
+_STALLED_S = 1.5  # s at a limit without moving; a healthy vehicle reaches full speed in less
+_IMPLAUSIBLE = 4.0  # standard deviations of the prior
+_IMPOSSIBLE_SPEED = 20.0  # m/s and rad/s
+
+
+class Phase(Enum):
+    """What the adaptation is doing; the value is the sentence of the log."""
+
+    FOLLOWING = "the map describes the vehicle: small drift is followed"
+    SEARCHING = "the vehicle has changed: what was learnt is dropped and learnt anew, with a dither"
+    FROZEN = "no usable measurement: what was learnt is kept as it is until measurements come again"
+
+
+PHASES = tuple(Phase)
+FOLLOWING, SEARCHING, FROZEN = range(3)
+
+
+class OnlineLearner:
+    """Beliefs about N vehicles, their phases, and the thrusts that do what the source vehicle would.
+
+    Args:
+        motion: of the source vehicle.
+        limits: smallest and largest thrust (n,) of each thruster, shares of full thrust.
+        edge: (n,) shares of full thrust below which a thruster gives nothing.
+        config: settings.
+        sensing: reads the observations of the N vehicles.
+        count: number of vehicles N.
+    """
+
+    def __init__(
+        self,
+        motion: SourceMotion,
+        limits: tuple[Array, Array],
+        edge: Array,
+        config: OnlineConfig,
+        sensing: Sensing,
+        count: int,
+    ):
+        self.motion, self.config, self.sensing, self.count = motion, config, sensing, count
+        self.filter = EffectivenessFilter(motion, config)
+        steps = 3600.0 / motion.control_dt / config.false_alarms_per_hour
+        self.detector = ChangeDetector(_D, config.smallest_shift, steps)
+        self.weight = 1.0 / np.square(motion.full_wrench)
+        self.weight[_D - 1] *= config.heading_weight**2
+        self.timing = ActuatorTiming(count, motion.per_share, motion.control_dt)
+        self.allocation = Allocation(self.weight, *limits)
+        self.limits = limits
+        by_wrench = motion(np.zeros((1, _D)), np.zeros((1, _D))).by_wrench[0]
+        if config.sensed == "velocity":
+            self.entries = np.arange(_D, 2 * _D)
+            reach = (np.abs(by_wrench[_D:]) * motion.full_wrench).sum(-1)
+            slack = 10 * np.full(_D, config.velocity_noise)
+        else:
+            self.entries = np.arange(_D)
+            reach = np.zeros(_D)
+            slack = np.array((*(config.largest_jump_m,) * 3, 1.0))
+        self.guard = MeasurementGuard(count, motion.control_dt, reach, slack)
+        self.belief = self.filter.start(count)
+        self.phase = np.full(count, FOLLOWING)
+        self.total = np.zeros(count)  # of the detector
+        self.noise_scale = np.ones(count)
+        self.lost_s = np.zeros(count)
+        self.search_s = np.zeros(count)
+        self.stalled_s = np.zeros(count)
+        self.alarms = np.zeros(count, dtype=np.int64)
+        self.carried = np.zeros((count, _D))  # wrench that the dead band has withheld so far
+        self.carry_limit = (np.abs(motion.per_share) * edge).max(-1)
+        self.column_power = (self.weight[:, None] * np.square(motion.per_share)).sum(0)
+        self.generator = torch.Generator().manual_seed(config.seed)
+
+    def begin(self, rows: Array, observation: Array) -> None:
+        """A new episode of some vehicles (rows of the observations (N, d)); what has been learnt of them is kept."""
+        self._place(rows, self.sensing.read(observation))
+        self.guard.begin(rows)
+        self.timing.begin(rows)
+        self.total[rows] = self.lost_s[rows] = self.search_s[rows] = 0.0
+        self.carried[rows] = 0.0
+
+    def _place(self, rows: Array, reading: Reading) -> None:
+        velocity = reading.velocity[rows]
+        known = np.isfinite(velocity).all(-1) & (np.abs(velocity) < _IMPOSSIBLE_SPEED).all(-1)
+        self.filter.place(self.belief, rows, np.where(known[:, None], velocity, 0.0), self._start_spread)
+        self.sensing.restart(reading, rows)
+
+    @property
+    def _start_spread(self) -> float:
+        return self.config.velocity_noise if self.config.sensed == "velocity" else 0.3  # m/s, a vehicle's own speed
+
+    def uncertainty(self) -> Array:
+        """Standard error of each thruster's effect as a share of its nominal effect, (N, n)."""
+        block = self.filter.wrench_covariance(self.belief, self.weight)
+        return np.sqrt(np.clip(np.diagonal(block, axis1=1, axis2=2), 0.0, None) / self.column_power)
+
+    def state(self) -> dict[str, Tensor]:
+        """Everything that changes during a flight, as tensors."""
+        arrays = {name: torch.from_numpy(np.array(getattr(owner, key))) for name, owner, key in self._stateful()}
+        return {**arrays, "generator": self.generator.get_state()}
+
+    def load_state(self, state: dict[str, Tensor]) -> None:
+        """Go on from :meth:`state` of a learner of as many vehicles.
+
+        Raises:
+            ValueError: if it is of another number of vehicles or thrusters.
+        """
+        if state["belief.mean"].shape != self.belief.mean.shape:
+            raise ValueError(
+                f"online adapter: the state is of {list(state['belief.mean'].shape)} vehicles and estimates, "
+                f"this adapter has {list(self.belief.mean.shape)}: load it into one of that size"
+            )
+        for name, owner, key in self._stateful():
+            setattr(owner, key, state[name].numpy().copy())
+        self.generator.set_state(state["generator"])
+
+    def _stateful(self) -> Iterator[tuple[str, Any, str]]:
+        owners: dict[str, tuple[Any, tuple[str, ...]]] = {
+            "belief": (self.belief, Belief.FIELDS),
+            "guard": (self.guard, MeasurementGuard.FIELDS),
+            "sensing": (self.sensing, Sensing.FIELDS),
+            "timing": (self.timing, ActuatorTiming.FIELDS),
+            "learner": (self, _FIELDS),
+        }
+        for owner_name, (owner, keys) in owners.items():
+            for key in keys:
+                yield f"{owner_name}.{key}", owner, key
+
+    # commands
+
+    def thrusts(self, nominal: Array) -> Array:
+        """Thrusts (N, n), shares of full thrust, whose wrench is what ``nominal`` (N, n) gives the source vehicle."""
+        effectiveness, constant = self.filter.map_of(self.belief)
+        wanted = nominal @ self.motion.per_share.T - constant + self.carried
+        caution = self.filter.wrench_covariance(self.belief, self.weight)
+        share = self.allocation(wanted, effectiveness, caution, nominal)
+        searching = self.phase == SEARCHING
+        if self.config.dither > 0 and searching.any():
+            unknown = np.sqrt(np.clip(np.diagonal(caution, axis1=1, axis2=2), 0, None) / self.column_power)
+            sign = torch.randint(0, 2, share.shape, generator=self.generator).numpy() * 2.0 - 1.0
+            amount = self.config.dither * (unknown > self.config.settled_below) * searching[:, None]
+            share = np.clip(share + amount * sign, *self.limits)
+        return share
+
+    def withheld(self, wanted: Array, given: Array) -> None:
+        """Remember the wrench lost to the dead band between shares wanted and given (N, n), to give it later."""
+        effectiveness, _ = self.filter.map_of(self.belief)
+        lost = (effectiveness @ (wanted - given)[..., None])[..., 0]
+        self.carried = np.clip(0.9 * self.carried + lost, -self.carry_limit, self.carry_limit)
+        self.carried[self.phase != FOLLOWING] = 0.0
+
+    # learning
+
+    def observe(self, share: Array, observation: Array, time: Array) -> Array:
+        """Learn from one control step; returns which vehicles raised an alarm, (N,) bool.
+
+        Args:
+            share: (N, n) thrusts that were commanded, shares of full thrust.
+            observation: (N, d) at its end.
+            time: (N,) s at its end.
+        """
+        reading = self.sensing.read(observation)
+        arriving = self.timing.arriving(share)
+        step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale)
+        difference = reading.measured - self.belief.mean[:, self.entries]
+        verdict = self.guard.judge(reading.raw, time, difference, np.abs(share).max(-1) > 0)
+        usable = verdict.usable & (self.phase != FROZEN)
+        innovation = self.filter.update(self.belief, self.entries, reading.measured, reading.variance, usable)
+        self.sensing.accept(reading, usable)
+        self._explain(step, wrench, reading, usable)
+        self.total = self.detector.advance(self.total, innovation.square, usable & (self.phase == FOLLOWING))
+        excess = np.clip(innovation.square / _D, 0.0, 4.0) - 1.0
+        scaled = self.noise_scale * np.exp(_NOISE_RATE * excess)
+        self.noise_scale = np.where(usable, np.clip(scaled, 1.0, _LARGEST_NOISE), self.noise_scale)
+        stalled = self._stalled(share, reading.velocity)
+        alarm = ((self.total > self.detector.threshold) | self._implausible() | stalled) & (self.phase == FOLLOWING)
+        if alarm.any():
+            self._search(alarm.nonzero()[0])
+        self._end_searches()
+        self._note_losses(verdict, reading)
+        return alarm
+
+    def _implausible(self) -> Array:
+        """Vehicles whose constant wrench has drifted so far that it must stand for something else, (N,) bool."""
+        _, constant = self.filter.map_of(self.belief)
+        return (np.abs(constant) > _IMPLAUSIBLE * self.config.constant_spread * self.motion.full_wrench).any(-1)
+
+    def _explain(self, step: Step, wrench: Array, reading: Reading, usable: Array) -> None:
+        """Remember the wrench that would have brought the source vehicle to the measured velocity."""
+        if self.config.sensed != "velocity":
+            return  # one step of noisy positions says nothing about its wrench
+        surprise = np.where(usable[:, None], reading.velocity - step.velocity, 0.0)
+        missing = np.linalg.solve(step.by_wrench[:, _D:], surprise[..., None])[..., 0]
+        self.timing.learn(np.where(usable[:, None], wrench + missing, np.nan))
+
+    def _stalled(self, share: Array, velocity: Array) -> Array:
+        """Vehicles that push with all they have and go nowhere: the map leads into a dead end, (N,) bool."""
+        low, high = self.limits
+        pushing = ((share > 0.98 * high) | (share < 0.98 * low)).any(-1)
+        with np.errstate(invalid="ignore"):
+            still = np.linalg.norm(velocity[:, :3], axis=-1) < _STILL
+        self.stalled_s = np.where(pushing & still, self.stalled_s + self.motion.control_dt, 0.0)
+        return self.stalled_s > _STALLED_S
+
+    def _search(self, rows: Array) -> None:
+        self.filter.forget(self.belief, rows)
+        self.phase[rows] = SEARCHING
+        self.total[rows] = self.search_s[rows] = self.stalled_s[rows] = 0.0
+        self.alarms[rows] += 1
+
+    def _end_searches(self) -> None:
+        searching = self.phase == SEARCHING
+        if not searching.any():
+            return
+        self.search_s[searching] += self.motion.control_dt
+        known = self.uncertainty().max(-1) < self.config.settled_below
+        done = searching & (known | (self.search_s > self.config.longest_search_s))
+        for row in done.nonzero()[0]:
+            if self.timing.judge(row, round(float(self.search_s[row]) / self.motion.control_dt)):
+                log.info(
+                    "vehicle %d: thrust follows its command %.2f s late with a lag of %.2f s",
+                    row,
+                    *self.timing.timing_of(row),
+                )
+                self._search(np.array([row]))
+                done[row] = False
+        self.phase[done] = FOLLOWING
+        self.total[done] = 0.0
+
+    def _note_losses(self, verdict: Verdict, reading: Reading) -> None:
+        """Freeze after a long loss, and take up again where measurements have come back."""
+        self.lost_s = np.where(verdict.usable, 0.0, self.lost_s + self.motion.control_dt)
+        freeze = (self.lost_s > self.config.lost_after_s) & (self.phase != FROZEN)
+        if freeze.any():
+            log.warning("vehicles %s: %s", freeze.nonzero()[0].tolist(), Phase.FROZEN.value)
+            self.phase[freeze] = FROZEN
+        frozen = self.phase == FROZEN
+        back = (verdict.usable & frozen) | verdict.restart
+        if back.any():
+            rows = back.nonzero()[0]
+            if frozen[rows].any():
+                log.info("vehicles %s: measurements are usable again", rows[frozen[rows]].tolist())
+            unknown = self.uncertainty().max(-1) > self.config.uncertain_above
+            self.phase[back & frozen] = np.where(unknown, SEARCHING, FOLLOWING)[back & frozen]
+            self.search_s[back & frozen] = 0.0
+            self.lost_s[rows] = 0.0
+            self._place(rows, reading)

@@ -1,0 +1,103 @@
+"""When thrust follows its command late: which delay and lag explain what a vehicle did, if none does not."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from auv_torchrl.physics.thrusters import delayed
+
+Array = Any
+_DELAYS_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
+_LAGS_S = (0.0, 0.1, 0.2, 0.4)
+_HYPOTHESES = tuple(itertools.product(_DELAYS_S, _LAGS_S))  # the first is none
+_MEMORY = 60  # control steps
+_LEAST = 16  # of them for a judgement
+_BETTER = 0.5  # share of the squared error that must vanish before another timing is believed
+_RIDGE = 1e-3
+
+
+class ActuatorTiming:
+    """Delay and lag of each of N vehicles, chosen from a grid by how well they explain the last seconds.
+
+    Args:
+        count: number of vehicles N.
+        nominal: (4, n) wrench per share of the source vehicle.
+        control_dt: s.
+    """
+
+    FIELDS = ("chosen", "shares", "wrenches", "arrived")
+
+    def __init__(self, count: int, nominal: Array, control_dt: float):
+        n = nominal.shape[1]
+        self.control_dt, self.unit = control_dt, np.abs(nominal).sum(-1)
+        self.nominal = nominal
+        self.chosen = np.zeros(count, dtype=np.int64)
+        self.shares = np.zeros((count, _MEMORY, n))  # commanded, newest first
+        self.wrenches = np.full((count, _MEMORY, 4), np.nan)  # that explain the motion, newest first
+        self.arrived = np.zeros((count, n))  # thrust under the chosen timing, at the end of the last step
+
+    def begin(self, rows: Array) -> None:
+        """Thrusters are silent in these rows; the timing that was found stays."""
+        self.shares[rows] = 0.0
+        self.arrived[rows] = 0.0
+        self.wrenches[rows] = np.nan
+
+    def arriving(self, share: Array) -> Array:
+        """Mean thrust over a control step (N, n) in which ``share`` (N, n) is commanded, under the chosen timing."""
+        self.shares = np.concatenate((share[:, None], self.shares[:, :-1]), axis=1)
+        if not self.chosen.any():
+            return share
+        delay, lag = np.array(_HYPOTHESES)[self.chosen].T
+        mean, self.arrived = _lagged(delayed(self.shares, delay, self.control_dt), self.arrived, lag, self.control_dt)
+        return mean
+
+    def learn(self, wrench: Array) -> None:
+        """Remember the wrenches (N, 4) that explain the last step; NaN where it could not be measured."""
+        self.wrenches = np.concatenate((wrench[:, None], self.wrenches[:, :-1]), axis=1)
+
+    def judge(self, row: int, steps: int) -> bool:
+        """Choose the timing that explains the last ``steps`` steps of a vehicle best; returns whether it is new."""
+        wrench = self.wrenches[row, :steps][::-1] / self.unit
+        known = np.isfinite(wrench).all(-1)
+        if known.sum() < _LEAST:
+            return False
+        errors = np.array([self._error(row, steps, delay, lag, wrench, known) for delay, lag in _HYPOTHESES])
+        best = int(errors.argmin())
+        if best == self.chosen[row] or errors[best] > _BETTER * errors[self.chosen[row]]:
+            return False
+        self.chosen[row] = best
+        self.arrived[row] = 0.0
+        return True
+
+    def timing_of(self, row: int) -> tuple[float, float]:
+        """Delay and lag in s."""
+        return _HYPOTHESES[self.chosen[row]]
+
+    def _error(self, row: int, steps: int, delay: float, lag: float, wrench: Array, known: Array) -> float:
+        """Squared error of the best map under a timing, in shares of the full wrench, per step."""
+        reach = min(steps + 8, _MEMORY)
+        sent = self.shares[row, :reach]
+        late = int(np.ceil(delay / self.control_dt))
+        padded = np.concatenate((sent, np.repeat(sent[-1:], late + 1, axis=0)))
+        windows = np.stack([padded[k : k + late + 2] for k in range(reach)])
+        reaching = delayed(windows, np.full(reach, delay), self.control_dt)[::-1]  # oldest first
+        thrust, arrived = [], np.zeros_like(reaching[0])
+        for target in reaching:
+            mean, arrived = _lagged(target, arrived, np.array(lag), self.control_dt)
+            thrust.append(mean)
+        x = np.concatenate((np.array(thrust)[-steps:][known], np.ones((int(known.sum()), 1))), axis=1)
+        y = wrench[known]
+        prior = np.concatenate((self.nominal / self.unit[:, None], np.zeros((4, 1))), axis=1).T
+        gram = x.T @ x + _RIDGE * np.eye(x.shape[1])
+        fit = np.linalg.solve(gram, x.T @ y + _RIDGE * prior)
+        return float(np.square(y - x @ fit).sum() / max(len(x) - x.shape[1], 1))
+
+
+def _lagged(target: Array, before: Array, lag: Array, dt: float) -> tuple[Array, Array]:
+    """Mean over a step, and value at its end, of a first-order lag towards ``target`` (..., n)."""
+    instant = lag < 1e-6
+    tau = np.where(instant, 1.0, lag)
+    left = np.where(instant, 0.0, np.exp(-dt / tau))[..., None]
+    share = np.where(instant, 0.0, tau / dt * (1 - np.exp(-dt / tau)))[..., None]
+    return target + (before - target) * share, target + (before - target) * left
