@@ -64,6 +64,7 @@ class MujocoFleet(FleetEnv):
         self._passive = self._data.qfrc_passive.reshape(num_envs, 6)
         body = self.physics.model.body("vehicle_0")
         self._inertia = np.repeat((float(body.mass[0]), float(body.inertia[0])), 3)
+        self._runaway = np.zeros(num_envs, dtype=bool)  # vehicles that diverged within this control step
         self._moved: State | None = None  # the state that MuJoCo's bodies are in
 
     def _native(self, tensor: Tensor) -> np.ndarray:
@@ -99,6 +100,9 @@ class MujocoFleet(FleetEnv):
         finally:
             mujoco.set_mjcb_passive(None)  # pyright: ignore[reportAttributeAccessIssue]
         position, quaternion, velocity = self._read_bodies()
+        if self._runaway.any():
+            velocity[self._runaway] = np.nan
+            self._runaway[:] = False
         thrust = thrust_after(c, terms, state.thrust, target, dt)
         self._moved = State(position, quaternion, velocity, thrust, commands, state.time + dt)
         return self._moved
@@ -109,7 +113,9 @@ class MujocoFleet(FleetEnv):
         velocity = np.concatenate((matvec(rotation.mT, self._rate[:, :3]), spin), axis=-1)
         rate = acceleration(self._coefficients, self._terms, rotation, self._pose[:, :3], velocity, wrench)
         if not np.abs(rate).max() < RUNAWAY:
-            rate = np.where(np.abs(rate).max(axis=-1, keepdims=True) < RUNAWAY, rate, 0.0)
+            sane = np.abs(rate).max(axis=-1) < RUNAWAY
+            rate = np.where(sane[:, None], rate, 0.0)
+            self._runaway |= ~sane
         linear = matvec(rotation, rate[:, :3] + cross(spin, velocity[:, :3]))
         return np.concatenate((linear, rate[:, 3:]), axis=-1) * self._inertia
 

@@ -1,0 +1,89 @@
+"""The gymnasium entry: its own checker, the same physics, options that are checked."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.utils.env_checker import check_env
+
+from auv_torchrl.envs import BACKENDS, RegulationEnv, RegulationTask, make_fleet
+from auv_torchrl.envs.gymnasium_env import ID
+from auv_torchrl.vehicle import load_vehicle
+
+backends = pytest.mark.parametrize("backend", BACKENDS)
+
+
+@backends
+def test_gymnasium_accepts_the_environment(backend):
+    """Gymnasium's check_env passes without a warning, for a vehicle, a scenario and a task of one's own."""
+    env = gymnasium.make(
+        ID, vehicle="bluerov2", backend=backend, scenario="swap", task={"episode_s": 2.0}, render_mode="rgb_array"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+
+
+@backends
+def test_it_is_the_fleet(backend):
+    """The same seed and actions give the fleet's observations and rewards."""
+    env = gymnasium.make(ID, backend=backend).unwrapped
+    fleet = make_fleet(backend, load_vehicle("paper"), RegulationTask(), 1)
+    observation, _ = env.reset(seed=4)
+    fleet.set_seed(4)
+    now = fleet.reset()
+    np.testing.assert_array_equal(observation, now["observation"][0].numpy())
+    for action in np.linspace(-1, 1, 20, dtype=np.float32).reshape(5, 4):
+        observation, reward, terminated, truncated, info = env.step(action)
+        now = fleet.step(now.set("action", torch.from_numpy(action)[None]))["next"]
+        np.testing.assert_array_equal(observation, now["observation"][0].numpy())
+        np.testing.assert_array_equal(info["position"], now["position"][0].numpy())
+        assert reward == float(now["reward"]) and not terminated and not truncated
+
+
+def test_many_vehicles_in_one_environment():
+    """The vector entry runs one fleet; an ended episode begins anew in that step and leaves its last observation."""
+    env = gymnasium.make_vec(
+        ID, num_envs=3, vectorization_mode="vector_entry_point", backend="torch", task={"episode_s": 0.2}
+    )
+    env.reset(seed=0)
+    for step in range(1, 9):
+        observation, reward, terminated, truncated, info = env.step(np.ones((3, 4), dtype=np.float32))
+        assert observation.shape == (3, 12) and reward.shape == (3,)
+        assert truncated.tolist() == [step % 4 == 0] * 3 and not terminated.any()
+        assert ("final_obs" in info) == (step % 4 == 0)
+        if "final_obs" in info:
+            assert not np.array_equal(info["final_obs"], observation)
+
+
+def test_starts_can_be_given():
+    """options={"start": ...} puts the vehicle there."""
+    env = gymnasium.make(ID, backend="torch").unwrapped
+    start = {"position": [1, 2, 3], "quaternion": [1, 0, 0, 0], "velocity": [0] * 6}
+    _, info = env.reset(options={"start": start})
+    np.testing.assert_array_equal(info["position"], [1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"vehicle": "submarine"}, FileNotFoundError, "there are bluerov2"),
+        ({"scenario": "storm"}, FileNotFoundError, "there are added_mass"),
+        ({"backend": "gazebo"}, ValueError, "there are mujoco, torch"),
+        ({"task": {"box": 1.0}}, TypeError, "box"),
+        ({"render_mode": "human"}, ValueError, "rgb_array"),
+    ],
+)
+def test_wrong_options_are_refused(options, error, message):
+    """Unknown names are errors that list what there is."""
+    with pytest.raises(error, match=message):
+        RegulationEnv(**options)
+
+
+def test_unknown_reset_options_are_refused():
+    """Reset takes start and nothing else."""
+    env = gymnasium.make(ID, backend="torch").unwrapped
+    with pytest.raises(ValueError, match="there is start"):
+        env.reset(options={"position": [0, 0, 0]})

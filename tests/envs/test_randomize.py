@@ -1,0 +1,125 @@
+"""Randomization: from the nominal, per vehicle, in the rows that are reset, from files that are checked."""
+
+import pytest
+import torch
+import yaml
+from torchrl.envs import TransformedEnv
+
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.envs import BACKENDS, RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.envs.randomize import read_ranges
+from auv_torchrl.paths import config_names, config_path
+from auv_torchrl.vehicle import load_vehicle
+
+PAPER = load_vehicle("paper")
+CONTINUOUS = {name: effect for name, effect in EFFECTS.items() if not effect.parameters[0].discrete}
+
+
+def ranges_of(name):
+    return yaml.safe_load(config_path("randomization", name).read_text())
+
+
+def randomized(ranges, count=4, seed=0, backend="torch", own_seed=None):
+    fleet = make_fleet(backend, PAPER, RegulationTask(episode_s=0.5), count, seed=seed)
+    return TransformedEnv(fleet, RandomizeVehicle(PAPER, ranges, own_seed))
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("effect", CONTINUOUS.values(), ids=CONTINUOUS)
+def test_a_zero_range_leaves_the_vehicle_unchanged(effect, name):
+    """Every effect drawn from [nominal, nominal] gives the nominal vehicle."""
+    vehicle = load_vehicle(name)
+    ranges = {effect.name: {key: [value, value] for key, value in effect.nominal(vehicle).items()}}
+    drawn = RandomizeVehicle(vehicle, ranges).draw(3, torch.Generator().manual_seed(0))
+    for key, value in vehicle.items():
+        torch.testing.assert_close(drawn.get(key), value.expand(3, *value.shape), rtol=0, atol=1e-12, msg=key)
+
+
+@pytest.mark.parametrize("name", config_names("randomization"))
+def test_three_resets_are_as_wide_as_one(name):
+    """Draws start from the nominal: after many resets, no parameter lies farther away than the first range allows."""
+    env = randomized(ranges_of(name), count=256)
+    env.reset()
+    once = env.base_env.vehicle
+    for _ in range(3):
+        env.reset()
+    often = env.base_env.vehicle
+    for key, value in PAPER.items():
+        first, last = ((getattr(drawn, key) - value).abs().amax(0) for drawn in (once, often))
+        assert (last <= 1.3 * first + 1e-12).all(), key
+    changed = [key for key, value in PAPER.items() if not torch.equal(often.get(key), once.get(key))]
+    assert bool(changed) == (name != "none")
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_partial_reset_redraws_its_rows_alone(backend):
+    """The other vehicles keep their parameters and what the physics reads of them."""
+    env = randomized({"thruster_gain": {"gain": [0.5, 1.5]}}, backend=backend)
+    now = env.reset()
+    before, read = env.base_env.vehicle, torch.as_tensor(env.base_env._coefficients.allocation).clone()
+    mask = torch.tensor([[False], [True], [True], [False]])
+    env.reset(now.set("_reset", mask.clone()), set_state=False)
+    after, reads = env.base_env.vehicle, torch.as_tensor(env.base_env._coefficients.allocation)
+    redrawn = mask[:, 0]
+    assert torch.equal(after.gain[~redrawn], before.gain[~redrawn])
+    assert (after.gain[redrawn] != before.gain[redrawn]).all()
+    assert torch.equal(reads[~redrawn], read[~redrawn])
+    assert not torch.equal(reads[redrawn], read[redrawn])
+
+
+def test_a_seed_of_its_own_is_independent_of_the_starts():
+    """With its own seed the same vehicles are drawn for every seed of the fleet."""
+    ranges = {"linear_drag": {"scale": [0.5, 1.5]}}
+    drawn = []
+    for seed in (1, 2):
+        env = randomized(ranges, seed=seed, own_seed=7)
+        env.reset()
+        drawn.append(env.base_env.vehicle.linear_drag)
+    assert torch.equal(*drawn)
+
+
+def test_a_family_draws_each_member_on_its_own():
+    """Six thruster gains in one range are six numbers that fill it."""
+    drawn = RandomizeVehicle(PAPER, {"thruster_gain": {"gain": [0.8, 1.2]}}).draw(
+        2000, torch.Generator().manual_seed(0)
+    )
+    assert drawn.gain.amin() < 0.805 and drawn.gain.amax() > 1.195
+    correlation = torch.corrcoef(drawn.gain.T)
+    assert (correlation - torch.eye(6, dtype=torch.float64)).abs().max() < 0.1
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("ranges", config_names("randomization"))
+def test_every_file_suits_every_vehicle(ranges, name):
+    """All ranges files can be drawn from, for all vehicles, and give finite parameters."""
+    vehicle = load_vehicle(name)
+    drawn = RandomizeVehicle(vehicle, ranges_of(ranges)).draw(10, torch.Generator().manual_seed(0))
+    assert all(value.isfinite().all() for _, value in drawn.items())
+
+
+@pytest.mark.parametrize(
+    ("ranges", "message"),
+    [
+        ({"thruster_gian": {"gain": [0, 1]}}, "no effect named 'thruster_gian'"),
+        ({"thruster_gain": {"gian": [0, 1]}}, "no parameter 'gian': there are gain_1"),
+        ({"thruster_gain": {"gain_7": [0, 1]}}, "no parameter 'gain_7'"),
+        ({"thruster_gain": {"gain": 1.0}}, r"give \[low, high\]"),
+        ({"thruster_gain": {"gain": [0.0, 0.5, 1.0]}}, r"give \[low, high\]"),
+        ({"thruster_gain": {"gain": [1.2, 0.8]}}, "low is above high"),
+        ({"thruster_gain": {"gain": [0.8, 20.0]}}, r"give a number in \[-2, 2\]"),
+        ({"thruster_gain": {"gain": ["a", "b"]}}, "give a number in"),
+        ({"thruster_gain": None}, "give a mapping"),
+        ({"thruster_swap": {"command_1": [1, 2]}}, "has no range"),
+        ([1, 2], "give a mapping"),
+    ],
+)
+def test_wrong_ranges_are_refused(ranges, message):
+    """Each mistake is an error that names it and says what to give."""
+    with pytest.raises(ValueError, match=message):
+        read_ranges(PAPER, ranges)
+
+
+def test_randomization_needs_a_fleet_below_it():
+    """On its own the transform says where it belongs."""
+    with pytest.raises(RuntimeError, match="TransformedEnv of a FleetEnv"):
+        RandomizeVehicle(PAPER, {})._reset_env_preprocess(None)

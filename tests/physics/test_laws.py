@@ -1,0 +1,249 @@
+"""Laws of mechanics that the model must obey for every vehicle, state and time."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auv_torchrl.effects import EFFECTS, get_effect
+from auv_torchrl.paths import config_names
+from auv_torchrl.physics import ActiveTerms, State, control_step, prepare, rest_state
+from auv_torchrl.physics.coefficients import total_mass_matrix
+from auv_torchrl.physics.hydrodynamics import acceleration, coriolis_force
+from auv_torchrl.physics.kinematics import (
+    matvec,
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_matrix,
+    wrap_angle,
+)
+from auv_torchrl.vehicle import GRAVITY, load_vehicle
+
+VEHICLES = config_names("vehicle")
+seeds = st.integers(0, 2**31 - 1)
+by_seed = settings(max_examples=8, deadline=None)
+
+
+def random_state(vehicle, count, seed, speed=2.0, tilt=math.pi):
+    generator = torch.Generator().manual_seed(seed)
+
+    def uniform(*shape):
+        return 2 * torch.rand(count, *shape, generator=generator, dtype=torch.float64) - 1
+
+    quaternion = quaternion_from_euler(tilt * uniform(), tilt / 2 * uniform(), math.pi * uniform())
+    state = rest_state(5 * uniform(3), quaternion, speed * uniform(6), vehicle.thrusters)
+    return state, uniform(vehicle.thrusters)
+
+
+def energy(vehicle, state):
+    """Kinetic energy with added mass, and potential energy of weight and buoyancy."""
+    momentum = matvec(total_mass_matrix(vehicle), state.velocity)
+    rotation = rotation_matrix(state.quaternion)
+    low = state.position + matvec(rotation, vehicle.centre_of_mass.expand(3))
+    up = state.position + matvec(rotation, vehicle.centre_of_buoyancy.expand(3))
+    potential = -vehicle.mass * GRAVITY * low[..., 2] + vehicle.buoyancy * up[..., 2]
+    return 0.5 * (state.velocity * momentum).sum(-1) + potential
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("strength", [0.0, 1.0])
+@given(seed=seeds)
+@by_seed
+def test_energy_never_grows_without_thrust_and_current(name, strength, seed):
+    """Drag only takes energy, and Coriolis terms give none, whatever the start."""
+    vehicle = get_effect("coriolis").apply(load_vehicle(name), {"strength": strength})
+    c = prepare(vehicle.expand(8))
+    terms = ActiveTerms.of(c)
+    state, _ = random_state(vehicle, 8, seed)
+    before = energy(vehicle, state)
+    for _ in range(6):
+        state = control_step(c, terms, state, torch.zeros(8, vehicle.thrusters, dtype=torch.float64), substeps=8)
+        after = energy(vehicle, state)
+        assert (after <= before + 1e-5 * before.abs().clamp_min(1)).all()
+        before = after
+
+
+@given(seed=seeds)
+@by_seed
+def test_mass_matrix_is_symmetric_positive_definite(seed):
+    """M stays symmetric positive definite under every change that effects make to it."""
+    generator = torch.Generator().manual_seed(seed)
+    vehicle = load_vehicle("bluerov2").expand(16)
+    for name in ("added_mass", "payload", "mass_offset"):
+        effect = get_effect(name)
+        vehicle = effect.apply(
+            vehicle,
+            {
+                member: p.low + (p.high - p.low) * torch.rand(16, generator=generator, dtype=torch.float64)
+                for member, p in effect.member_parameters(vehicle).items()
+            },
+        )
+    matrix = total_mass_matrix(vehicle)
+    torch.testing.assert_close(matrix, matrix.mT)
+    assert (torch.linalg.eigvalsh(matrix) > 0).all()
+
+
+@given(seed=seeds)
+@by_seed
+def test_coriolis_forces_have_no_power(seed):
+    """Nu . C(nu) nu = 0 for every symmetric mass matrix, so that C is skew-symmetric."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(5, 6, 6))
+    velocity = random.normal(size=(5, 6))
+    force = coriolis_force(root @ root.mT, velocity)
+    np.testing.assert_allclose(np.sum(velocity * force, axis=-1), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+@given(seed=seeds, turn=st.floats(-3.0, 3.0), north=st.floats(-50, 50), east=st.floats(-50, 50))
+@by_seed
+def test_motion_does_not_depend_on_heading_or_place(name, seed, turn, north, east):
+    """Turned about the vertical and moved, a flight is the same flight turned and moved."""
+    vehicle = load_vehicle(name)
+    c = prepare(vehicle.expand(4))
+    terms = ActiveTerms.of(c)
+    state, command = random_state(vehicle, 4, seed, tilt=0.5)
+    yaw = quaternion_from_euler(*torch.tensor([0.0, 0.0, turn], dtype=torch.float64))
+    offset = torch.tensor([north, east, 3.0], dtype=torch.float64)
+    rotation = rotation_matrix(yaw)
+    moved = state._replace(
+        position=matvec(rotation, state.position) + offset,
+        quaternion=quaternion_product(yaw.expand(4, 4), state.quaternion),
+    )
+    for _ in range(5):
+        state, moved = (control_step(c, terms, s, command) for s in (state, moved))
+    torch.testing.assert_close(moved.velocity, state.velocity, rtol=0, atol=1e-9)
+    torch.testing.assert_close(moved.position, matvec(rotation, state.position) + offset, rtol=0, atol=1e-9)
+
+
+@given(seed=seeds, north=st.floats(-1, 1), east=st.floats(-1, 1), down=st.floats(-1, 1))
+@by_seed
+def test_a_uniform_current_is_a_moving_frame(seed, north, east, down):
+    """With all Coriolis terms, a vehicle in moving water flies as in still water, seen from a drifting boat."""
+    vehicle = get_effect("coriolis").apply(load_vehicle("bluerov2"), {"strength": 1.0})
+    flow = torch.tensor([north, east, down], dtype=torch.float64)
+    drifting = get_effect("current").apply(vehicle, {"north": north, "east": east, "down": down})
+    still, command = random_state(vehicle, 1, seed, speed=1.0)
+    body_flow = matvec(rotation_matrix(still.quaternion).mT, flow.expand(1, 3))
+    moving = still._replace(velocity=still.velocity + torch.cat((body_flow, torch.zeros_like(body_flow)), -1))
+    steps = 10
+    boat, water = prepare(vehicle.expand(1)), prepare(drifting.expand(1))
+    for _ in range(steps):
+        still = control_step(boat, ActiveTerms.of(boat), still, command, substeps=12)
+        moving = control_step(water, ActiveTerms.of(water), moving, command, substeps=12)
+    expected = still.position + flow * steps * 0.05
+    torch.testing.assert_close(moving.position, expected, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_batch_flies_like_its_vehicles_alone(name):
+    """Every effect drawn at random: a batch of vehicles gives what a loop over them gives."""
+    vehicle = load_vehicle(name).expand(5).clone()
+    generator = torch.Generator().manual_seed(3)
+    for effect in EFFECTS.values():
+        nominal = effect.nominal(vehicle[0])
+        share = 0.05 * torch.rand(5, generator=generator, dtype=torch.float64)
+        declared = effect.member_parameters(vehicle[0])
+        values = {k: v + share * (declared[k].high - v) for k, v in nominal.items() if not declared[k].discrete}
+        vehicle = effect.apply(vehicle, values)
+    state, command = random_state(vehicle, 5, 7, speed=0.5, tilt=0.3)
+    state = state._replace(commands=torch.zeros(5, 4, vehicle.thrusters, dtype=torch.float64))
+
+    def fly(rows):
+        c = prepare(vehicle[rows])
+        now = State(*(part[rows] for part in state))
+        for _ in range(10):
+            now = control_step(c, ActiveTerms.of(c), now, command[rows])
+        return now
+
+    together = fly(slice(None))
+    for row in range(5):
+        for part, alone in zip(together, fly(slice(row, row + 1)), strict=True):
+            torch.testing.assert_close(part[row : row + 1], alone, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_numpy_and_torch_run_the_same_lines(name):
+    """The array library changes nothing beyond rounding."""
+    vehicle = load_vehicle(name)
+    c = prepare(vehicle.expand(6).clone())
+    state, command = random_state(vehicle, 6, 1)
+    arrays = State(*(part.numpy() for part in state))
+    for _ in range(20):
+        state = control_step(c, ActiveTerms.of(c), state, command)
+        arrays = control_step(c.numpy(), ActiveTerms.of(c.numpy()), arrays, command.numpy())
+    for part, array in zip(state, arrays, strict=True):
+        np.testing.assert_allclose(part.numpy(), array, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "field", ["mass", "added_mass", "linear_drag", "quadratic_drag", "gain", "limit", "current", "centre_of_mass",
+              "buoyancy", "payload_mass", "lag", "delay", "thruster_direction", "exponent"],
+)  # fmt: skip
+def test_gradients_by_parameters_are_right(field):
+    """Analytic gradients of a flight by the vehicle's parameters agree with finite differences."""
+    vehicle = load_vehicle("bluerov2").expand(1).clone()
+    vehicle.lag = vehicle.lag + 0.13
+    vehicle.delay = vehicle.delay + 0.07
+    state, _ = random_state(vehicle, 1, 5, speed=0.3, tilt=0.2)
+    state = state._replace(commands=torch.zeros(1, 4, 6, dtype=torch.float64))
+    command = torch.tensor([[0.5, -0.6, 0.7, 0.4, -0.5, 0.6]], dtype=torch.float64)
+
+    def fly(value):
+        changed = vehicle.clone(recurse=False)
+        changed.set(field, value)
+        c, now = prepare(changed), state
+        for _ in range(2):
+            now = control_step(c, ActiveTerms.everything(), now, command, substeps=1)
+        return torch.cat((now.position, now.velocity), -1)
+
+    value = vehicle.get(field).detach().clone().requires_grad_()
+    assert torch.autograd.gradcheck(fly, (value,), eps=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_gradients_are_finite_at_rest(name):
+    """No square root, norm or power spoils the gradient of a vehicle that does not move."""
+    vehicle = load_vehicle(name).expand(2).clone().requires_grad_()
+    c = prepare(vehicle)
+    zeros = torch.zeros(2, 6, dtype=torch.float64)
+    upright = torch.tensor([[1.0, 0, 0, 0]] * 2, dtype=torch.float64)
+    state = rest_state(zeros[:, :3], upright, zeros, vehicle.thrusters)
+    command = torch.full((2, vehicle.thrusters), 0.3, dtype=torch.float64)
+    after = control_step(c, ActiveTerms.everything(), state, command)
+    (after.position.sum() + after.velocity.sum()).backward()
+    for key, value in vehicle.items():
+        assert value.grad is None or value.grad.isfinite().all(), key
+
+
+def test_still_neutral_vehicle_stays():
+    """A neutral vehicle at rest, upright, without commands, has no acceleration at all."""
+    c = prepare(load_vehicle("paper"))
+    zeros = torch.zeros(6, dtype=torch.float64)
+    upright = torch.eye(3, dtype=torch.float64)
+    assert (acceleration(c, ActiveTerms.of(c), upright, zeros[:3], zeros, zeros).abs() < 1e-12).all()
+
+
+def test_full_surge_reaches_the_published_speed():
+    """Table 1 with full thrust ends at 0.57 m/s in surge: 141 N = 36.8 v + 374.7 v^2."""
+    c = prepare(load_vehicle("paper").expand(1))
+    zeros = torch.zeros(1, 6, dtype=torch.float64)
+    state = rest_state(zeros[:, :3], torch.tensor([[1.0, 0, 0, 0]], dtype=torch.float64), zeros, 6)
+    command = torch.tensor([[-1.0, -1, 1, 1, 0, 0]], dtype=torch.float64)
+    for _ in range(100):
+        state = control_step(c, ActiveTerms.of(c), state, command)
+    thrust = 4 * 50 / math.sqrt(2)
+    speed = (-36.8 + math.sqrt(36.8**2 + 4 * 374.7 * thrust)) / (2 * 374.7)
+    torch.testing.assert_close(state.velocity[0, 0], torch.tensor(speed).double(), rtol=0, atol=1e-6)
+
+
+@given(angle=st.floats(-100.0, 100.0))
+def test_wrapped_angles_are_the_same_angle(angle):
+    """wrap_angle gives the same direction in (-pi, pi]."""
+    wrapped = float(wrap_angle(np.float64(angle)))
+    assert -math.pi < wrapped <= math.pi
+    assert math.isclose(math.cos(wrapped), math.cos(angle), abs_tol=1e-9)
+    assert math.isclose(math.sin(wrapped), math.sin(angle), abs_tol=1e-9)
