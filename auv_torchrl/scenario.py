@@ -49,8 +49,12 @@ def read_scenario(name: str, config: Mapping[str, Any] | None, vehicle: Vehicle)
     Raises:
         ValueError: for an unknown key, effect or parameter, or a value outside its bounds.
     """
+    if not isinstance(config, Mapping | None):
+        raise ValueError(f"scenario {name} is {config!r}: give a mapping with 'effects'")
     config = dict(config or {})
     effects = config.pop("effects", None) or {}
+    if not isinstance(effects, Mapping):
+        raise ValueError(f"scenario {name}: effects is {effects!r}: give a mapping of effects to their parameters")
     if config:
         raise ValueError(f"scenario {name}: unknown keys {sorted(config)}: there is only 'effects'")
     return Scenario(name, tuple(_read_change(name, label, settings, vehicle) for label, settings in effects.items()))

@@ -91,7 +91,10 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
     """
     if not isinstance(vehicle, Mapping):
         path = Path(vehicle) if str(vehicle).endswith((".yaml", ".yml")) else config_path("vehicle", str(vehicle))
-        loaded = yaml.safe_load(path.read_text())
+        try:
+            loaded = yaml.safe_load(path.read_text())
+        except yaml.YAMLError as error:
+            raise ValueError(f"vehicle file {path} is no YAML: {error}") from error
         if not isinstance(loaded, Mapping):
             raise ValueError(f"vehicle file {path}: expected a mapping of sections, got {type(loaded).__name__}")
         vehicle = loaded
@@ -161,6 +164,8 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
             fields[key] = _numbers(label, block[key], (length,) if length else ())
             if key in _POSITIVE and not (fields[key] > 0).all():
                 raise ValueError(f"vehicle: {label} is {block[key]}: give values above 0")
+            if key == "asymmetry" and not (fields[key] < 1).all():
+                raise ValueError(f"vehicle: {label} is {block[key]}: give a share below 1")
             if key in _NON_NEGATIVE and not (fields[key] >= 0).all():
                 raise ValueError(f"vehicle: {label} is {block[key]}: give values of 0 or more")
     if "mixer" not in vehicle:
@@ -170,6 +175,8 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
 
 def _numbers(label: str, value: Any, shape: tuple[int, ...]) -> Tensor:
     wanted = f"{math.prod(shape)} numbers" if shape else "one number"
+    if any(isinstance(entry, bool) for entry in (value if isinstance(value, list | tuple) else (value,))):
+        raise ValueError(f"vehicle: {label} is {value!r}: give {wanted}")
     try:
         tensor = torch.as_tensor(value, dtype=torch.float64)
     except (TypeError, ValueError, RuntimeError) as error:

@@ -1,18 +1,123 @@
 """Contracts that hold over the whole registry of effects, on every vehicle."""
 
+import math
+
 import pytest
 import torch
 
-from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.paths import config_names
 from auv_torchrl.vehicle import load_vehicle
 
+effects = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+
 
 @pytest.mark.parametrize("name", config_names("vehicle"))
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+@effects
 def test_nominal_values_leave_the_vehicle_as_it_is(effect, name):
     """Every effect at its nominal values is the identity."""
     vehicle = load_vehicle(name).expand(3).clone()
     same = effect.apply(vehicle, effect.nominal(vehicle))
     for field, value in vehicle.items():
         torch.testing.assert_close(same.get(field), value, rtol=0, atol=1e-12, msg=field)
+
+
+def away_from_nominal(effect, vehicle, share=0.4):
+    """Values part of the way from nominal to the upper bound, the lower where nominal is that."""
+    values = {}
+    for name, p in effect.member_parameters(vehicle).items():
+        nominal = p.nominal_value(vehicle, name)
+        value = nominal + share * ((p.high if p.high > nominal else p.low) - nominal)
+        values[name] = float(round(value)) if p.discrete else value
+    return values
+
+
+@effects
+def test_an_effect_changes_only_a_copy(effect):
+    """Apply is pure: the given vehicle stays as it was, and the changed one differs."""
+    vehicle = load_vehicle("paper")
+    before = vehicle.clone()
+    values = (
+        {"command_1": 2.0, "command_2": 1.0} if effect.name == "thruster_swap" else away_from_nominal(effect, vehicle)
+    )
+    after = effect.apply(vehicle, values)
+    for field, value in before.items():
+        assert torch.equal(vehicle.get(field), value), field
+    assert any(not torch.equal(after.get(field), value) for field, value in before.items())
+
+
+@effects
+def test_batches_of_values_broadcast(effect):
+    """Values (3, 1) on vehicles (2,) give vehicles (3, 2), each as if it were alone."""
+    vehicle = load_vehicle("bluerov2")
+    batch = torch.stack([vehicle, vehicle.clone()])
+    values = {
+        name: torch.tensor([[share] for share in (0.0, 0.1, 0.2)], dtype=torch.float64) * (p.high - v) + v
+        for (name, p), v in zip(
+            effect.member_parameters(vehicle).items(), effect.nominal(vehicle).values(), strict=True
+        )
+    }
+    together = effect.apply(batch, values)
+    assert together.batch_size == torch.Size([3, 2])
+    for row in range(3):
+        alone = effect.apply(vehicle, {name: float(value[row]) for name, value in values.items()})
+        for field, value in alone.items():
+            torch.testing.assert_close(together.get(field)[row, 1], value, msg=field)
+
+
+@effects
+def test_values_outside_the_bounds_are_refused(effect):
+    """Each bound of each parameter holds, and the error names parameter, bounds and unit."""
+    vehicle = load_vehicle("paper")
+    for name, p in effect.member_parameters(vehicle).items():
+        for wrong in (p.high + 1.0, p.low - 1.0, math.nan, math.inf, "many", None, True, [1.0]):
+            with pytest.raises(ValueError, match=f"effect {effect.name}: {name} is "):
+                effect.read(vehicle, {name: wrong})
+        for bound in (p.low, p.high):
+            if not p.discrete:
+                assert effect.read(vehicle, {name: bound}) == {name: bound}
+
+
+@effects
+def test_unknown_parameters_are_refused(effect):
+    """Reading and applying an unknown parameter is an error that lists the known ones."""
+    vehicle = load_vehicle("paper")
+    known = next(iter(effect.member_parameters(vehicle)))
+    with pytest.raises(ValueError, match=f"no parameter 'colour': there are .*{known}"):
+        effect.read(vehicle, {"colour": 1.0})
+    with pytest.raises(KeyError, match=known):
+        effect.apply(vehicle, {"colour": 1.0})
+
+
+@effects
+def test_every_effect_says_what_it_is(effect):
+    """Meaning, source, unit, bounds around the nominal value and a sentence that takes the value are there."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    assert effect.meaning and effect.source
+    for name, p in effect.member_parameters(vehicle).items():
+        assert p.unit and p.low <= p.nominal_value(vehicle, name) <= p.high
+    for p in effect.parameters:
+        for which in p.which(vehicle) or ("",):
+            assert p.sentence.format(value=p.low, which=which)
+
+
+def test_an_unknown_effect_lists_the_effects():
+    """The error says what there is."""
+    with pytest.raises(ValueError, match="no effect named 'gremlin': there are thruster_gain"):
+        get_effect("gremlin")
+
+
+@pytest.mark.parametrize("settings", [{"pair": [1, 1]}, {"pair": [1, 7]}, {"pair": [1, 2, 3]}, {"cycle": [2]}])
+def test_impossible_swaps_are_refused(settings):
+    """A swap needs different thrusters that the vehicle has."""
+    with pytest.raises(ValueError, match="give different thrusters out of"):
+        get_effect("thruster_swap").read(load_vehicle("paper"), settings)
+
+
+def test_a_cycle_passes_commands_on():
+    """cycle: [1, 2, 3] gives the command of 1 to thruster 2, of 2 to 3 and of 3 to 1."""
+    vehicle = load_vehicle("paper")
+    effect = get_effect("thruster_swap")
+    routing = effect.apply(vehicle, effect.read(vehicle, {"cycle": [1, 2, 3]})).routing
+    commands = torch.arange(1.0, 7.0, dtype=torch.float64)
+    assert (routing @ commands).tolist() == [3.0, 1.0, 2.0, 4.0, 5.0, 6.0]

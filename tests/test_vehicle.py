@@ -1,0 +1,117 @@
+"""Vehicle files: what is read, and that mistakes are named."""
+
+import copy
+import math
+
+import pytest
+import torch
+import yaml
+
+from auv_torchrl.paths import config_names, config_path
+from auv_torchrl.physics.coefficients import total_mass_matrix
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
+
+
+def paper():
+    return yaml.safe_load(config_path("vehicle", "paper").read_text())
+
+
+def with_entry(path, value):
+    """The paper's file with one entry replaced, or removed if the value is ``...``."""
+    vehicle = copy.deepcopy(paper())
+    *parents, last = path.split(".")
+    block = vehicle
+    for parent in parents:
+        block = block[parent]
+    if value is ...:
+        del block[last]
+    else:
+        block[last] = value
+    return vehicle
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+def test_every_file_can_be_loaded(name):
+    """Every vehicle of the folder has finite parameters, unit directions and a name like its file."""
+    vehicle = load_vehicle(name)
+    assert isinstance(vehicle, Vehicle) and vehicle.batch_size == torch.Size([])
+    for key, value in vehicle.items():
+        assert value.isfinite().all(), key
+    torch.testing.assert_close(vehicle.thruster_direction.norm(dim=-1), torch.ones(vehicle.thrusters).double())
+    assert yaml.safe_load(config_path("vehicle", name).read_text())["name"] == name
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+def test_the_mixer_moves_what_it_names(name):
+    """Demand in surge, sway, heave or yaw gives a wrench in that degree of freedom, positive, and little else."""
+    vehicle = load_vehicle(name)
+    direction, position = vehicle.thruster_direction, vehicle.thruster_position
+    allocation = torch.cat((direction, torch.linalg.cross(position, direction)), dim=-1).T
+    wrench = allocation @ vehicle.mixer
+    for index in CONTROLLED_INDEX:
+        own = wrench[index, index]
+        assert own > 0
+        others = [i for i in CONTROLLED_INDEX if i != index]
+        assert wrench[others, index].abs().max() < 1e-9 * own
+
+
+def test_table_1_is_reproduced():
+    """The totals of Table 1: 15.9, 32.2, 14.5 kg and 0.3 kg m^2, and the drag of Eq. 14."""
+    vehicle = load_vehicle("paper")
+    total = total_mass_matrix(vehicle).diagonal()[list(CONTROLLED_INDEX)]
+    torch.testing.assert_close(total, torch.tensor([15.9, 32.2, 14.5, 0.3]).double())
+    torch.testing.assert_close(
+        vehicle.linear_drag.diagonal()[list(CONTROLLED_INDEX)], torch.tensor([36.8, 60.6, 112.2, 0.32]).double()
+    )
+    torch.testing.assert_close(
+        vehicle.quadratic_drag[list(CONTROLLED_INDEX)], torch.tensor([374.7, 197.2, 153.2, 0.95]).double()
+    )
+
+
+def test_an_unknown_name_lists_the_vehicles():
+    """The error says what there is."""
+    with pytest.raises(FileNotFoundError, match="there are bluerov2, bluerov2_heavy, paper"):
+        load_vehicle("submarine")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("colour", "yellow", r"unknown entries \['colour'\]"),
+        ("rigid_body.weight", 1.0, r"unknown entries \['weight'\] in rigid_body: there are"),
+        ("thrusters.bearing", 1.0, r"unknown entries \['bearing'\] in thrusters"),
+        ("rigid_body.mass", ..., "rigid_body.mass is missing"),
+        ("mixer", ..., "mixer is missing"),
+        ("thrusters", ..., "thrusters.full_thrust is missing"),
+        ("rigid_body", 12.0, "rigid_body is 12.0: give a mapping"),
+        ("thrusters", None, "thrusters is None: give a mapping"),
+        ("rigid_body.mass", "heavy", "rigid_body.mass is 'heavy': give one number"),
+        ("rigid_body.mass", 0.0, "rigid_body.mass is 0.0: give values above 0"),
+        ("rigid_body.mass", math.nan, "give one number, finite"),
+        ("rigid_body.mass", [1.0, 2.0], "give one number"),
+        ("rigid_body.mass", True, "rigid_body.mass is True"),
+        ("rigid_body.inertia", [0.1, -0.1, 0.1], "rigid_body.inertia is .*: give values above 0"),
+        ("added_mass", [1.0, 2.0], "added_mass is .*: give 6 numbers"),
+        ("linear_drag", [-1.0] * 6, "linear_drag is .*: give values of 0 or more"),
+        ("thrusters.limit", -5.0, "thrusters.limit is -5.0: give values above 0"),
+        ("thrusters.asymmetry", 1.5, "thrusters.asymmetry is 1.5"),
+        ("thrusters.position", [], "thrusters.position is .*: give one row of 3 numbers per thruster"),
+        ("thrusters.position", [[0.1, 0.2]] * 6, r"thrusters.position\[0\] is .*: give 3 numbers"),
+        ("thrusters.direction", [[0.0, 0.0, 0.0]] * 6, "a row of thrusters.direction is zero"),
+        ("thrusters.direction", [[1.0, 0.0, 0.0]] * 5, "thrusters.direction 5"),
+        ("mixer", [[1, 0, 0, 0, 0, 0]] * 3, "mixer 3: give one row per thruster"),
+    ],
+)
+def test_mistakes_are_named(path, value, message):
+    """A missing, unknown, misshapen or unphysical entry is an error that names it and says what to give."""
+    with pytest.raises(ValueError, match=message):
+        load_vehicle(with_entry(path, value))
+
+
+@pytest.mark.parametrize("text", ["", "- 1\n- 2\n", "just words", "mass: [1, 2"])
+def test_a_file_that_is_no_vehicle_is_refused(tmp_path, text):
+    """An empty, foreign or broken file is an error that names the file."""
+    path = tmp_path / "broken.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match="broken.yaml"):
+        load_vehicle(path)
