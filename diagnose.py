@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.report import summary_table, write_files
 from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.request import read_request, register
+from auv_torchrl.flightlog import FlightLogError
 
 log = logging.getLogger("diagnose")
 register()
@@ -26,16 +27,16 @@ def main(config: DictConfig) -> None:
     torch.set_num_threads(1)  # the arrays are small: a second thread only waits
     with checking_input():
         request = read_request(config)
-        with ProgressBar() as progress:
-            diagnosis = diagnose(
-                request.log,
-                request.vehicle,
-                healthy=request.healthy,
-                test=request.test,
-                progress=progress,
-                vehicle_name=request.vehicle_name,
-                settings=request.settings,
-            )
+    with checking_input((FlightLogError,)), ProgressBar() as progress:
+        diagnosis = diagnose(
+            request.log,
+            request.vehicle,
+            healthy=request.healthy,
+            test=request.test,
+            progress=progress,
+            vehicle_name=request.vehicle_name,
+            settings=request.settings,
+        )
     folder = Path(HydraConfig.get().runtime.output_dir)
     write_files(diagnosis, request.vehicle, folder)
     log.info("\n%s\n\nreport.html, diagnosis.json and scenario.yaml are in %s", summary_table(diagnosis), folder)

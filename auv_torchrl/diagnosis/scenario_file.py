@@ -6,7 +6,7 @@ import numpy as np
 import yaml
 
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
-from auv_torchrl.effects import get_effect
+from auv_torchrl.effects import Parameter, get_effect
 from auv_torchrl.vehicle import Vehicle
 
 _DIGITS = 6
@@ -50,8 +50,7 @@ def randomization_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         for name, estimate in found.parameters.items():
             bounds = declared[name]
             if not bounds.discrete:
-                low, high = np.clip((estimate.low, estimate.high), bounds.low, bounds.high)
-                members[name] = [round(float(low), _DIGITS), round(float(high), _DIGITS)]
+                members[name] = [_within(bounds, end) for end in (estimate.low, estimate.high)]
         if members:
             ranges[found.name] = members
     head = f"# 95 % intervals of what was found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.\n"
@@ -63,9 +62,14 @@ def _values(found: FoundEffect, vehicle: Vehicle) -> dict[str, float]:
     declared = get_effect(found.name).member_parameters(vehicle)
     values = {}
     for name, estimate in found.parameters.items():
-        value = float(np.clip(estimate.value, declared[name].low, declared[name].high))
-        values[name] = float(round(value)) if declared[name].discrete else round(value, _DIGITS)
+        value = _within(declared[name], estimate.value)
+        values[name] = float(round(value)) if declared[name].discrete else value
     return values
+
+
+def _within(bounds: Parameter, value: float) -> float:
+    """A rounded value that the effect accepts."""
+    return float(np.clip(np.round(value, _DIGITS), bounds.low, bounds.high))
 
 
 def _one_line(text: str) -> str:

@@ -1,6 +1,7 @@
 """A diagnosis whose numbers are known because they are written here; its curves are simulated."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -25,9 +26,13 @@ from tests.flightlog.simulate import simulated_logs
 GAIN = {"thruster_gain": {"gain_4": 0.55}}
 
 
-def windows(name="paper", change=None, seconds=5.0, velocity=False) -> tuple[Window, ...]:
-    """Windows in which the vehicle has ``change``, and the simulator has not and then has."""
-    change = GAIN if change is None else change
+DRAG = {"linear_drag": {"scale_surge": 3.0}, "current": {"north": 0.3}}
+
+
+@cache
+def windows(name="paper", change="gain", seconds=5.0, velocity=False) -> tuple[Window, ...]:
+    """Windows in which the vehicle has a change, and the simulator has not and then has."""
+    change = {"gain": GAIN, "drag": DRAG, "none": {}}[change]
     options = {"episodes": 3, "seconds": seconds}
     measured = simulated_logs(name, [change], **options)[0]
     before, after = (simulated_logs(name, [c], noise=(0, 0), **options)[0] for c in ({}, change))
@@ -106,13 +111,12 @@ def no_gap() -> Diagnosis:
         input_mappable=None,
         cannot_tell=(),
         findings=(),
-        windows=windows(change={}),
+        windows=windows(change="none"),
     )
 
 
 def hydrodynamic() -> Diagnosis:
     """A heavy vehicle with velocities in its log, an effect without a thruster, and a part left unexplained."""
-    change = {"linear_drag": {"scale_surge": 3.0}, "current": {"north": 0.3}}
     scale = Estimate(2.9, 2.6, 3.2, 1.0, "1")
     velocity = Errors((0.03, 0.05, 0.06, 0.07), (0.02, 0.02, 0.025, 0.03), (0.01, 0.01, 0.01, 0.011))
     return replace(
@@ -130,7 +134,7 @@ def hydrodynamic() -> Diagnosis:
         ),
         where=replace(example().where, onset_s=42.0),
         gap=replace(example().gap, position_m=None, yaw_rad=None, velocity=velocity, closed=0.71),
-        windows=windows("bluerov2_heavy", change, velocity=True),
+        windows=windows("bluerov2_heavy", "drag", velocity=True),
     )  # fmt: skip
 
 

@@ -1,0 +1,123 @@
+"""python diagnose.py: the files of a good log, one line and exit code 2 for a bad one."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from auv_torchrl.command import BAD_INPUT
+from auv_torchrl.diagnosis.verdict import Diagnosis
+from auv_torchrl.flightlog import write_flightlog
+from auv_torchrl.paths import PROJECT
+from auv_torchrl.scenario import read_scenario
+from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.simulate import POSE_ONLY, simulated_logs
+
+SHIPPED = PROJECT / "examples" / "flight.csv"
+BAD = {  # what is wrong: command line, what the answer names
+    "nothing": ([], "log=flight.csv"),
+    "no log in the list": (["log=[]"], "log=flight.csv"),
+    "missing file": (["log=nowhere.csv"], "nowhere.csv"),
+    "missing healthy file": ([f"log={SHIPPED}", "healthy=nowhere.csv"], "nowhere.csv"),
+    "not a log": ([f"log={PROJECT / 'Makefile'}"], "Makefile"),
+    "a folder": ([f"log={PROJECT}"], "directory"),
+    "unknown vehicle": ([f"log={SHIPPED}", "vehicle=papr"], "bluerov2"),
+    "wrong vehicle": ([f"log={SHIPPED}", "vehicle=bluerov2_heavy"], "8 thrusters"),
+    "misspelt vehicle entry": ([f"log={SHIPPED}", "vehicle.rigid_body.mas=3"], "did you mean mass"),
+    "impossible vehicle": ([f"log={SHIPPED}", "vehicle.rigid_body.mass=-1"], "above 0"),
+    "misspelt setting": ([f"log={SHIPPED}", "diagnosis.window=3"], "window_s"),
+    "misspelt key": ([f"log={SHIPPED}", "lgo=3"], "did you mean log"),
+    "wrong type": ([f"log={SHIPPED}", "trust_log=maybe"], "trust_log"),
+}
+
+
+def python(*arguments, given=None) -> subprocess.CompletedProcess[str]:
+    """Run Python in the project's folder."""
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, input=given, cwd=PROJECT, env=environment, timeout=250
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where the logs and outputs of this module are."""
+    return tmp_path_factory.mktemp("command")
+
+
+@pytest.fixture(scope="module")
+def answers(folder):
+    """Exit code, output and errors of every command line that needs no diagnosis."""
+    (folder / "used").mkdir()
+    (folder / "used" / "precious.txt").write_text("mine")
+    log = replace(simulated_logs("paper", [{}])[0], axes=POSE_ONLY)
+    turn, offset = np.array([1, 1, -1, 1, -1, -1]), np.array([0, 0, 0, 0, 0, np.pi / 2])
+    episodes = tuple(replace(e, pose=e.pose[:, [1, 0, 2, 3, 4, 5]] * turn + offset) for e in log.episodes)
+    enu = write_flightlog(replace(log, episodes=episodes), folder / "enu.csv")
+    lines = {case: [*arguments, f"output={folder / case}"] for case, (arguments, _) in BAD.items()}
+    lines["used"] = [f"log={SHIPPED}", f"output={folder / 'used'}"]
+    lines["enu"] = [f"log={enu}", f"output={folder / 'enu'}"]
+    lines["help"] = ["--help"]
+    run = python("-m", "tests.diagnosis.command_lines", given=json.dumps(list(lines.values())))
+    assert run.returncode == 0, run.stderr
+    return dict(zip(lines, json.loads(run.stdout.splitlines()[-1]), strict=True))
+
+
+def test_the_shipped_log_is_explained(folder):
+    """The log in examples is diagnosed as it was made: thruster 4 gives 55 %, and nothing else is wrong."""
+    out = folder / "shipped"
+    run = python("diagnose.py", f"log={SHIPPED}", f"output={out}")
+    assert run.returncode == 0, run.stderr
+    diagnosis = Diagnosis.from_json(json.loads((out / "diagnosis.json").read_text()))
+    assert [(effect.name, effect.thrusters) for effect in diagnosis.effects] == [("thruster_gain", (4,))]
+    gain = diagnosis.effects[0].parameters["gain_4"]
+    assert gain.value == pytest.approx(0.55, abs=0.03)
+    assert gain.low < 0.55 < gain.high
+    assert diagnosis.gap.closed > 0.9
+    assert diagnosis.summary in run.stdout
+    wanted = {"report.html", "diagnosis.json", "scenario.yaml", "predictions.parquet", "diagnosis.rrd", "config.yaml"}
+    assert {path.name for path in out.iterdir()} >= wanted
+    paper = load_vehicle("paper")
+    scenario = read_scenario("found", yaml.safe_load((out / "scenario.yaml").read_text()), paper)
+    assert float(scenario.vehicle_at(paper).gain[3]) == pytest.approx(0.55, abs=0.03)
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line(answers, folder, case):
+    """What is wrong with a command line is said in one line that names it; exit code 2, and no folder stays."""
+    code, _, err = answers[case]
+    assert code == BAD_INPUT
+    assert BAD[case][1] in err
+    assert err.count("\n") == 1
+    assert not (folder / case).exists()
+
+
+def test_an_existing_folder_is_not_touched(answers, folder):
+    """A folder with something in it is refused and stays as it is."""
+    code, _, err = answers["used"]
+    assert code == BAD_INPUT
+    assert "already used" in err
+    assert [path.name for path in (folder / "used").iterdir()] == ["precious.txt"]
+
+
+def test_a_log_in_the_wrong_frame_gets_no_verdict(answers):
+    """ENU for NED is refused with the remedy; the answer says how to insist."""
+    code, _, err = answers["enu"]
+    assert code == BAD_INPUT
+    assert "down" in err and "trust_log=true" in err
+    assert err.count("\n") == 1
+
+
+def test_help_explains_every_setting(answers):
+    """--help names each key of conf/diagnose.yaml."""
+    code, out, _ = answers["help"]
+    assert code == 0
+    keys = yaml.safe_load((PROJECT / "conf" / "diagnose.yaml").read_text())
+    for key in set(keys) - {"defaults", "hydra"}:
+        assert key in out

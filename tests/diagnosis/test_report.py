@@ -1,0 +1,289 @@
+"""What a diagnosis leaves: the page is whole and marks the right thing, the files read back."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from rerun.chunk import RrdReader
+
+from auv_torchrl.diagnosis.report import report_page, summary_table, write_files
+from auv_torchrl.diagnosis.report.svg import decades, number, ticks
+from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
+from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect, Verdict
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.envs.randomize import read_ranges
+from auv_torchrl.paths import config_names
+from auv_torchrl.scenario import read_scenario
+from auv_torchrl.vehicle import load_vehicle
+from tests.diagnosis.example import example, hydrodynamic, no_gap
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+SECTIONS = {"summary", "verdict", "vehicle", "effects", "ranking", "curves", "gap", "where", "limits", "next", "log"}
+
+
+@pytest.fixture(scope="module")
+def diagnosis() -> Diagnosis:
+    return example()
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return load_vehicle("paper")
+
+
+class Ids(HTMLParser):
+    """Collects ids, addresses and pictures of a page."""
+
+    def __init__(self, page: str):
+        super().__init__()
+        self.ids, self.addresses = [], []
+        self.feed(page)
+        self.pictures = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
+
+    def handle_starttag(self, tag, attrs):
+        """Remember what an element is called and where it leads."""
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value)
+            if name in ("src", "href", "data", "action"):
+                self.addresses.append(value)
+
+
+def test_a_diagnosis_survives_its_file(diagnosis):
+    """Reading diagnosis.json gives the diagnosis that was written, but for its trajectories."""
+    for one in (diagnosis, no_gap(), hydrodynamic()):
+        content = json.loads(json.dumps(one.to_json(), allow_nan=False))
+        assert content["version"] == 1
+        assert Diagnosis.from_json(content) == one
+
+
+def test_an_unbounded_interval_is_null_in_the_file(diagnosis):
+    """JSON has no infinity; an interval without an end comes back without an end."""
+    open_ended = Estimate(0.5, -np.inf, np.inf, 1.0, "1")
+    effect = replace(diagnosis.effects[0], parameters={"gain_4": open_ended})
+    content = json.loads(json.dumps(replace(diagnosis, effects=(effect,)).to_json(), allow_nan=False))
+    assert content["effects"][0]["parameters"]["gain_4"]["high"] is None
+    assert Diagnosis.from_json(content).effects[0].parameters["gain_4"] == open_ended
+
+
+def test_another_version_is_refused(diagnosis):
+    """A file of another version is an error that names both."""
+    with pytest.raises(ValueError, match="version 2.*version 1"):
+        Diagnosis.from_json({**diagnosis.to_json(), "version": 2})
+
+
+def test_the_page_stands_alone(diagnosis, paper):
+    """The page refers to nothing outside itself, has every section once, and its pictures are sound XML with names."""
+    page = report_page(diagnosis, paper)
+    found = Ids(page)
+    assert set(found.addresses) <= {"data:,"}
+    assert "url(" not in page and "@import" not in page and "<script" not in page
+    assert sorted(found.ids) == sorted(set(found.ids))
+    assert set(found.ids) >= SECTIONS
+    assert len(found.pictures) >= 14
+    for picture in found.pictures:
+        assert ElementTree.fromstring(picture).attrib["aria-label"]
+
+
+def test_the_page_says_what_the_diagnosis_says(diagnosis, paper):
+    """Verdict, summary, parameters with intervals, regimes, limits, next flight and findings are on the page."""
+    page = report_page(diagnosis, paper).replace("\u202f", " ")
+    effect = diagnosis.effects[0]
+    words = [diagnosis.summary, diagnosis.verdict.value, effect.sentence, "0.541 to 0.563", "97 %", "95 %"]
+    words += [regime.when for regime in diagnosis.where.regime] + list(diagnosis.cannot_tell)
+    words += [diagnosis.next_experiment.why, diagnosis.findings[0].sentence, "rows 9 to 10", "thruster gain of 4"]
+    for text in words:
+        assert text in page
+
+
+@pytest.mark.parametrize("faulty", range(1, 7))
+def test_the_thruster_at_fault_is_marked_and_no_other(diagnosis, paper, faulty):
+    """The drawings from above and from behind mark the named thruster alone."""
+    effect = replace(diagnosis.effects[0], thrusters=(faulty,))
+    page = report_page(replace(diagnosis, effects=(effect,)), paper)
+    above = re.findall(r'<text class="thruster bad number"[^>]*>([^<]+)<', page)
+    assert set(above) == {str(faulty)}
+    assert len(above) == (2 if faulty > 4 else 1)
+
+
+def test_an_axis_is_marked_where_no_thruster_is_at_fault():
+    """Drag in surge marks the surge axis and no thruster."""
+    diagnosis = hydrodynamic()
+    page = report_page(diagnosis, load_vehicle(diagnosis.vehicle))
+    assert re.findall(r'<text class="axis bad label"[^>]*>([^<]+)<', page) == ["surge"]
+    assert "thruster bad" not in page.split("</style>")[1]
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("verdict", Verdict)
+def test_every_verdict_on_every_vehicle_has_a_page(diagnosis, verdict, name):
+    """A page can be made of any verdict, with as little as there may be to say."""
+    bare = replace(no_gap(), verdict=verdict, windows=(), candidates=(), detectable={})
+    for one in (replace(diagnosis, verdict=verdict), bare):
+        page = report_page(one, load_vehicle(name))
+        assert verdict.value in page
+        assert "None" not in page and "nan" not in Ids(page).ids
+
+
+def test_names_of_files_cannot_smuggle_markup(diagnosis, paper):
+    """What stands in a log's name or summary is shown, not run."""
+    evil = "<script>alert(1)</script>"
+    page = report_page(replace(diagnosis, log=evil, summary=evil, cannot_tell=(evil,)), paper)
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_all_files_are_written_and_none_twice(diagnosis, paper, tmp_path):
+    """A folder gets every file complete; a second time is refused."""
+    written = write_files(diagnosis, paper, tmp_path / "out")
+    names = {"report.html", "diagnosis.json", "scenario.yaml", "randomization.yaml", "predictions.parquet"}
+    assert {path.name for path in written} == names | {"next_experiment.csv", "diagnosis.rrd"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {path.name for path in written}
+    with pytest.raises(FileExistsError, match=r"report\.html"):
+        write_files(diagnosis, paper, tmp_path / "out")
+
+
+def test_predictions_hold_every_held_out_sample(diagnosis, paper, tmp_path):
+    """predictions.parquet has measured, before and after of every sample, and the experiment can be flown as it is."""
+    write_files(diagnosis, paper, tmp_path)
+    table = pyarrow.parquet.read_table(tmp_path / "predictions.parquet").to_pandas()
+    assert len(table) == sum(len(window.t) for window in diagnosis.windows)
+    second = table[table.window == 1]
+    np.testing.assert_array_equal(second.measured_x, diagnosis.windows[1].measured.pose[:, 0])
+    np.testing.assert_array_equal(second.before_yaw, diagnosis.windows[1].before.pose[:, 5])
+    np.testing.assert_array_equal(second.after_u, diagnosis.windows[1].after.velocity[:, 0])
+    flown = pyarrow.csv.read_csv(tmp_path / "next_experiment.csv")
+    assert flown.column_names == ["t", *(f"cmd_{i}" for i in range(1, 7))]
+    assert np.abs(flown["cmd_1"].to_numpy()).max() <= 1
+
+
+def test_the_recording_has_three_vehicles_on_one_timeline(diagnosis, paper, tmp_path):
+    """measured, before and after move together, and measured is where it was measured."""
+    write_files(diagnosis, paper, tmp_path)
+    times, places = {}, {}
+    for chunk in RrdReader(tmp_path / "diagnosis.rrd").stream():
+        name = chunk.entity_path.removeprefix("/world/")
+        batch = chunk.to_record_batch()
+        if name in ("measured", "before", "after") and "time" in batch.schema.names:
+            times[name] = [moment.total_seconds() for moment in batch.column("time").to_pylist()]
+            column = next(c for c in batch.schema.names if c.endswith("Transform3D:translation"))
+            places[name] = np.array(batch.column(column).to_pylist())[:, 0]
+    assert set(times) == {"measured", "before", "after"}
+    assert times["measured"] == times["before"] == times["after"]
+    assert (np.diff(times["measured"]) > 0).all()
+    measured = np.concatenate([window.measured.pose[:, :3] for window in diagnosis.windows])
+    np.testing.assert_allclose(places["measured"], measured, atol=1e-5)
+
+
+def test_the_scenario_brings_back_what_was_found(diagnosis, paper):
+    """scenario.yaml is a scenario: it reads, and the vehicle in it has the values of the diagnosis."""
+    scenario = read_scenario("found", yaml.safe_load(scenario_yaml(diagnosis, paper)), paper)
+    assert float(scenario.vehicle_at(paper).gain[3]) == pytest.approx(0.552)
+
+
+def test_ranges_around_it_can_be_randomized(diagnosis, paper):
+    """randomization.yaml is a randomization over the intervals."""
+    ranges = read_ranges(paper, yaml.safe_load(randomization_yaml(diagnosis, paper)))
+    assert [(effect.name, members) for effect, members in ranges] == [("thruster_gain", {"gain_4": (0.541, 0.563)})]
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+def test_every_effect_can_be_written_as_a_scenario(diagnosis, effect, name):
+    """Each effect with all of its parameters, far outside their bounds, gives files that read."""
+    vehicle = load_vehicle(name)
+    parameters = {
+        member: Estimate(1e6, -1e9, np.inf, effect.nominal(vehicle)[member], p.unit)
+        for member, p in effect.member_parameters(vehicle).items()
+    }
+    if effect.name == "thruster_swap":
+        parameters = {f"command_{i}": Estimate(j, j, j, i, "1") for i, j in ((1, 2), (2, 1))}
+    found = replace(
+        diagnosis, effects=(FoundEffect(effect.name, 1.0, parameters, (), None, "x"),), summary="two\nlines"
+    )
+    scenario = read_scenario("found", yaml.safe_load(scenario_yaml(found, vehicle)), vehicle)
+    assert set(scenario.changes[0].values) == set(parameters)
+    read_ranges(vehicle, yaml.safe_load(randomization_yaml(found, vehicle)))
+
+
+def test_no_effect_is_the_empty_scenario(paper):
+    """A healthy vehicle gives a scenario that changes nothing."""
+    assert not read_scenario("found", yaml.safe_load(scenario_yaml(no_gap(), paper)), paper).changes
+
+
+def test_the_table_names_value_and_interval(diagnosis):
+    """The console shows summary, value, interval and the share that is closed."""
+    table = summary_table(diagnosis).replace("\u202f", " ")
+    for text in (diagnosis.summary, "gain_4", "0.552", "0.541 to 0.563", "97 %", "5 s"):
+        assert text in table
+    assert "not defined" in summary_table(no_gap())
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
+def test_ticks_are_few_and_inside(low, span):
+    """An axis has between one and six ticks, all of them inside."""
+    high = low + span
+    found = ticks(low, high)
+    assert len(found) <= 6
+    assert all(low - 1e-6 * span <= tick <= high + 1e-6 * span for tick in found)
+
+
+@given(st.floats(-8, 8), st.floats(0.3, 6))
+def test_decades_are_inside(low, span):
+    """A logarithmic axis has its ticks inside."""
+    assert all(low <= np.log10(tick) <= low + span for tick in decades(low, low + span))
+
+
+@given(st.floats(-1e300, 1e300) | st.sampled_from([np.nan, np.inf, -np.inf]))
+def test_any_number_can_be_written(value):
+    """Numbers come out as digits that read back within one per cent, others as a dash."""
+    text = number(value)
+    assert text == "–" if not np.isfinite(value) else float(text) == pytest.approx(value, rel=0.01, abs=1e-300)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_browser_shows_the_page_without_complaint(diagnosis, paper, tmp_path, dark):
+    """Chromium loads the page from the file, reports no error, and has drawn every figure with a size."""
+    probe = """<script>
+      const boxes = [...document.querySelectorAll("svg")].map(e => e.getBoundingClientRect());
+      document.documentElement.dataset.drawn = boxes.filter(b => b.width > 50 && b.height > 10).length;
+      document.documentElement.dataset.wide = document.documentElement.scrollWidth > window.innerWidth;
+      document.documentElement.dataset.paper = getComputedStyle(document.body).backgroundColor;
+    </script></body>"""
+    page = report_page(diagnosis, paper)
+    (tmp_path / "report.html").write_text(page.replace("</body>", probe), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1200,900", "--enable-logging=stderr"]
+    options += ["--force-dark-mode"] * dark
+    command = [str(CHROMIUM), *options, "--dump-dom", (tmp_path / "report.html").as_uri()]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    complaints = [line for line in shown.stderr.splitlines() if "CONSOLE" in line]
+    assert not complaints
+    data = dict(re.findall(r'data-(\w+)="([^"]*)"', shown.stdout[:2000]))
+    assert int(data["drawn"]) == len(Ids(page).pictures)
+    assert data["wide"] == "false"
+    assert data["paper"] == ("rgb(16, 22, 29)" if dark else "rgb(255, 255, 255)")
+
+
+def test_the_recording_passes_the_viewers_own_check(diagnosis, paper, tmp_path):
+    """``rerun rrd verify`` accepts diagnosis.rrd."""
+    write_files(diagnosis, paper, tmp_path / "out")
+    home = {"HOME": str(tmp_path), "RERUN_ANALYTICS": "0", "PATH": "/usr/bin:/bin"}
+    command = [str(Path(sys.executable).parent / "rerun"), "rrd", "verify", str(tmp_path / "out" / "diagnosis.rrd")]
+    assert subprocess.run(command, env=home, capture_output=True).returncode == 0
