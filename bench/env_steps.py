@@ -65,7 +65,7 @@ def main() -> None:
     vehicle = load_vehicle(arguments.vehicle)
     ranges = yaml.safe_load(config_path("randomization", arguments.randomization).read_text())
     print(
-        f"Thousands of control steps of 0.05 s per CPU second on one thread (per second of wall time on a GPU), vehicle "
+        f"Thousands of control steps of 0.05 s per CPU second on one thread (wall time on a GPU), vehicle "
         f"{arguments.vehicle}, randomization {arguments.randomization}, observation, reward and reset included.\n"
     )
     for row, count in enumerate(arguments.sizes):
