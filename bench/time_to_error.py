@@ -3,7 +3,7 @@
     python bench/time_to_error.py [--seeds 3] [--backend mujoco]
 
 Both learn on the same 64 vehicles of the same task with the same networks, learning rate, discount, batch size and
-number of updates per transition, and both are examined after every 20 s episode of the fleet. stable-baselines3
+number of updates per transition, and both are examined after every 5120 transitions. stable-baselines3
 gets the vehicles through gymnasium's vector environment. CPU time counts, because the machine may be shared.
 """
 
@@ -112,7 +112,7 @@ def first_below(curve: Curve, goal: float) -> tuple[float, float]:
 def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]]]]:
     """Per method and seed, (CPU s, wall s) to each goal."""
     torch.set_num_threads(1)
-    config = load_agent_config("sac", {"stop_below_m": min(GOALS_M), "csv": False})
+    config = load_agent_config("sac", {"stop_below_m": min(GOALS_M), "stretch_steps": 80, "csv": False})
     methods: dict[str, Callable[..., Curve]] = {"ours": ours, "stable-baselines3": stable_baselines}
     times: dict[str, list[list[tuple[float, float]]]] = {}
     for name, train in methods.items():

@@ -53,13 +53,14 @@ def train_source(
 
     Raises:
         CheckpointError: if the checkpoint is missing, damaged or of another training.
-        Interrupted: after Ctrl-C.
+        Interrupted: after Ctrl-C, with the checkpoint written.
+        Diverged: if a loss is no finite number.
     """
     ingredients = describe(vehicle, task, agent_config, randomization, seed, backend)
     key = fingerprint(ingredients)
     finished, training = folder / key, folder / f"{key}.training"
     folder.mkdir(parents=True, exist_ok=True)
-    with locked(folder / f"{key}.lock"):
+    with locked(folder / f"{key}.lock"), torch.random.fork_rng(devices=[]):
         if finished.exists():
             policy = load_policy(finished)
             log.info("source policy %s: taken from %s, trained before", key, finished)

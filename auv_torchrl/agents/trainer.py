@@ -5,12 +5,9 @@ alike. So a checkpoint needs nothing from inside the simulator, and a run that i
 same policy, bit for bit. At the default length, one whole episode, this costs no transition.
 """
 
-import logging
-import signal
-import threading
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +20,12 @@ from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.checkpoint import load_checkpoint, save_checkpoint
 from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.agents.interrupt import Interrupted, interruptible
 from auv_torchrl.agents.losses import make_loss
 from auv_torchrl.agents.networks import make_policy
 from auv_torchrl.agents.progress import CurvePoint, Progress
 from auv_torchrl.agents.score import Score
 from auv_torchrl.agents.updater import Updater, leaves
-
-log = logging.getLogger(__name__)
 
 STORED = (
     "observation",
@@ -43,8 +39,8 @@ LOSS_KEYS = ("loss_qvalue", "loss_actor", "alpha", "entropy")
 CHECKPOINT = "checkpoint.pt"
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, after the checkpoint was written."""
+class Diverged(FloatingPointError):
+    """A loss that is no finite number; the message says what to do."""
 
 
 class Trainer:
@@ -102,8 +98,11 @@ class Trainer:
 
         Raises:
             Interrupted: after Ctrl-C, when the running stretch is over and its checkpoint written.
+            Diverged: if a loss is no finite number; the checkpoint is the last one before.
         """
         config = self.config
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)  # tensors this small gain nothing from more, and lose much beside other processes
         progress = Progress(
             self.folder, config.stretches * config.stretch_frames, self.curve, config.csv, config.tensorboard
         )
@@ -119,6 +118,7 @@ class Trainer:
                             "run the same command to go on"
                         )
         finally:
+            torch.set_num_threads(threads)
             progress.close()
 
     @property
@@ -140,6 +140,12 @@ class Trainer:
             if self.frames > config.random_frames:
                 losses = self._update()
             progress.advance(data.numel())
+        if self.frames > config.random_frames and not all(math.isfinite(loss) for loss in losses.values()):
+            found = ", ".join(f"{name} {float(loss):g}" for name, loss in losses.items())
+            raise Diverged(
+                f"training diverged within {self.frames} transitions ({found}): "
+                "give a smaller agent.learning_rate or agent.gamma"
+            )
         self.stretch += 1
         score = self.examine(self.averaged)
         best_m = min([score.mean_m, *(point["best_m"] for point in self.curve[-1:])])
@@ -232,24 +238,3 @@ class Trainer:
         torch.set_rng_state(state["random"])
         self.curve = list(state["curve"])
         self.stretch, self.frames = state["stretch"], state["frames"]
-
-
-@contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into a wish that the loop asks for; the second one interrupts at once."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked.is_set  # only the main thread receives signals
-        return
-
-    def ask(signum: int, frame: object) -> None:
-        if asked.is_set():
-            raise KeyboardInterrupt
-        asked.set()
-        log.warning("finishing the running stretch, then saving; Ctrl-C again stops at once, at the last checkpoint")
-
-    before = signal.signal(signal.SIGINT, ask)
-    try:
-        yield asked.is_set
-    finally:
-        signal.signal(signal.SIGINT, before)

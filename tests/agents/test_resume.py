@@ -12,10 +12,10 @@ import tiny_training
 import torch
 from tiny_training import TASK, train_tiny
 
-from auv_torchrl.agents import trainer as trainer_module
 from auv_torchrl.agents.checkpoint import CheckpointError
+from auv_torchrl.agents.interrupt import Interrupted
 from auv_torchrl.agents.score import Examiner
-from auv_torchrl.agents.trainer import CHECKPOINT, Interrupted
+from auv_torchrl.agents.trainer import CHECKPOINT, Diverged
 from auv_torchrl.vehicle import load_vehicle
 
 
@@ -49,7 +49,7 @@ def interrupt_in_stretch(monkeypatch):
 
 def test_killed_training_ends_like_an_unbroken_one(tmp_path):
     """Kill -9 at some moment, then the same command: the same policy, bit for bit."""
-    frames = 80 * 20
+    frames = 80 * 10
     program = [sys.executable, tiny_training.__file__, str(tmp_path / "broken"), str(frames)]
     process = subprocess.Popen(program, env={**os.environ, "OMP_NUM_THREADS": "1"}, stderr=subprocess.DEVNULL)
     try:
@@ -144,7 +144,7 @@ def test_checkpoint_is_old_or_new_when_writing_fails(broken_off, tmp_path, monke
         file.write(b"half of it")
         raise OSError("disk full")
 
-    monkeypatch.setattr(trainer_module.torch, "save", die)
+    monkeypatch.setattr(torch, "save", die)
     with pytest.raises(OSError, match="disk full"):
         train_tiny(tmp_path)
     assert broken_off.read_bytes() == content
@@ -156,3 +156,19 @@ def test_stretches_of_any_length_are_complete(tmp_path):
     assert [point["frames"] for point in policy.metadata["curve"]] == [80, 160, 240]
     stopped = train_tiny(tmp_path, total_frames=161, stop_below_m=100.0)
     assert [point["frames"] for point in stopped.metadata["curve"]] == [80]
+
+
+def test_divergence_is_an_error_with_a_remedy(tmp_path):
+    """A learning rate that blows up is named, and no policy is stored."""
+    with pytest.raises(Diverged, match="agent.learning_rate"):
+        train_tiny(tmp_path, learning_rate=1e30)
+    assert not list(tmp_path.glob("*/policy.json"))
+
+
+def test_training_leaves_the_callers_random_numbers_alone(tmp_path):
+    """What the caller draws next does not depend on whether a policy was trained or loaded."""
+    torch.manual_seed(11)
+    expected = torch.rand(3)
+    torch.manual_seed(11)
+    train_tiny(tmp_path)
+    assert torch.equal(torch.rand(3), expected)
