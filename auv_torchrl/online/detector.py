@@ -1,5 +1,6 @@
 """Notice that a vehicle has changed: a cumulative sum test whose false-alarm rate is calculated, not tuned."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -29,33 +30,36 @@ class ChangeDetector:
         self.reference = degrees + smallest_shift**2 / 2
         self.degrees = degrees
         self.cap = float(chi2.isf(_CERTAIN, degrees))
-        self.threshold = self._threshold(steps_between_false_alarms)
+        self.threshold = _threshold(degrees, self.reference, self.cap, steps_between_false_alarms)
 
     def advance(self, total: Array, square: Array, usable: Array) -> Array:
         """The sums (N,) after squared innovations (N,); rows that are not ``usable`` keep theirs."""
         grown = np.maximum(0.0, total + np.minimum(square, self.cap) - self.reference)
         return np.where(usable, grown, total)
 
-    def run_length(self, threshold: float) -> float:
-        """Mean number of healthy steps until the sum, from 0, exceeds ``threshold``."""
-        width = threshold / _CELLS
-        # from the centre of cell i a step ends below the upper edge of cell j; cell 0 takes all that is below it
-        edge = (np.arange(-_CELLS, _CELLS) + 0.5) * width + self.reference
-        below = np.where(edge < self.cap, chi2.cdf(edge, self.degrees), 1.0)
-        cell = np.arange(_CELLS)
-        stay = np.diff(below[_CELLS + cell[None, :] - cell[:, None]], axis=1, prepend=0.0)
-        return float(np.linalg.solve(np.eye(_CELLS) - stay, np.ones(_CELLS))[0])
 
-    def _threshold(self, steps: float) -> float:
-        low = high = self.reference
-        while 0 < self.run_length(high) < steps:
-            low, high = high, 1.25 * high
-            if high > _LARGEST * self.cap:
-                raise ValueError(
-                    f"detector: one false alarm in {steps:g} steps is not reached with a reference of "
-                    f"{self.reference:g} for {self.degrees} values: give a larger smallest_shift"
-                )
-        for _ in range(20):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.run_length(middle) < steps else (low, middle)
-        return high
+@cache
+def _threshold(degrees: int, reference: float, cap: float, steps: float) -> float:
+    low = high = reference
+    while 0 < _run_length(degrees, reference, cap, high) < steps:
+        low, high = high, 1.25 * high
+        if high > _LARGEST * cap:
+            raise ValueError(
+                f"detector: one false alarm in {steps:g} steps is not reached with a reference of {reference:g} for "
+                f"{degrees} values: give a larger smallest_shift"
+            )
+    for _ in range(20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _run_length(degrees, reference, cap, middle) < steps else (low, middle)
+    return high
+
+
+def _run_length(degrees: int, reference: float, cap: float, threshold: float) -> float:
+    """Mean number of healthy steps until the sum, from 0, exceeds ``threshold``; not above 0 where numbers end."""
+    width = threshold / _CELLS
+    # from the centre of cell i a step ends below the upper edge of cell j; cell 0 takes all that is below it
+    edge = (np.arange(-_CELLS, _CELLS) + 0.5) * width + reference
+    below = np.where(edge < cap, chi2.cdf(edge, degrees), 1.0)
+    cell = np.arange(_CELLS)
+    stay = np.diff(below[_CELLS + cell[None, :] - cell[:, None]], axis=1, prepend=0.0)
+    return float(np.linalg.solve(np.eye(_CELLS) - stay, np.ones(_CELLS))[0])

@@ -150,11 +150,12 @@ class EffectivenessFilter:
             belief: changed in place.
             entries: (m,) which entries of the state were measured.
             measured: (N, m) their values; anything in rows that are not usable.
-            variance: (N, m) of their noise.
+            variance: (N, m) of their noise, likewise.
             usable: (N,) bool.
         """
         mean, covariance = belief.mean, belief.covariance
         offset = np.where(usable[:, None], measured - mean[:, entries], 0.0)
+        variance = np.where(usable[:, None], variance, 1.0)
         towards = covariance[:, :, entries]
         spread = covariance[:, entries[:, None], entries] + variance[:, :, None] * np.eye(len(entries))
         solved = np.linalg.solve(spread, np.concatenate((towards.swapaxes(1, 2), offset[..., None]), axis=-1))

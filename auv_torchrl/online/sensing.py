@@ -51,6 +51,8 @@ class Sensing:
     def read(self, observation: Array) -> Reading:
         """What observations (N, d) say."""
         config = self.config
+        finite = np.isfinite(observation).all(-1, keepdims=True)
+        observation = np.where(finite, observation, np.nan)  # one bad value spoils a measurement
         velocity, error = observation[:, self._velocity], observation[:, self._error]
         heading = -np.arctan2(*observation[:, self._heading].T)
         position = -_turned(error, heading)
