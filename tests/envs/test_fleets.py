@@ -245,9 +245,9 @@ def test_the_observation_is_the_target_as_seen_from_the_body():
     assert (observed["heading_error_sin"], observed["heading_error_cos"]) == pytest.approx((-1.0, 0.0), abs=1e-6)
 
 
-def test_half_of_the_training_starts_are_near():
-    """Training starts: half log-uniform within 2 m, the others in the box; evaluation starts all in the box."""
-    task = RegulationTask()
+def test_a_share_of_the_training_starts_is_near():
+    """Training starts: near_share of them log-uniform, the others in the box; evaluation starts all in the box."""
+    task = RegulationTask(box_m=10.0, near_share=0.5, near_m=(0.05, 2.0), start_speed=2.0)
     position, quaternion, velocity = task.draw_starts(4000, torch.Generator().manual_seed(0))
     distance = position.norm(dim=-1)
     assert 0.45 < (distance < 2.0).double().mean() < 0.55
@@ -302,3 +302,14 @@ def test_reported_values_are_not_changed_later(backend):
             fleet.step(TensorDict({"action": torch.ones(2, 4)}, [2]))
             fleet.reset(TensorDict({"_reset": torch.tensor([[True], [False]])}, [2]))
     assert (kept == now).all()
+
+
+@backends
+def test_thruster_commands_bypass_the_mixer(backend):
+    """With thruster_commands=True an action is what each thruster gets, one entry per thruster of the vehicle."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    fleet = make_fleet(backend, vehicle, RegulationTask(thruster_commands=True), 1, seed=0)
+    fleet.reset()
+    action = torch.linspace(-1, 1, 8)[None]
+    after = fleet.step(TensorDict({"action": action}, [1]))["next"]
+    torch.testing.assert_close(after["command"], action)
