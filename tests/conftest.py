@@ -11,6 +11,8 @@ from auv_torchrl.evaluation import Flight, draw_starts, fly
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.vehicle import Vehicle
 
+torch.set_num_threads(1)  # on few cores, threads of small operations wait for each other
+
 GAIN = torch.tensor((1.5, 1.5, 1.5, 1.0))  # per m and per rad
 DAMPING = torch.tensor((0.5, 0.5, 0.5, 0.3))  # per m/s and per rad/s
 

@@ -12,11 +12,12 @@ from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.command import checking_input
-from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt, pretrain
+from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
 from auv_torchrl.evaluation import Flight, Metrics, fly
 from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.figures import save_figures
+from auv_torchrl.experiment.models import source_models
 from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.recording import ControlMap, record_run
@@ -44,7 +45,7 @@ def run(experiment: Experiment, folder: Path) -> Results:
     if reason is not None:
         log.info("\nNo adaptation: %s", reason)
     elif changed:
-        with stages("Collect target data and fit the map"):
+        with stages("Collect target data and fit the map"), checking_input((CheckpointError,)):
             adaptation = fit_map(experiment, policy)
         with stages(f"Fly them with u_t on the vehicle with {scenario.name}"):
             forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
@@ -79,7 +80,7 @@ def source_policy(experiment: Experiment) -> SourcePolicy:
 
 def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
     """F and R of the source vehicle, then seconds of flight of one target vehicle, then G and H."""
-    models = pretrain(experiment.vehicle, experiment.task)
+    models = source_models(experiment.vehicle, experiment.task, experiment.policies)
     to_thrusters = experiment.adapter.map == "thrusters"
     return adapt(
         lambda count: experiment.fleet(count, experiment.scenario, to_thrusters),

@@ -45,7 +45,7 @@ def run_blueprint(controllers: list[str], commands: tuple[str, ...], reach_m: fl
     about = rrb.TextDocumentView(origin="about", name="Result")
     tabs = [rrb.Tabs(maps, forces, *_map_views(adapted), active_tab=0)]
     right = rrb.Vertical(plot("error", "Position error in m"), *tabs, row_shares=[2, 3])
-    left = rrb.Vertical(scene, about, row_shares=[3, 1])
+    left = rrb.Vertical(scene, about, row_shares=[2, 1])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.SelectionPanel(state="hidden"),

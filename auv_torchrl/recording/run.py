@@ -128,8 +128,8 @@ def _record_series(
 
 def _record_error(recording: rr.RecordingStream, name: str, flight: Flight, start: int) -> None:
     error = flight.position_error.double()
-    curves = {"start 1": error[start], "median": error.median(dim=0).values, "worst": error.amax(dim=0)}
-    width = {"start 1": 2.5, "median": 1.5, "worst": 1.0}
+    curves = {"start 1": error[start], "worst": error.amax(dim=0)}
+    width = {"start 1": 2.5, "worst": 1.0}
     for curve, values in curves.items():
         entity = f"error/{name}/{curve.replace(' ', '_')}"
         colour = rgb(CONTROLLER[name], 140 if curve == "worst" else 255)

@@ -1,0 +1,34 @@
+"""A whole run, so small that it takes seconds."""
+
+import pytest
+from hydra import compose, initialize_config_dir
+
+from auv_torchrl.experiment import schema
+from auv_torchrl.experiment.setup import Experiment, read_experiment
+from auv_torchrl.paths import CONF
+
+TINY = (
+    "starts=4", "backend=torch", "agent.hidden=[8,8]", "agent.batch_size=16", "agent.num_envs=4",
+    "agent.steps_per_batch=5", "agent.stretch_steps=20", "agent.total_frames=160", "agent.random_frames=40",
+    "agent.buffer_size=200", "agent.evaluation_starts=2", "agent.evaluation_box_m=1", "adapter.target_data_s=2",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def policies(tmp_path_factory):
+    """A store that all tests share, so that the policy is trained once."""
+    return tmp_path_factory.mktemp("policies")
+
+
+@pytest.fixture
+def experiment(policies):
+    """Reads a tiny experiment with some scenario."""
+
+    def read(scenario: str, *overrides: str) -> Experiment:
+        schema.register()
+        chosen = [] if scenario == "nominal" else [f"+scenario={scenario}"]
+        with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
+            config = compose("train", [*chosen, *TINY, f"policies={policies}", *overrides])
+        return read_experiment(config, scenario)
+
+    return read

@@ -1,0 +1,58 @@
+"""The table and the picture over many runs."""
+
+import json
+
+import pytest
+
+from auv_torchrl.experiment.results import read_results
+from auv_torchrl.experiment.summary import PICTURE, TABLE, groups, summarize
+
+
+def result(scenario: str, seed: int, u_t: float | None, box_m: float = 1.0, **changes) -> dict:
+    def metrics(mean: float | None) -> dict:
+        worst = None if mean is None else 2 * mean
+        return {"mean_m": mean, "std_m": 0.0, "p95_m": worst, "worst_m": worst, "settling_s": 3.0}
+
+    return {
+        "scenario": scenario, "vehicle": "paper", "seed": seed, "box_m": box_m, "starts": 4, "u_s": metrics(0.4),
+        "u_t": metrics(u_t), "nominal": metrics(0.005), "target_data_s": 4.0, "fit_s": 0.01, "train_s": 30.0,
+        "feasible": True, "reason": None, **changes,
+    }  # fmt: skip
+
+
+def test_the_table_has_each_seed_their_median_and_the_worst(tmp_path):
+    """Seeds in order whatever the order of the runs, and the paper's number beside them."""
+    runs = [result("swap", 2, 0.009), result("swap", 0, 0.004), result("swap", 1, 0.006)]
+    text = summarize(runs, tmp_path)
+    row = text.splitlines()[2]
+    assert "0.019 | 0.0040 0.0060 0.0090 | 0.0060 | 0.0090 | 0.0180 |" in row
+    assert (tmp_path / TABLE).read_text() == text + "\n"
+    assert (tmp_path / PICTURE).stat().st_size > 1000
+
+
+def test_infeasible_and_diverged_runs_are_in_the_table(tmp_path):
+    """An infeasible one says so; an error without bound is inf and not left out."""
+    dead = result("two_dead", 0, None, u_t=None, feasible=False, reason="rank 3")
+    lost = result("swap", 0, None)
+    text = summarize([dead, lost], tmp_path)
+    assert "| infeasible |" in text and "inf" in text.splitlines()[3]
+
+
+def test_boxes_and_vehicles_are_kept_apart():
+    """A row each."""
+    runs = [result("swap", 0, 0.1), result("swap", 0, 0.2, box_m=2.0), result("swap", 0, 0.3, vehicle="bluerov2")]
+    assert len(groups(runs)) == 3
+
+
+def test_results_are_read_in_the_order_of_the_job_numbers(tmp_path):
+    """10 comes after 9."""
+    for number in (10, 9, 1):
+        (tmp_path / str(number)).mkdir()
+        (tmp_path / str(number) / "results.json").write_text(json.dumps({"seed": number}))
+    assert [run["seed"] for run in read_results(tmp_path)] == [1, 9, 10]
+
+
+def test_a_missing_key_is_an_error_not_a_gap(tmp_path):
+    """A file that is no result of ours does not pass for one."""
+    with pytest.raises(KeyError):
+        summarize([{"scenario": "swap", "vehicle": "paper", "box_m": 1.0, "seed": 0}], tmp_path)
