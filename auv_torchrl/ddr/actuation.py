@@ -67,14 +67,27 @@ class Actuation(nn.Module):
         """Thrust for thruster commands (..., n) in [-1, 1], as shares of full thrust."""
         return thrust_target(self.coefficients, self.terms, command) / self.coefficients.full_thrust
 
-    def command_for(self, share: Tensor) -> Tensor:
-        """Commands (..., n) that give thrusts (..., n); inside the dead band the nearer of none and its edge."""
+    def intended(self, action: Tensor) -> Tensor:
+        """What channels (..., 4) would give without dead band and limits, in channels; the same on a linear curve."""
+        command = action @ self.mixer.mT
+        beyond = command.abs().amax(-1, keepdim=True).clamp_min(1.0)
+        smooth = self.coefficients._replace(dead_band=torch.zeros_like(self.coefficients.dead_band))
+        share = thrust_target(smooth, self.terms, command / beyond) / smooth.full_thrust
+        return beyond * share @ self.channels_per_share.mT
+
+    def command_for(self, share: Tensor, skip_dead_band: bool = True) -> Tensor:
+        """Commands (..., n) that give thrusts (..., n), shares of full thrust.
+
+        Inside the dead band the nearer of no thrust and its edge, or with ``skip_dead_band=False`` what the curve
+        says without it.
+        """
         c = self.coefficients
         low, high = self.share_limits
         share = torch.maximum(torch.minimum(share, high), low)
-        edge = c.dead_band / c.full_thrust
         size = share.abs()
-        size = torch.where(size < edge / 2, 0.0, torch.maximum(size, torch.where(edge > 0, edge + EDGE, 0.0)))
+        if skip_dead_band:
+            edge = c.dead_band / c.full_thrust
+            size = torch.where(size < edge / 2, 0.0, torch.maximum(size, torch.where(edge > 0, edge + EDGE, 0.0)))
         reach = torch.where(share < 0, 1 - c.asymmetry, 1.0)
         return share.sign() * (size / reach).clamp(max=1.0) ** (1 / c.exponent)
 
@@ -105,13 +118,13 @@ class ControlSpace(nn.Module, ABC):
         """Number of controls k."""
         return self.nominal.shape[1]
 
+    @abstractmethod
     def encode(self, command: Tensor) -> Tensor:
         """Controls (..., k) of commands (..., k)."""
-        return command
 
+    @abstractmethod
     def decode(self, control: Tensor) -> Tensor:
         """Commands (..., k) in [-1, 1] of controls (..., k)."""
-        return control.clamp(-1.0, 1.0)
 
     @abstractmethod
     def informative(self, command: Tensor) -> Tensor:
@@ -124,15 +137,22 @@ class Channels(ControlSpace):
     unmixer: Tensor  # (4, n)
 
     def __init__(self, actuation: Actuation):
+        low, high = actuation.share_limits
+        one = torch.ones(len(CONTROLLED))
         rows = torch.cat((actuation.mixer, torch.eye(len(CONTROLLED))))
-        one = torch.ones(len(rows))
-        super().__init__(rows, -one, one, torch.eye(len(CONTROLLED)))
+        nominal = actuation.channels_per_share @ actuation.mixer
+        super().__init__(rows, torch.cat((low, -one)), torch.cat((high, one)), nominal)
         self.actuation = actuation
         self.register_buffer("unmixer", torch.linalg.pinv(actuation.mixer), persistent=False)
 
     def encode(self, command: Tensor) -> Tensor:
-        """Channels (..., 4) less what falls into the thrusters' dead band."""
-        return self._heard(command) @ self.unmixer.mT
+        """Channels (..., 4) as the thrusters' curve and dead band let them through."""
+        return self.actuation.delivered((command @ self.actuation.mixer.mT).clamp(-1.0, 1.0)) @ self.unmixer.mT
+
+    def decode(self, control: Tensor) -> Tensor:
+        """Channels (..., 4) in [-1, 1] that have this effect through the thrusters' curve."""
+        thrusters = self.actuation.command_for(control @ self.actuation.mixer.mT, skip_dead_band=False)
+        return (thrusters @ self.unmixer.mT).clamp(-1.0, 1.0)
 
     def informative(self, command: Tensor) -> Tensor:
         """Where some thruster turns, and what the thrusters hear is still a combination of channels.

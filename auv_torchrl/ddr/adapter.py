@@ -82,6 +82,8 @@ class DDRAdapter(Transform):
         tau = torch.nan_to_num(action, nan=0.0).clamp(-1.0, 1.0)
         if self.config.composition == "long":
             tau = self.models.R(state, self.models.F(state, tau))
+        else:
+            tau = self.models.actuation.intended(tau)
         control = self.g.invert(state, tau)
         if self._learns and self.config.dither > 0 and bool(self.learner.uncertain.any()):
             sign = torch.randint(0, 2, control.shape, generator=self.generator).to(control) * 2 - 1

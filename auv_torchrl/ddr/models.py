@@ -17,18 +17,32 @@ MOTION = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate", "roll_rate", "
 
 
 class Regressor(nn.Module):
-    """Standardised inputs and outputs, a linear map and a two-layer tanh network on top of it."""
+    """A linear map and a two-layer tanh network on top of it, with standardised inputs and outputs.
+
+    Inputs are the state, its products with itself as they occur in Coriolis and drag terms, and the rest.
+    """
 
     input_mean: Tensor
     input_scale: Tensor
     output_mean: Tensor
     output_scale: Tensor
+    row: Tensor
+    column: Tensor
 
-    def __init__(self, inputs: int, outputs: int, hidden: int):
+    def __init__(self, states: int, rest: int, outputs: int, hidden: int):
         super().__init__()
+        self.states = states
+        inputs = states + rest + states * (states + 1) // 2 + states
+        row, column = torch.triu_indices(states, states)
+        self.register_buffer("row", row, persistent=False)
+        self.register_buffer("column", column, persistent=False)
         self.linear = nn.Linear(inputs, outputs)
         self.network = nn.Sequential(
-            nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh(), nn.Linear(hidden, outputs)
+            nn.Linear(states + rest, hidden),
+            nn.Tanh(),
+            nn.Linear(hidden, hidden),
+            nn.Tanh(),
+            nn.Linear(hidden, outputs),
         )
         for name, length in (("input_mean", inputs), ("output_mean", outputs)):
             self.register_buffer(name, torch.zeros(length))
@@ -37,7 +51,8 @@ class Regressor(nn.Module):
 
     @torch.no_grad()
     def standardise(self, inputs: Tensor, outputs: Tensor) -> None:
-        """Take means and scales from data (n, inputs) and (n, outputs), and the linear map by least squares."""
+        """Take means and scales from data (n, states + rest) and (n, outputs), the linear map by least squares."""
+        inputs = self._expanded(inputs)
         for name, data in (("input", inputs), ("output", outputs)):
             getattr(self, f"{name}_mean").copy_(data.mean(0))
             getattr(self, f"{name}_scale").copy_(data.std(0).clamp_min(1e-6))
@@ -47,9 +62,15 @@ class Regressor(nn.Module):
         self.linear.bias.zero_()
 
     def forward(self, inputs: Tensor) -> Tensor:
-        """(..., inputs) to (..., outputs)."""
-        x = (inputs - self.input_mean) / self.input_scale
-        return (self.linear(x) + self.network(x)) * self.output_scale + self.output_mean
+        """(..., states + rest) to (..., outputs)."""
+        x = (self._expanded(inputs) - self.input_mean) / self.input_scale
+        network = self.network(x[..., : self.network[0].in_features])
+        return (self.linear(x) + network) * self.output_scale + self.output_mean
+
+    def _expanded(self, inputs: Tensor) -> Tensor:
+        state = inputs[..., : self.states]
+        products = state[..., self.row] * state[..., self.column]
+        return torch.cat((inputs, products, state * state.abs()), dim=-1)
 
 
 class ForwardModel(nn.Module):
@@ -58,7 +79,7 @@ class ForwardModel(nn.Module):
     def __init__(self, states: int, hidden: int, actuation: Actuation):
         super().__init__()
         self.actuation = actuation
-        self.change = Regressor(states + len(CONTROLLED), states, hidden)
+        self.change = Regressor(states, len(CONTROLLED), states, hidden)
 
     def forward(self, state: Tensor, action: Tensor) -> Tensor:
         """(..., s) and (..., 4) in [-1, 1] to (..., s)."""
@@ -74,7 +95,7 @@ class InverseModel(nn.Module):
 
     def __init__(self, states: int, hidden: int):
         super().__init__()
-        self.control = Regressor(2 * states, len(CONTROLLED), hidden)
+        self.control = Regressor(states, states, len(CONTROLLED), hidden)
 
     def forward(self, state: Tensor, next_state: Tensor) -> Tensor:
         """(..., s) and (..., s) to (..., 4)."""

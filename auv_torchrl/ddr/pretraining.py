@@ -3,6 +3,7 @@
 import logging
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -28,11 +29,20 @@ class PretrainingConfig:
     seed: int = 0
 
 
+class Transitions(NamedTuple):
+    """One control step each of n vehicles, float64."""
+
+    state: Tensor  # (n, s) x
+    realised: Tensor  # (n, 4) channels
+    next_state: Tensor  # (n, s) x'
+    mixed: Tensor  # (n,) bool, commanded through the mixer; elsewhere the thrusters one by one
+
+
 @torch.no_grad()
 def source_transitions(
     vehicle: Vehicle, task: RegulationTask, models: SourceModels, config: PretrainingConfig
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Excited one-step transitions of a source fleet: x (n, s), realised channels (n, 4) and x' (n, s), float64.
+) -> Transitions:
+    """Excited one-step transitions of a source fleet.
 
     Speeds are drawn over two orders of magnitude up to the fastest the vehicle reaches, because both extremes
     matter: regulation happens at rest, identification at speed.
@@ -47,6 +57,10 @@ def source_transitions(
     strong.gain = strong.gain * config.overdrive
     c = prepare(strong.expand(count).clone())
     command = (uniform(4) @ vehicle.mixer[:, list(CONTROLLED_INDEX)].double().mT).clamp(-1, 1)
+    mixed = torch.ones(count, dtype=torch.bool)
+    if task.tilt:  # single thrusters tilt the vehicle, which R must not take for one of the channels
+        mixed = torch.rand(count, generator=generator) < 0.5
+        command = torch.where(mixed[:, None], command, uniform(vehicle.thrusters))
     realised = models.actuation.double().delivered(command) @ models.actuation.channels_per_share.mT * config.overdrive
     fastest = fastest_speeds(strong, task)
     velocity = fastest * uniform(6) * 10 ** (uniform(1) - 1)
@@ -60,7 +74,7 @@ def source_transitions(
     after = control_step(c, ActiveTerms.of(c), before, command, task.control_dt)
     x, following = (models.state_of(task.observe(s.position, s.quaternion, s.velocity)) for s in (before, after))
     models.float()
-    return x, realised, following
+    return Transitions(x, realised, following, mixed)
 
 
 def fastest_speeds(vehicle: Vehicle, task: RegulationTask) -> Tensor:
@@ -70,7 +84,6 @@ def fastest_speeds(vehicle: Vehicle, task: RegulationTask) -> Tensor:
     linear, quadratic = c.linear_drag.diagonal(), c.quadratic_drag.clamp_min(1e-6)
     terminal = (-linear + (linear**2 + 4 * quadratic * force).sqrt()) / (2 * quadratic)
     start = torch.tensor((*(task.start_speed,) * 3, 0.5, 0.5, task.start_yaw_rate), dtype=torch.float64)
-    terminal[3:5] = 0.0  # roll and pitch are not driven by the channels
     return torch.maximum(terminal, start)
 
 
@@ -87,10 +100,10 @@ def pretrain(vehicle: Vehicle, task: RegulationTask, config: PretrainingConfig |
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(config.seed)
         models = SourceModels(vehicle, task, config.hidden)
-    x, realised, following = source_transitions(vehicle, task, models, config)
+    x, realised, following, mixed = source_transitions(vehicle, task, models, config)
     models.double()
     change = following - x
-    fit(models.F.change, torch.cat((x, realised), -1), change, config.iterations)
+    fit(models.F.change, torch.cat((x, realised), -1)[mixed], change[mixed], config.iterations)
     fit(models.R.control, torch.cat((x, change), -1), realised, config.iterations)
     error = (models.R(x, following) - realised).square().mean().sqrt().item()
     models.float().requires_grad_(False)

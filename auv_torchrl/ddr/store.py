@@ -18,7 +18,7 @@ from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 
-MODELS_VERSION = 1  # raise it when a change of the models or their training makes old ones stale
+MODELS_VERSION = 2  # raise it when a change of the models or their training makes old ones stale
 
 
 def load_or_pretrain(

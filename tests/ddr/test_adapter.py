@@ -93,7 +93,7 @@ def test_a_fault_in_flight_empties_the_bag_and_is_learnt(models, fleet, policy, 
     """Two seconds after thruster 1 reverses, the settled map has been refitted from new pairs and holds the vehicle."""
     change = {"gain_1": -1.0, "start_s": 4.0}
     late = read_scenario("late", {"effects": {"thruster_gain": change}}, vehicle)
-    adapter = DDRAdapter(models)
+    adapter = DDRAdapter(models, AdapterConfig(tolerance=0.015))
     adapter.learning = True
     env = TransformedEnv(fleet(1, late), adapter)
     with torch.no_grad():
