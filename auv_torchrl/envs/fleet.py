@@ -82,6 +82,7 @@ class FleetEnv(EnvBase):
         self._mixer = mixer.T.to(self.device, torch.float32).contiguous()  # from an action to thruster commands
         self._phase_starts = (0.0, *self.scenario.switching_times())
         self._phase = torch.zeros(num_envs, dtype=torch.long)
+        self._scenario_delay = torch.zeros(num_envs, dtype=torch.float64)  # s
         self._flown = (
             vehicle.to(torch.device("cpu"), torch.float64).expand(num_envs).clone()
         )  # before the scenario acts
@@ -149,9 +150,19 @@ class FleetEnv(EnvBase):
         self._state = self._state._replace(commands=commands)
         self._poses = lengthened(self._poses, memory_length(float(new.pose_delay.max()), dt))
 
+    def delay_scenario(self, seconds: Tensor) -> None:
+        """Let each vehicle meet the switching times of the scenario later by ``seconds`` (N,), 0 or more.
+
+        Raises:
+            ValueError: for a wrong shape, or a time below 0 or not finite.
+        """
+        if seconds.shape != (self.num_envs,) or not (seconds.isfinite() & (seconds >= 0)).all():
+            raise ValueError(f"fleet: delays of the scenario are {seconds}: give {self.num_envs} times of 0 s or more")
+        self._scenario_delay = seconds.to(torch.device("cpu"), torch.float64)
+
     def _follow_scenario(self) -> None:
         """Change the vehicles whose episode time has reached a switching time."""
-        elapsed = self._tensor(self._state.time, torch.float64).cpu() + self.task.control_dt / 2
+        elapsed = self._tensor(self._state.time, torch.float64).cpu() + self.task.control_dt / 2 - self._scenario_delay
         phase = torch.bucketize(elapsed, torch.tensor(self._phase_starts[1:], dtype=torch.float64), right=True)
         changed = phase != self._phase
         for reached in phase[changed].unique().tolist():

@@ -107,3 +107,20 @@ def test_motion_capture_noise_raises_no_alarm_and_hides_no_fault():
     flight, adapter = adapted_flight(both, count=4, seconds=12.0, sensed="pose")
     assert adapter.learner.alarms.min() >= 1
     assert float(flight.position_error[:, flight.time[0] >= 10.0].mean(1).max()) < 0.06
+
+
+def test_each_vehicle_meets_the_fault_at_its_own_time():
+    """With delays of 0, 1 and 2 s the scenario begins that much later for each vehicle of a fleet."""
+    acting = scenario("reversed", start_s=1.0)
+    fleet = TorchFleet(VEHICLE, task(10.0), 3, scenario=acting, seed=0)
+    fleet.delay_scenario(torch.tensor([0.0, 1.0, 2.0]))
+    tensordict = fleet.reset()
+    changed = []
+    for _ in range(70):
+        tensordict["action"] = torch.ones(3, 6)
+        tensordict = fleet.step_mdp(fleet.step(tensordict))
+        changed.append(tensordict["thrust"][:, 0] < 0)
+    first = torch.stack(changed).int().argmax(0) * 0.05
+    torch.testing.assert_close(first, torch.tensor([1.0, 2.0, 3.0]), atol=1e-6, rtol=0)
+    with pytest.raises(ValueError, match="3 times of 0 s or more"):
+        fleet.delay_scenario(torch.tensor([-1.0, 0.0, 0.0]))
