@@ -31,16 +31,21 @@ def fingerprint(ingredients: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def save_policy(policy: SourcePolicy, folder: Path) -> None:
+def save_policy(policy: SourcePolicy, folder: Path, partial: Path | None = None) -> None:
     """Write a policy to ``folder``, which appears only when it is complete.
+
+    Args:
+        policy: what to write.
+        folder: where it is found afterwards.
+        partial: folder that is renamed to ``folder``, with what else is in it; None makes one.
 
     Raises:
         FileExistsError: if the folder is there already.
     """
     if folder.exists():
         raise FileExistsError(f"policy folder {folder} exists: choose another or move it away")
-    partial = folder.with_name(f"{folder.name}.partial-{os.getpid()}")
-    partial.mkdir(parents=True)
+    partial = partial or folder.with_name(f"{folder.name}.partial-{os.getpid()}")
+    partial.mkdir(parents=True, exist_ok=True)
     save_file({name: tensor.contiguous() for name, tensor in policy.module.state_dict().items()}, partial / WEIGHTS)
     (partial / READABLE).write_text(json.dumps(policy.metadata, indent=2) + "\n")
     partial.rename(folder)

@@ -2,7 +2,6 @@
 
 import fcntl
 import logging
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -39,7 +38,8 @@ def train_source(
 
     A finished policy lies in ``folder/<hash>``, and is loaded from there instead of trained again. While it is
     trained, its checkpoint and learning curve lie in ``folder/<hash>.training``; if a run was killed, the next
-    one goes on from there. Of several processes that want the same policy, one trains and the others wait.
+    one goes on from there. The curve stays with the policy. Of several processes that want the same policy, one
+    trains and the others wait.
 
     Args:
         vehicle: nominal vehicle, empty batch.
@@ -84,8 +84,8 @@ def train_source(
                 "curve": trainer.curve,
             },
         )
-        save_policy(policy, finished)
-        shutil.rmtree(training)
+        save_policy(policy, finished, training)
+        (finished / CHECKPOINT).unlink()
         log.info("source policy %s: kept in %s", key, finished)
     return policy
 
