@@ -3,7 +3,7 @@
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.log import Episode
+from auv_torchrl.flightlog.log import ALONE, Episode
 
 SHORT_S = 10.0  # below this most effects are not identifiable
 SATURATED = 0.999
@@ -19,8 +19,8 @@ def check_excitation(episodes: tuple[Episode, ...]) -> list[Finding]:
         sentence = f"the log holds {duration:.1f} s of data: few effects can be told from so little"
         findings.append(Finding(Severity.WARNING, "short_log", sentence, "Fly a minute or more"))
     if len(episodes) == 1:
-        sentence = "the log is one episode: its last part is held out to test the diagnosis"
-        findings.append(Finding(Severity.INFO, "one_episode", sentence, "A second flight would test it better"))
+        sentence = "the log is one episode: without another one to test on, a part of it is held out"
+        findings.append(Finding(Severity.INFO, ALONE, sentence, "A second flight would test it better"))
     commands = np.concatenate([episode.commands for episode in episodes])
     names = [f"cmd_{i + 1}" for i in range(commands.shape[1])]
     still = commands.std(axis=0) < STILL

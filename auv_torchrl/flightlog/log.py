@@ -16,6 +16,7 @@ VELOCITY = ("u", "v", "w", "p", "q", "r")  # m/s, rad/s, body
 ANGLES = ("roll", "pitch", "yaw")
 
 Floats = NDArray[np.float64]
+ALONE = "one_episode"  # code of the finding that no longer holds when logs are joined
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,9 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
     axes = tuple(axis for axis in POSE + VELOCITY if all(axis in log.axes for log in logs))
     if not axes:
         raise FlightLogError(f"the logs {', '.join(counts)} measure no axis in common: diagnose them one by one")
-    findings = [finding for log in logs for finding in log.findings]
+    findings = [
+        replace(f, sentence=f"{log.name}: {f.sentence}") for log in logs for f in log.findings if f.code != ALONE
+    ]
     if lost := {axis for log in logs for axis in log.axes} - set(axes):
         names = tuple(axis for axis in POSE + VELOCITY if axis in lost)
         sentence = f"{', '.join(names)} are left out because not every log measures them"
