@@ -12,8 +12,8 @@ from auv_torchrl.envs import RegulationTask
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.vehicle import CONTROLLED
 
-PROPORTIONAL = (3.0, 3.0, 3.0, 0.5)  # 1/m in surge, sway, heave; 1/rad in yaw: full command at 0.33 m and 2 rad
-DERIVATIVE = (0.5, 0.5, 0.5, 0.1)  # s/m, s/rad
+PROPORTIONAL = (10.0, 10.0, 10.0, 1.0)  # 1/m, 1/rad: `paper` leaves its dead band at 0.01 m; 3 is 5 times less precise
+DERIVATIVE = (1.0, 1.0, 1.0, 0.1)  # s/m, s/rad
 INTEGRAL_LIMIT = 0.3  # of the command; more would overshoot from far starts
 
 
