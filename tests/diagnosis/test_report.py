@@ -257,9 +257,9 @@ def test_any_number_can_be_written(value):
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
-@pytest.mark.parametrize("dark", [False, True])
-def test_a_browser_shows_the_page_without_complaint(diagnosis, paper, tmp_path, dark):
-    """Chromium loads the page from the file, reports no error, and has drawn every figure with a size."""
+@pytest.mark.parametrize(("dark", "width"), [(False, 1200), (True, 500)])
+def test_a_browser_shows_the_page_without_complaint(diagnosis, paper, tmp_path, dark, width):
+    """Chromium loads the page, reports no error, has drawn every figure with a size and needs no sideways scrolling."""
     probe = """<script>
       const boxes = [...document.querySelectorAll("svg")].map(e => e.getBoundingClientRect());
       document.documentElement.dataset.drawn = boxes.filter(b => b.width > 50 && b.height > 10).length;
@@ -269,7 +269,7 @@ def test_a_browser_shows_the_page_without_complaint(diagnosis, paper, tmp_path, 
     page = report_page(diagnosis, paper)
     (tmp_path / "report.html").write_text(page.replace("</body>", probe), encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
-    options += [f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1200,900", "--enable-logging=stderr"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900", "--enable-logging=stderr"]
     options += ["--force-dark-mode"] * dark
     command = [str(CHROMIUM), *options, "--dump-dom", (tmp_path / "report.html").as_uri()]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
