@@ -13,12 +13,15 @@ from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.force import force_changes, marks, measured_motion
 from auv_torchrl.diagnosis.hypotheses import Settings, Values, batch, make_atoms, slack_parameters
 from auv_torchrl.diagnosis.reduce import Quadratic, local_precision, reduce
+from auv_torchrl.diagnosis.rough import rough_force
 from auv_torchrl.diagnosis.smooth import (
     Layout,
     Smoothed,
+    fields,
     first_noise,
     follow,
     local_slopes,
+    misfit,
     residual_at,
     sensor_noise,
     settle,
@@ -30,6 +33,11 @@ from auv_torchrl.vehicle import Vehicle
 
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
 SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap
+THRESHOLD_REACH = (0.015, 0.004)  # of the plausible range
+NOISE_MATTERS = 0.02  # relative
+FOLLOWED = 1.15  # misfit of a window that a free force follows
+LOST = 1.6  # misfit of one that it does not
+MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
 SLACK_STEP = 0.05  # relative step of slack derivatives
 KNOB_STEP = 0.004  # of the plausible range of a parameter
 
@@ -70,6 +78,7 @@ class Bench:
         self.slack = slack_parameters(vehicle, settings)
         self.prior = Prior(vehicle, len({atom.effect for atom in self.atoms}), settings.prior_none)
         self.sigma = sigma or first_noise(windows)
+        self.followed = np.ones(len(windows), bool)  # windows in which the motion is known
 
     def _wide_prior(self) -> Floats:
         reach = batch(self.vehicle, [{}])
@@ -77,11 +86,23 @@ class Bench:
         return np.maximum(WIDE_SHARE * push, 0.1)
 
     def follow(self) -> Base:
-        """The windows under the nominal vehicle with a wide force; measures the sensor noise on the way."""
+        """The windows under the nominal vehicle with a wide force; measures the sensor noise on the way.
+
+        The force changes faster where bins of the usual length cannot follow, as under a limit cycle.
+        """
         vehicle = batch(self.vehicle, [{}])
-        state = follow(self.windows, vehicle, self.layout, self.sigma, self.wide)
-        self.sigma = sensor_noise(self.windows, state, self.sigma, self.wide)
+        state = self._follow(self.windows, vehicle, self.wide)
+        while np.median(misfit(self.windows, state.residual, self.sigma)) > FOLLOWED and self.layout.steps_per_bin > 2:
+            self.layout = Layout.of(self.windows, self.vehicle, 0.5 * self.layout.steps_per_bin * self.windows.dt)
+            state = self._follow(self.windows, vehicle, self.wide)
+        self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
+        measured = sensor_noise(self.windows, state, self.sigma, self.wide)
+        self.sigma = {name: min(measured[name], self.sigma[name]) for name in measured}
         return Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+
+    def _follow(self, windows: Windows, vehicle: Vehicle, prior: Floats) -> Smoothed:
+        begin = rough_force(windows, vehicle, self.layout)
+        return follow(windows, vehicle, self.layout, self.sigma, prior, begin)
 
     def rebase(self, explanation: Explanation, start: Base) -> Base:
         """The windows under another explanation, from what is left of the force when the explanation is taken out."""
@@ -92,7 +113,15 @@ class Bench:
         explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first
         bins = start.state.bins - np.add.reduceat(explained, edges, axis=1) / counts[:, None]
         state = local_slopes(self.windows, vehicle, self.layout, start.state.start, bins)
-        return self._settled(explanation, vehicle, state)
+        base = self._settled(explanation, vehicle, state)
+        lost = misfit(self.windows, base.state.residual, self.sigma) > LOST
+        if lost.any() and lost.mean() < MOSTLY_LOST:  # the start was no good; it may be under the right vehicle
+            fresh = self._follow(self.windows.subset(lost), vehicle, self.floor)
+            merged = [np.copy(field) for field in fields(base.state)]
+            for old, new in zip(merged, fields(fresh), strict=True):
+                old[lost] = new
+            base = self._settled(explanation, vehicle, Smoothed(*merged))
+        return base
 
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""
@@ -135,11 +164,14 @@ class Bench:
     def knob_changes(self, explanation: Explanation) -> tuple[list[Explanation], Floats]:
         """The explanation with each fitted knob moved a little, and by how much."""
         moved, steps = [], []
+        at_slack = {(effect, member): SLACK_STEP * abs(nominal) for effect, member, nominal, _ in self.slack}
         for place, knob in enumerate(explanation.knobs):
             if knob.discrete:
                 continue
             p = EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]]
             step = KNOB_STEP * self.prior.width(knob.effect, knob.members[0])
+            if (knob.effect, knob.members[0]) in at_slack:  # the same step, so that the two are the same direction
+                step = at_slack[knob.effect, knob.members[0]]
             if knob.value + step > p.high:
                 step = -step
             moved.append(explanation.moved({place: knob.value + step}))
@@ -148,7 +180,7 @@ class Bench:
 
     def weigh(self, chi2: float, explanation: Explanation) -> float:
         """Log evidence less the volume of the fitted values."""
-        return -0.5 * self.settings.tempering * chi2 + self.prior.structure(explanation)
+        return -0.5 * chi2 + self.prior.structure(explanation)
 
     def polish(self, explanation: Explanation, start: Base, rounds: int = 4) -> Judged:
         """Fit all values of an explanation by simulating it, and weigh it."""
@@ -164,7 +196,42 @@ class Bench:
             best, step, slack_step = trial, trial_step, trial_slack_step
             if settled:
                 break
+        return self._search_thresholds(best)
+
+    def _search_thresholds(self, best: Judged) -> Judged:
+        """Try values near by for effects that switch single samples: there chi-square is rough."""
+        for place, knob in enumerate(best.explanation.knobs):
+            if knob.effect not in self.settings.thresholds or not np.isfinite(best.chi2):
+                continue
+            p = EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]]
+            for reach in THRESHOLD_REACH:
+                width = reach * self.prior.width(knob.effect, knob.members[0])
+                values = np.clip(best.explanation.knobs[place].value + width * np.linspace(-1, 1, 9), p.low, p.high)
+                trials = [self.nudge(best.explanation.moved({place: float(value)}), best.base) for value in values]
+                nearest = min(trials, key=self._chi2)
+                if self._chi2(nearest) < best.chi2 - 0.1:
+                    best = self._judge(nearest)[0]
         return best
+
+    def _chi2(self, base: Base) -> float:
+        none = np.zeros((*base.state.residual.shape, 0))
+        q = reduce(self.windows, self.layout, base.state, none, self.sigma, self.floor)
+        return q.constant + float((self.slack_now(base.explanation) ** 2 * self.slack_precision).sum())
+
+    def measure_noise(self, judged: Judged) -> bool:
+        """Measure the sensor noise again under a better vehicle; tells whether it is another."""
+        precision = local_precision(self.layout, self.windows.dt, self.wide)
+        state = judged.base.state
+        free = settle(self.windows, judged.base.vehicle, self.layout, self.sigma, precision, state)
+        sigma = sensor_noise(self.windows, free, self.sigma, self.wide)
+        changed = any(abs(sigma[name] / self.sigma[name] - 1) > NOISE_MATTERS for name in sigma)
+        if changed:
+            self.sigma = sigma
+        return changed
+
+    def again(self, judged: Judged) -> Judged:
+        """Weigh an explanation again, after the noise was measured anew."""
+        return self._judge(self.nudge(judged.explanation, judged.base))[0]
 
     def _judge(self, base: Base) -> tuple[Judged, Floats, Floats]:
         """Weigh an explanation as it is, with the Gauss-Newton step of its knobs and of its slack."""

@@ -9,6 +9,7 @@ import torch
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.how_far import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settings
+from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.search import Found, search
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.where import locate
@@ -55,7 +56,9 @@ def diagnose(
     predictions = predict(testing, [held, after], settings, bench.sigma, 4 * bench.floor)
     closed = closed_share(predictions)
     verdict = judge(bench, found)
-    effects = found_effects(bench, found) if verdict is not Verdict.NO_GAP else ()
+    unknown = 1.0 if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED) else 0.0
+    probability = effect_probabilities(bench, found, unknown)
+    effects = found_effects(bench, found, probability) if verdict is not Verdict.NO_GAP else ()
     return Diagnosis(
         log=log.name,
         vehicle=vehicle_name,
@@ -63,7 +66,7 @@ def diagnose(
         summary=summarise(verdict, effects),
         where=locate(bench, found.follow, found.best),
         effects=effects,
-        candidates=rank(bench, found),
+        candidates=tuple(Candidate(name, p) for name, p in probability.items()),
         indistinguishable=(),
         next_experiment=None,
         gap=measure_gap(predictions, numbers, closed),
@@ -107,15 +110,15 @@ def judge(bench: Bench, found: Found) -> Verdict:
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED
 
 
-def found_effects(bench: Bench, found: Found) -> tuple[FoundEffect, ...]:
+def found_effects(bench: Bench, found: Found, probability: dict[str, float]) -> tuple[FoundEffect, ...]:
     """The effects of the best explanation with their values and intervals."""
     best = found.best
     deviation = np.sqrt(np.diag(best.covariance))
     spread = {knob.key: float(d) for knob, d in zip(best.explanation.fitted, deviation, strict=True)}
-    return tuple(_found_effect(bench, best, effect, spread) for effect in best.explanation.effects)
+    return tuple(_found_effect(bench, best, effect, spread, probability[effect]) for effect in best.explanation.effects)
 
 
-def _found_effect(bench: Bench, best: Judged, name: str, spread: dict[tuple, float]) -> FoundEffect:
+def _found_effect(bench: Bench, best: Judged, name: str, spread: dict[tuple, float], probability: float) -> FoundEffect:
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(bench.vehicle), effect.nominal(bench.vehicle)
     parameters: dict[str, Estimate] = {}
@@ -133,26 +136,7 @@ def _found_effect(bench: Bench, best: Judged, name: str, spread: dict[tuple, flo
             sentences.append(p.sentence.format(value=knob.value, which=which))
             if p.over == "thruster":
                 thrusters.add(int(which))
-    return FoundEffect(name, 1.0, parameters, tuple(sorted(thrusters)), None, "; ".join(sentences))
-
-
-def rank(bench: Bench, found: Found) -> tuple[Candidate, ...]:
-    """Every single effect with its probability, and none and unknown."""
-    single: dict[str, float] = {}
-    for judged in found.polished:
-        effects = judged.explanation.effects
-        if len(effects) <= 1 and not bench.minor(judged.explanation):
-            name = effects[0] if effects else "none"
-            single[name] = max(single.get(name, -np.inf), judged.evidence)
-    least = min(single.values())
-    for screened in found.screened:
-        name = screened.explanation.effects[0]
-        single.setdefault(name, min(screened.evidence, least - 1.0))
-    names, evidence = list(single), np.array(list(single.values()))
-    probability = np.exp(evidence - evidence.max())
-    probability /= probability.sum()
-    order = np.argsort(-evidence)
-    return tuple(Candidate(names[i], float(probability[i])) for i in order)
+    return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), None, "; ".join(sentences))
 
 
 def summarise(verdict: Verdict, effects: tuple[FoundEffect, ...]) -> str:

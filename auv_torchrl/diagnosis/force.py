@@ -46,19 +46,19 @@ def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: 
 
     It is the nominal mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
     """
-    before = _accelerations(windows, actuate(windows, nominal), motion)
+    before = accelerations(windows, actuate(windows, nominal), motion)
     mass = actuate(windows, nominal).c.mass_matrix[:, None]
     rows = changed.batch_size[0]
     pieces = []
     for first in range(0, rows, CANDIDATES_AT_ONCE):
         some = slice(first, min(rows, first + CANDIDATES_AT_ONCE))
         pieces.append(
-            matvec(mass, _accelerations(windows, actuate(windows, cast(Vehicle, changed[some])), motion) - before)
+            matvec(mass, accelerations(windows, actuate(windows, cast(Vehicle, changed[some])), motion) - before)
         )
     return np.concatenate(pieces, axis=1)
 
 
-def _accelerations(windows: Windows, actuation: Actuation, motion: Floats) -> Floats:
+def accelerations(windows: Windows, actuation: Actuation, motion: Floats) -> Floats:
     """(W, R, S, 6) of the vehicles of ``actuation`` along ``motion`` (W, S, 13)."""
     c, terms = actuation.c, actuation.terms
     grid = windows.start[:, None] + np.arange(windows.steps)

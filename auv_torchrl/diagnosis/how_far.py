@@ -6,6 +6,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.hypotheses import Settings, batch
 from auv_torchrl.diagnosis.rollout import actuate, path, simulate
+from auv_torchrl.diagnosis.rough import rough_force
 from auv_torchrl.diagnosis.smooth import LOOSE_START, Layout, follow, noise_per_sample
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.diagnosis.windows import CHANNELS, Floats, Windows, cut_windows, grid_step
@@ -52,7 +53,8 @@ def predict(
     pieces = layout.steps_per_bin * 2
     if head % pieces:
         layout = Layout(layout.start, layout.dof, head, 1)
-    state = follow(begin, batch(vehicles[-1], [{}]), layout, sigma, force)
+    best = batch(vehicles[-1], [{}])
+    state = follow(begin, best, layout, sigma, force, rough_force(begin, best, layout))
     slope = state.slope / noise_per_sample(begin, sigma)[:, None]
     precision = np.concatenate([LOOSE_START[layout.start] ** -2.0, np.tile(force**-2.0, layout.bins)])
     covariance = np.linalg.inv(slope.swapaxes(1, 2) @ slope + np.diag(precision))

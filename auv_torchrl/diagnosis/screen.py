@@ -48,7 +48,7 @@ class Field:
     def of(bench: Bench, base: Base) -> "Field":
         """Mark every atom on the windows of ``base``."""
         changes = [base.explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
-        q = bench.quadratic(base, changes)
+        q = bench.quadratic(base, changes).windows(bench.followed)
         constant, b, A, _, _ = bench.without_slack(q, base.explanation)
         width = [FIXED if a.discrete else ELASTIC if a.elastic else 1e3 for a in bench.atoms]
         centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in bench.atoms])

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from auv_torchrl.diagnosis.bench import Base, Bench, Judged
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.screen import Field, Screened
@@ -11,6 +13,7 @@ POLISHED = 4  # candidates that are simulated
 WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
 EVIDENCE_SLIP = 40.0
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
+SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
 WORTH = 5.0  # log evidence that one more effect must bring
 MOST_EFFECTS = 5
 
@@ -38,19 +41,37 @@ def search(bench: Bench, progress: Progress) -> Found:
     hopeless = field.none().evidence < families[0].evidence - HOPELESS
     none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
     polished = [none]
-    for screened in _promising(field, families, pairs):
+    for screened in _promising(field, families):
         polished.append(bench.polish(screened.explanation, follow))
         progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1))
-    best = max((j for j in polished if not bench.minor(j.explanation)), key=lambda judged: judged.evidence)
-    best = _grow(bench, best, polished, progress)
+    best = _best(bench, polished)
+    if not _satisfied(best):
+        for screened in _promising(field, pairs)[:2]:
+            polished.append(bench.polish(screened.explanation, follow))
+        best = _best(bench, polished)
+    if bench.measure_noise(best):
+        polished = [bench.again(judged) for judged in polished if np.isfinite(judged.chi2)]
+        best = _best(bench, polished)
+        none = polished[0] if np.isfinite(none.chi2) else none
+    if not _satisfied(best):
+        best = _grow(bench, best, polished, progress)
     best = _prune(bench, best, polished)
     polished.sort(key=lambda judged: -judged.evidence)
     return Found(follow, none, best, polished, families)
 
 
-def _promising(field: Field, families: list[Screened], pairs: list[Screened]) -> list[Screened]:
+def _satisfied(judged: Judged) -> bool:
+    """Whether nothing is left beyond the noise."""
+    numbers = judged.quadratic.numbers
+    return judged.chi2 < numbers * (1 + SATISFIED * np.sqrt(2 / numbers))
+
+
+def _best(bench: Bench, polished: list[Judged]) -> Judged:
+    return max((j for j in polished if not bench.minor(j.explanation)), key=lambda judged: judged.evidence)
+
+
+def _promising(field: Field, ranked: list[Screened]) -> list[Screened]:
     """The few that may turn out best once simulated, best first."""
-    ranked = sorted([*families, *pairs], key=lambda screened: -screened.evidence)
     none = field.none().evidence
     least = ranked[0].evidence - EVIDENCE_SLIP - WITHIN * max(0.0, ranked[0].evidence - none)
     kept, seen = [], set()
@@ -60,7 +81,7 @@ def _promising(field: Field, families: list[Screened], pairs: list[Screened]) ->
         if screened.evidence > max(least, none - EVIDENCE_SLIP / 4) and key not in seen and not dominated:
             kept.append(screened)
             seen.add(key)
-    return kept[:POLISHED]
+    return kept[: POLISHED if kept and kept[0].evidence > none + WORTH else 2]
 
 
 def _grow(bench: Bench, best: Judged, polished: list[Judged], progress: Progress) -> Judged:

@@ -99,18 +99,14 @@ def smooth(
     layout: Layout,
     sigma: dict[str, float],
     force_prior: Floats,
-    begin: tuple[Floats, Floats] | None = None,
+    begin: tuple[Floats, Floats],
     rounds: int = 3,
 ) -> Smoothed:
     """Levenberg-Marquardt over the free numbers of all windows, forces held near zero by ``force_prior`` (D,).
 
-    ``begin`` are the starts (W, 12) and bins (W, B, D) to begin from, else the guess of the windows and no force.
+    ``begin`` are the starts (W, 12) and bins (W, B, D) to begin from.
     """
     weight = 1.0 / noise_per_sample(windows, sigma)
-    held = np.setdiff1d(np.arange(12), layout.start)
-    if begin is None:
-        begin = windows.guess.copy(), np.zeros((len(windows), layout.bins, len(layout.dof)))
-        begin[0][:, held] = 0.0
     precision = np.concatenate([LOOSE_START[layout.start] ** -2, np.tile(force_prior**-2, layout.bins)])
 
     def away(state: Smoothed) -> Floats:
@@ -137,7 +133,7 @@ def smooth(
         state = Smoothed(
             *(
                 np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
-                for new, old in zip(_fields(fresh), _fields(state), strict=True)
+                for new, old in zip(fields(fresh), fields(state), strict=True)
             )
         )
     return state
@@ -174,21 +170,37 @@ def residual_at(windows: Windows, vehicle: Vehicle, layout: Layout, start: Float
     return windows.residual(simulate(windows, vehicle, start[:, None], force))[:, 0].reshape(len(windows), -1)
 
 
-def _fields(state: Smoothed) -> tuple[Floats, ...]:
+def fields(state: Smoothed) -> tuple[Floats, ...]:
+    """The arrays of a smoothed state, in order."""
     return state.start, state.bins, state.residual, state.slope
 
 
 def follow(
-    windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], force_prior: Floats
+    windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], force_prior: Floats, begin: Floats
 ) -> Smoothed:
-    """Smooth from far away: first in pieces so short that even a wrong model stays near, then whole windows."""
+    """Smooth from far away: first in pieces so short that even a wrong model stays near, then whole windows.
+
+    ``begin`` is a rough force (W, B, D), see :func:`auv_torchrl.diagnosis.rough.rough_force`.
+    """
     pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
     short = Layout(layout.start, layout.dof, PIECE_BINS, layout.steps_per_bin)
-    near = smooth(pieces, vehicle, short, sigma, force_prior, rounds=2)
     parts = len(pieces) // len(windows)
+    held = np.setdiff1d(np.arange(12), layout.start)
+    guess = pieces.guess.copy()
+    guess[:, held] = 0.0
+    near = smooth(
+        pieces, vehicle, short, sigma, force_prior, (guess, begin.reshape(len(pieces), PIECE_BINS, -1)), rounds=2
+    )
     start = near.start.reshape(len(windows), parts, 12)[:, 0]
     bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
     return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins), rounds=3)
+
+
+def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Floats:
+    """Root mean square (W,) of the residual of each window in units of the noise; infinite where it diverged."""
+    scaled = (residual / noise_per_sample(windows, sigma)) ** 2
+    mean = scaled.sum(1) / (windows.present.sum(1) * len(windows.channels))
+    return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
 
 
 def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], force_prior: Floats) -> dict[str, float]:

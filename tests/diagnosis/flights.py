@@ -1,0 +1,132 @@
+"""Flights of a known vehicle, to be diagnosed: position holding and excitation, sampled with noise."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from auv_torchrl.diagnosis.hypotheses import apply_values
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
+from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
+from auv_torchrl.physics.sensors import measured_pose
+from auv_torchrl.physics.step import memory_length
+from auv_torchrl.vehicle import Vehicle
+
+DT = 0.05
+AXES = ("x", "y", "z", "yaw")
+
+
+def hold(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with roll and pitch held, as in the paper."""
+    return changed(vehicle, free=torch.tensor([1.0, 1.0, 1.0, 0.0, 0.0, 1.0], dtype=vehicle.free.dtype))
+
+
+def with_slack(vehicle: Vehicle, rng: np.random.Generator, width: float = 0.03) -> Vehicle:
+    """The vehicle with every coefficient off by a few percent."""
+
+    def off(*shape: int) -> torch.Tensor:
+        return torch.as_tensor(1 + width * rng.standard_normal(shape), dtype=vehicle.mass.dtype)
+
+    return changed(
+        vehicle,
+        gain=vehicle.gain * off(vehicle.thrusters),
+        linear_drag=vehicle.linear_drag * torch.diag(off(6)),
+        quadratic_drag=vehicle.quadratic_drag * off(6),
+        mass_scale=vehicle.mass_scale * off(6),
+        dead_band=vehicle.dead_band * off(1),
+    )
+
+
+def fly(
+    vehicle: Vehicle,
+    values: dict[str, dict[str, float]],
+    seed: int = 0,
+    episodes: int = 6,
+    seconds: float = 30.0,
+    noise: tuple[float, float] = (0.002, 0.004),
+    push: Callable[[np.ndarray, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]] | None = None,
+    axes: tuple[str, ...] = AXES,
+) -> FlightLog:
+    """Fly ``vehicle`` changed by ``values`` and log it.
+
+    ``push(commands, position, velocity, t)`` returns the commands that the thrusters get and a world force, for what
+    no effect describes.
+    """
+    rng = np.random.default_rng(seed)
+    flown = apply_values(vehicle, values)
+    c = prepare(flown.expand(episodes).clone()).numpy()
+    terms = ActiveTerms.of(c)
+    steps = round(seconds / DT)
+    position = rng.uniform(-1, 1, (episodes, 3))
+    yaw = rng.uniform(-np.pi, np.pi, episodes)
+    quaternion = quaternion_from_euler(0 * yaw, 0 * yaw, yaw)
+    memory = memory_length(float(c.delay.max()), DT)
+    state = rest_state(position, quaternion, np.zeros((episodes, 6)), vehicle.thrusters, memory + 1)
+    late = memory_length(float(c.pose_delay.max()), DT) + 1
+    poses = np.repeat(np.concatenate([position, quaternion], -1)[:, None], late, axis=1)
+    mixer = vehicle.mixer.numpy()[:, [0, 1, 2, 5]]
+    waves = _waves(rng, steps, episodes)
+    logged = np.empty((steps, episodes, 6))
+    velocity = np.empty((steps, episodes, 6))
+    sent = np.empty((steps, episodes, vehicle.thrusters))
+    before = None
+    for step in range(steps):
+        where, turned = measured_pose(c, poses, DT)
+        angles = np.stack(euler_angles(turned), -1)
+        seen = np.concatenate([where, angles], -1) + rng.standard_normal((episodes, 6)) * np.repeat(noise, 3)
+        logged[step], velocity[step] = seen, state.velocity
+        demand = np.where(np.arange(episodes)[:, None] % 2 == 0, _hold_position(seen, before), waves[step])
+        before = seen
+        command = np.round(np.clip(demand @ mixer.T, -1, 1), 4)
+        sent[step] = command
+        reached = command
+        if push is not None:
+            reached, force = push(command, state.position, state.velocity, step * DT)
+            state = _pushed(state, c, force)
+        state = control_step(c, terms, state, reached, DT, 4)
+        poses = np.concatenate([np.concatenate([state.position, state.quaternion], -1)[:, None], poses[:, :-1]], axis=1)
+    logged[..., 3:] = (logged[..., 3:] + np.pi) % (2 * np.pi) - np.pi
+    names = ("x", "y", "z", "roll", "pitch", "yaw")
+    hidden = np.array([name not in axes for name in names])
+    logged[..., hidden] = np.nan
+    t = np.arange(steps) * DT
+    nothing = np.full((steps, 6), np.nan)
+    rates = nothing if "u" not in axes else None
+    return FlightLog(
+        "flight",
+        tuple(
+            Episode(e, t, logged[:, e], rates if rates is not None else velocity[:, e], sent[:, e])
+            for e in range(episodes)
+        ),
+        axes,
+    )
+
+
+def _hold_position(seen: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+    rate = np.zeros_like(seen) if before is None else (seen - before) / DT
+    c, s = np.cos(seen[:, 5]), np.sin(seen[:, 5])
+    pull = -0.8 * seen[:, :3] - 0.1 * np.clip(rate[:, :3], -1, 1)
+    heading = -0.3 * ((seen[:, 5] + np.pi) % (2 * np.pi) - np.pi)
+    return np.stack([c * pull[:, 0] + s * pull[:, 1], c * pull[:, 1] - s * pull[:, 0], pull[:, 2], heading], -1)
+
+
+def _waves(rng: np.random.Generator, steps: int, episodes: int) -> np.ndarray:
+    t = np.arange(steps)[:, None, None] * DT
+    total = np.zeros((steps, episodes, 4))
+    for _ in range(4):
+        frequency, phase = rng.uniform(0.05, 0.8, (episodes, 4)), rng.uniform(0, 6.3, (episodes, 4))
+        total += rng.uniform(0.05, 0.25, (episodes, 4)) * np.sin(2 * np.pi * frequency * t + phase)
+    hold = rng.integers(20, 60)
+    levels = rng.uniform(-0.5, 0.5, (steps // hold + 1, episodes, 4))
+    return (total + np.repeat(levels, hold, axis=0)[:steps]) * np.array([1.0, 1.0, 1.0, 0.35])
+
+
+def _pushed(state, c, force: np.ndarray):
+    """A world force for one step, as the change of velocity that it makes."""
+    from auv_torchrl.physics.kinematics import matvec, rotation_matrix
+
+    body = matvec(rotation_matrix(state.quaternion).swapaxes(-1, -2), force)
+    wrench = np.concatenate([body, np.zeros_like(body)], -1)
+    return state._replace(velocity=state.velocity + DT * matvec(c.mass_inverse, wrench))
