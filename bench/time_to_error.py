@@ -8,6 +8,7 @@ gets the vehicles through gymnasium's vector environment. CPU time counts, becau
 """
 
 import argparse
+import logging
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -112,6 +113,7 @@ def first_below(curve: Curve, goal: float) -> tuple[float, float]:
 def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]]]]:
     """Per method and seed, (CPU s, wall s) to each goal."""
     torch.set_num_threads(1)
+    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it announces every storage on stdout
     config = load_agent_config("sac", {"stop_below_m": min(GOALS_M), "stretch_steps": 80, "csv": False})
     methods: dict[str, Callable[..., Curve]] = {"ours": ours, "stable-baselines3": stable_baselines}
     times: dict[str, list[list[tuple[float, float]]]] = {}
@@ -119,7 +121,7 @@ def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]
         try:
             curves = [list(train(config, seed, backend)) for seed in range(seeds)]
         except ModuleNotFoundError as error:
-            print(f"{name} is left out: {error}: pip install 'auv-torchrl[bench]'")
+            print(f"{name} is left out: {error}: pip install 'auv-torchrl[bench]'\n")
             continue
         times[name] = [[first_below(curve, goal) for goal in GOALS_M] for curve in curves]
     return times
@@ -130,10 +132,10 @@ if __name__ == "__main__":
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--backend", default="mujoco")
     options = parser.parse_args()
-    for method, by_seed in measure(options.seeds, options.backend).items():
+    times = measure(options.seeds, options.backend)
+    print(f"Seconds until the mean error is below a goal, backend {options.backend}, one thread.\n")
+    print("| method | seed | " + " | ".join(f"{goal:g} m, CPU | {goal:g} m, wall" for goal in GOALS_M) + " |")
+    print("|---" * (2 + 2 * len(GOALS_M)) + "|")
+    for method, by_seed in times.items():
         for seed, reached in enumerate(by_seed):
-            goals = ", ".join(
-                f"{goal:g} m after {cpu:.1f} s CPU, {wall:.1f} s wall"
-                for goal, (cpu, wall) in zip(GOALS_M, reached, strict=True)
-            )
-            print(f"{method:18s} seed {seed}: {goals}")
+            print(f"| {method} | {seed} | " + " | ".join(f"{cpu:.1f} | {wall:.1f}" for cpu, wall in reached) + " |")
