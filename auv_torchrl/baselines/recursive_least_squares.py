@@ -1,0 +1,62 @@
+"""Recursive least squares with forgetting on the allocation matrix: the textbook's adaptive allocation.
+
+Reference: Astrom and Wittenmark, Adaptive Control, 2nd ed., section 2.2, exponential forgetting.
+"""
+
+import numpy as np
+from tensordict import TensorDictBase
+
+from auv_torchrl.envs import RegulationTask
+from auv_torchrl.online.allocation import Allocation
+from auv_torchrl.online.config import load_online_config
+from auv_torchrl.online.motion import SourceMotion
+from auv_torchrl.online.sensing import Sensing
+from auv_torchrl.online.transform import OBSERVATION, Array, ThrusterTransform, array
+from auv_torchrl.vehicle import CONTROLLED, Vehicle
+
+_D = len(CONTROLLED)
+_START = 10.0  # covariance at the start, in squared shares of full thrust
+_LARGEST = 1e4  # at which forgetting stops: a vehicle at rest tells nothing, and the covariance would wind up
+
+
+class RecursiveLeastSquares(ThrusterTransform):
+    """Learns the wrench per thrust at every step, always at the same pace, without a detector and without dither.
+
+    Args:
+        vehicle: one vehicle (empty batch), the source.
+        task: of the environment.
+        count: number of vehicles N.
+        memory_s: s, time constant of the forgetting.
+    """
+
+    def __init__(self, vehicle: Vehicle, task: RegulationTask, count: int, memory_s: float = 1.0):
+        super().__init__(vehicle)
+        self.motion = SourceMotion(vehicle, task.control_dt)
+        self.sensing = Sensing(task.observation_names, load_online_config(), count)
+        low, high = (array(limit) for limit in self.actuation.share_limits)
+        self.allocation = Allocation(1.0 / np.square(self.motion.full_wrench), low, high)
+        self.forgetting = float(np.exp(-task.control_dt / memory_s))
+        n = vehicle.thrusters
+        self.effectiveness = np.broadcast_to(self.motion.per_share, (count, _D, n)).copy()
+        self.covariance = np.broadcast_to(_START * np.eye(n), (count, n, n)).copy()
+
+    def thrusts(self, nominal: Array) -> Array:
+        """Thrusts (N, n) whose wrench, by the present estimate, is that of ``nominal`` (N, n) on the source."""
+        count, n = nominal.shape
+        return self.allocation(nominal @ self.motion.per_share.T, self.effectiveness, np.zeros((count, n, n)), nominal)
+
+    def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
+        """One update per vehicle with the wrench that explains the step; steps that are not numbers are left out."""
+        velocity, reached = (self.sensing.read(array(td.get(OBSERVATION))).velocity for td in (before, after))
+        sane = np.isfinite(velocity).all(-1) & np.isfinite(reached).all(-1)
+        velocity, reached = np.where(sane[:, None], velocity, 0.0), np.where(sane[:, None], reached, 0.0)
+        expected = (self.effectiveness @ share[..., None])[..., 0]
+        step = self.motion(velocity, expected)
+        missing = np.linalg.solve(step.by_wrench[:, _D:], (reached - step.velocity)[..., None])[..., 0]
+        towards = (self.covariance @ share[..., None])[..., 0]
+        gain = towards / (self.forgetting + (share * towards).sum(-1, keepdims=True)) * sane[:, None]
+        self.effectiveness += missing[..., None] * gain[:, None, :]
+        shrunk = self.covariance - gain[..., None] * towards[:, None, :]
+        grown = shrunk / self.forgetting
+        wound_up = np.trace(grown, axis1=1, axis2=2) > _LARGEST
+        self.covariance = np.where(wound_up[:, None, None], shrunk, grown)
