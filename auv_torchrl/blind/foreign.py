@@ -1,7 +1,7 @@
 """A second simulator that shares no line with :mod:`auv_torchrl.physics`, so that a bug there would show.
 
-Lu et al. 2023, Eq. 1 to 4, 13, 14 and Table 1 in four degrees of freedom (roll and pitch held), numpy, semi-implicit
-Euler at 5 ms. The numbers of Table 1, the geometry and the effects are written here a second time on purpose; no other
+Lu et al. 2023, Eq. 1 to 4, 13, 14 and Table 1 in four degrees of freedom (roll and pitch held), numpy, midpoint rule
+at 5 ms. The numbers of Table 1, the geometry and the effects are written here a second time on purpose; no other
 module may do so. Rows are vehicles. Earth NED, body FRD.
 """
 
@@ -167,41 +167,52 @@ class ForeignPlant:
             self._trace[self._steps % len(self._trace)] = np.column_stack((self.position, self.yaw, self.velocity))
 
     def _advance(self, influences: Influences) -> None:
-        rows = np.arange(self.rows)
+        target = self._target()
+        before = self.thrust
+        follow = [np.where(self.lag > 0, 1 - np.exp(-dt / np.maximum(self.lag, 1e-9)), 1.0) for dt in (STEP / 2, STEP)]
+        halfway, self.thrust = (before + share * (target - before) for share in follow)
+        body = np.column_stack((self.position, self.yaw, self.velocity))
+        middle = body + STEP / 2 * self._rate(body, self._now(before, target), self.time, influences)
+        body = body + STEP * self._rate(middle, halfway, self.time + STEP / 2, influences)
+        self.position, self.yaw, self.velocity = body[:, :3], body[:, 3], body[:, 4:]
+        self.time += STEP
+
+    def _now(self, before: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Thrust at once after the command has changed: thrusters without lag are there already."""
+        return np.where(self.lag > 0, before, target)
+
+    def _target(self) -> np.ndarray:
+        """Thrust (rows, 6) that the command which arrives now calls for."""
         index = np.floor((self.time - self.delay) / self.control_dt + 1e-6).astype(int)
-        command = np.where((index >= 0)[:, None], self._sent[index % len(self._sent), rows], 0.0)
+        command = np.where((index >= 0)[:, None], self._sent[index % len(self._sent), np.arange(self.rows)], 0.0)
         command = np.take_along_axis(command, self.source, axis=1)
         force = FULL_THRUST * np.sign(command) * np.abs(command) ** self.exponent
         force = np.where(force < 0, (1 - self.asymmetry) * force, force)
         force = np.clip(force, -self.limit, self.limit)
-        force[np.abs(force) < self.dead_band] = 0.0
-        follow = np.where(self.lag > 0, 1 - np.exp(-STEP / np.maximum(self.lag, 1e-9)), 1.0)
-        self.thrust += follow * (force - self.thrust)
-        real = self.thrust * self.gain * influences.thrust_factor * (1 - self.sag * self.time / 60)[:, None]
-        wrench = np.einsum("rij,rj->ri", self.allocation, real)
+        return np.where(np.abs(force) < self.dead_band, 0.0, force)
 
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+    def _rate(self, body: np.ndarray, thrust: np.ndarray, time: float, influences: Influences) -> np.ndarray:
+        """Rate of x, y, z, yaw, u, v, w, r, (rows, 8)."""
+        velocity = body[:, 4:]
+        u, v, w, r = velocity.T
+        cos, sin = np.cos(body[:, 3]), np.sin(body[:, 3])
+        real = thrust * self.gain * influences.thrust_factor * (1 - self.sag * time / 60)[:, None]
+        wrench = np.einsum("rij,rj->ri", self.allocation, real)
         water = self._to_body(self.current + influences.current, cos, sin)
-        relative = self.velocity.copy()
+        relative = velocity.copy()
         relative[:, :3] -= water
         wrench -= np.einsum("rij,rj->ri", self.linear, relative) + self.quadratic * np.abs(relative) * relative
         earth = influences.earth_force.copy()
         earth[:, 2] += self.down_force + self.load[:, 1]
-        reach = self.anchor - self.position
+        reach = self.anchor - body[:, :3]
         length = np.maximum(np.linalg.norm(reach, axis=1), 1e-9)
         earth += (self.stiffness * np.maximum(length - self.slack, 0) / length)[:, None] * reach
         wrench[:, :3] += self._to_body(earth, cos, sin)
         wrench -= self.coriolis[:, None] * self._coriolis(relative)
         rate = np.einsum("rij,rj->ri", self.mass_inverse, wrench)
-        turning = self.coriolis * self.velocity[:, 3]  # the water turns against the body
-        rate[:, 0] += turning * water[:, 1]
-        rate[:, 1] -= turning * water[:, 0]
-
-        self.velocity = self.velocity + STEP * rate
-        u, v, w, r = self.velocity.T
-        self.position = self.position + STEP * np.column_stack((cos * u - sin * v, sin * u + cos * v, w))
-        self.yaw = self.yaw + STEP * r
-        self.time += STEP
+        rate[:, 0] += self.coriolis * r * water[:, 1]  # the water turns against the body
+        rate[:, 1] -= self.coriolis * r * water[:, 0]
+        return np.column_stack((cos * u - sin * v, sin * u + cos * v, w, r, rate))
 
     def _coriolis(self, relative: np.ndarray) -> np.ndarray:
         momentum = np.einsum("rij,rj->ri", self.mass, relative)

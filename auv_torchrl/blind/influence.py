@@ -5,8 +5,9 @@ Effects are drawn again until they show clearly, so that "clear size" means the 
 
 import numpy as np
 
-from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
+from auv_torchrl.physics import ActiveTerms, Coefficients, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, wrap_angle
+from auv_torchrl.physics.thrusters import thrust_after, thrust_target
 from auv_torchrl.vehicle import Vehicle
 
 HORIZON_S = 2.0
@@ -43,15 +44,33 @@ def influence(
     c = c._replace(delay=np.full(len(at), late))
     quaternion = quaternion_from_euler(at[:, 3], at[:, 4], at[:, 5] - bias)
     state = rest_state(at[:, :3], quaternion, _turned(moving, bias), commands.shape[2], memory)
-    time = np.tile(starts * control_dt, len(pose))
-    state = state._replace(commands=past, thrust=c.full_thrust * past[:, 0], time=time)
     terms = ActiveTerms.of(c)
+    time = np.tile(starts * control_dt, len(pose))
+    state = state._replace(commands=past, thrust=_thrust_at(c, terms, commands, starts, control_dt), time=time)
     for step in range(ahead):
         state = control_step(c, terms, state, pick(commands, step), control_dt)
     reached = pick(pose, ahead)
     turn = wrap_angle(euler_angles(state.quaternion)[2] + bias - reached[:, 5])
     error = np.column_stack(((state.position - reached[:, :3]) / POSITION_NOISE, turn / ATTITUDE_NOISE))
     return float(np.sqrt((error**2).mean(axis=0)).max())
+
+
+def _thrust_at(
+    c: Coefficients, terms: ActiveTerms, commands: np.ndarray, starts: np.ndarray, control_dt: float
+) -> np.ndarray:
+    """Thrust (episodes * starts, n) before the starts: it follows from the commands alone, from the first one on."""
+    episodes = len(commands)
+    one = c.rows(slice(0, episodes))
+    lagging = round(float(one.delay[0]) / control_dt)
+    thrust = np.zeros_like(commands[:, 0])
+    series = []
+    for step in range(commands.shape[1]):
+        series.append(thrust)
+        if step >= lagging:
+            thrust = thrust_after(
+                one, terms, thrust, thrust_target(one, terms, commands[:, step - lagging]), control_dt
+            )
+    return np.stack(series, axis=1)[:, starts].reshape(-1, commands.shape[2])
 
 
 def _turned(velocity: np.ndarray, angle: float) -> np.ndarray:
