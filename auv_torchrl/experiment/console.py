@@ -24,7 +24,6 @@ class Stages:
     def __init__(self, total: int):
         self.total = total
         self.number = 0
-        self.begun = time.perf_counter()
 
     @contextmanager
     def __call__(self, title: str) -> Iterator[Clock]:
@@ -37,14 +36,18 @@ class Stages:
         clock.seconds = time.perf_counter() - begun
         log.info("   done in %s", readable(clock.seconds))
 
-    @property
-    def elapsed(self) -> str:
-        """Time since the first stage could begin."""
-        return readable(time.perf_counter() - self.begun)
+    def skip(self, count: int, reason: str) -> None:
+        """Say why the next stages are left out."""
+        self.number += count
+        log.info("")
+        log.info("── %s", reason)
 
 
 def readable(seconds: float) -> str:
-    """``0.012 s``, ``4.1 s`` or ``2 min 05 s``."""
+    """``0.5 ms``, ``4.1 s`` or ``2 min 05 s``."""
+    if seconds < 0.1:
+        return f"{1e3 * seconds:.1f} ms"
     if seconds < 60:
-        return f"{seconds:.3f} s" if seconds < 1 else f"{seconds:.1f} s"
-    return f"{int(seconds // 60)} min {round(seconds % 60):02d} s"
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s"

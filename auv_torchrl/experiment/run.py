@@ -1,63 +1,76 @@
 """The stages of one run: source policy, nominal flight, flight of the changed vehicle, adaptation, flight again."""
 
-import logging
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.agents.checkpoint import CheckpointError
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.agents.train_source import train_source
+from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.command import checking_input
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
+from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Flight, Metrics, fly
 from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.figures import save_figures
-from auv_torchrl.experiment.models import source_models
 from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.recording import ControlMap, record_run
 from auv_torchrl.vehicle import CONTROLLED
 
-log = logging.getLogger(__name__)
+
+@dataclass(frozen=True)
+class Outcome:
+    """Numbers, flights (``nominal``, ``u_s``, ``u_t`` as far as they were flown) and the fitted map of a run."""
+
+    results: Results
+    flights: Mapping[str, Flight]
+    adaptation: Adaptation | None
 
 
 def run(experiment: Experiment, folder: Path) -> Results:
     """Everything that ``train.py`` does after its config is checked; files go into ``folder``."""
+    stages = Stages(6)
+    outcome = perform(experiment, stages)
+    results, flights, scenario = outcome.results, outcome.flights, experiment.scenario.name
+    with stages("Results, figures and recording"):
+        results.save(folder)
+        vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
+        save_figures(folder, flights, vehicles, scenario)
+        control_map = linear_map(outcome.adaptation.adapter) if outcome.adaptation is not None else None
+        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map)
+    return results
+
+
+def perform(experiment: Experiment, stages: Stages) -> Outcome:
+    """Train or load, fly, adapt and fly again, without writing anything but the kept policy."""
     scenario, count = experiment.scenario, len(experiment.starts)
-    changed = scenario.name != NOMINAL
-    reason = obstacle(experiment) if changed else None
-    stages = Stages(3 + changed + 2 * (changed and reason is None))
     flights: dict[str, Flight] = {}
+    forms: dict[str, Flight] = {}
     with stages("Source policy u_s"), checking_input((CheckpointError,)):
         policy = source_policy(experiment)
     with stages(f"Fly {count} starts with u_s on the nominal vehicle"):
         flights["nominal"] = fly(experiment.fleet(count), policy.module, experiment.starts, experiment.exam.steps)
-    if changed:
-        with stages(f"Fly them with u_s on the vehicle with {scenario.name}"):
-            target = experiment.fleet(count, scenario)
-            flights["u_s"] = fly(target, policy.module, experiment.starts, experiment.exam.steps)
-    adaptation, forms = None, {}
+    if scenario.name == NOMINAL:
+        stages.skip(3, "No scenario: the vehicle stays as it is")
+        return Outcome(summarize(experiment, policy, flights, forms, None, None), flights, None)
+    with stages(f"Fly them with u_s on the vehicle with {scenario.name}"):
+        target = experiment.fleet(count, scenario)
+        flights["u_s"] = fly(target, policy.module, experiment.starts, experiment.exam.steps)
+    reason = obstacle(experiment)
     if reason is not None:
-        log.info("\nNo adaptation: %s", reason)
-    elif changed:
-        with stages("Collect target data and fit the map"), checking_input((CheckpointError,)):
-            adaptation = fit_map(experiment, policy)
-        with stages(f"Fly them with u_t on the vehicle with {scenario.name}"):
-            forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
-            flights["u_t"] = forms[experiment.adapter.composition]
-    with stages("Results, figures and recording"):
-        results = summarize(experiment, policy, flights, forms, adaptation, reason)
-        results.save(folder)
-        vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
-        save_figures(folder, flights, vehicles, scenario.name)
-        control_map = linear_map(adaptation.adapter) if adaptation is not None else None
-        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map)
-    return results
+        stages.skip(2, f"No adaptation: {reason}")
+        return Outcome(summarize(experiment, policy, flights, forms, None, reason), flights, None)
+    with stages("Collect target data and fit the map"):
+        adaptation = fit_map(experiment, policy)
+    with stages(f"Fly them with u_t on the vehicle with {scenario.name}"):
+        forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
+        flights["u_t"] = forms[experiment.adapter.composition]
+    return Outcome(summarize(experiment, policy, flights, forms, adaptation, None), flights, adaptation)
 
 
 def obstacle(experiment: Experiment) -> str | None:
@@ -80,7 +93,8 @@ def source_policy(experiment: Experiment) -> SourcePolicy:
 
 def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
     """F and R of the source vehicle, then seconds of flight of one target vehicle, then G and H."""
-    models = source_models(experiment.vehicle, experiment.task, experiment.policies)
+    with locked(experiment.policies / "models.lock"), checking_input():  # jobs of a sweep wait instead of training too
+        models = load_or_pretrain(experiment.vehicle, experiment.task, experiment.policies)
     to_thrusters = experiment.adapter.map == "thrusters"
     return adapt(
         lambda count: experiment.fleet(count, experiment.scenario, to_thrusters),

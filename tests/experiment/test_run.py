@@ -87,7 +87,7 @@ def test_the_policy_and_the_models_are_trained_once(experiment, policies, tmp_pa
         assert torch.equal(old, new)
 
 
-def test_damaged_models_say_which_file_to_delete(experiment, policies, tmp_path):
+def test_damaged_models_say_which_file_to_move_away(experiment, policies, tmp_path):
     """Nothing is trained over them."""
     fit_map(experiment("swap"), source_policy(experiment("swap")))
     shutil.copytree(policies, tmp_path / "store")
@@ -95,7 +95,7 @@ def test_damaged_models_say_which_file_to_delete(experiment, policies, tmp_path)
     (damaged,) = (tmp_path / "store").glob("*.models.safetensors")
     damaged.write_bytes(damaged.read_bytes()[:100])
     (tmp_path / "out").mkdir()
-    with pytest.raises(BadInput, match="damaged.*delete the file"):
+    with pytest.raises(BadInput, match="damaged.*move the file away"):
         run(swapped, tmp_path / "out")
     assert damaged.stat().st_size == 100
 
