@@ -212,7 +212,8 @@ class Trainer:
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that the rest of the training depends on."""
-        stored = self.buffer[:].flatten_keys(".").to_dict() if len(self.buffer) else {}
+        # cloned, because saving a slice would write the memory of the whole buffer
+        stored = self.buffer[:].clone().flatten_keys(".").to_dict() if len(self.buffer) else {}
         return {
             "updater": self.updater.state_dict(),
             "averaged": self.averaged.state_dict(),
