@@ -55,6 +55,10 @@ def _figure(width: float, height: float, title: str) -> Figure:
 
 
 def _bare(axes: Axes) -> None:
+    """No frame, a faint grid, and 0.01 instead of 10^-2 on logarithmic axes."""
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            axis.set_major_formatter("{x:g}")
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25, linewidth=0.6)
 
@@ -160,7 +164,9 @@ def distribution(flights: Flights, scenario: str) -> Figure:
         axes.plot(values, height, "o", color=CONTROLLER[name], markersize=3.5, alpha=0.5, markeredgewidth=0)
         mean = values.mean()
         axes.plot([mean, mean], [row - 0.32, row + 0.32], color=CONTROLLER[name], linewidth=2.5)
-        axes.text(mean, row + 0.36, f"{mean:.4g} m", ha="center", va="bottom", fontsize=9)
+        axes.text(
+            mean, row + 0.36, f"{mean:.2g} m" if mean < 0.1 else f"{mean:.2f} m", ha="center", va="bottom", fontsize=9
+        )
         if name in published:
             axes.plot(published[name], row, "D", color="black", markersize=6, markerfacecolor="none")
     axes.set(

@@ -90,6 +90,7 @@ def picture(runs: Runs) -> Figure:
     axes.set(xscale="log", yticks=range(len(labels)), xlabel="mean distance to the target for t ≥ 10 s in m")
     axes.set_yticklabels(labels, fontsize=8)
     axes.invert_yaxis()
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     keys = [Line2D([], [], marker=shape, linestyle="", color=CONTROLLER[name], label=LABEL[name])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from auv_torchrl.evaluation import Flight, steady_errors
+from auv_torchrl.evaluation import Flight
 from auv_torchrl.palette import CONTROLLER, SERIES, rgb
 from auv_torchrl.recording.blueprint import run_blueprint
 from auv_torchrl.recording.body import record_vehicle
@@ -82,9 +82,9 @@ def record_run(
 
 
 def _starts_to_show(flights: Mapping[str, Flight]) -> list[int]:
-    """The start at which u_s does worst, then others in their random order."""
+    """The start that stays farthest from the target under u_s, then others in their random order."""
     judged = flights.get("u_s", next(iter(flights.values())))
-    worst = int(steady_errors(judged).argmax())
+    worst = int(judged.position_error.mean(dim=1).argmax())
     others = [start for start in range(judged.shape[0]) if start != worst]
     return [worst, *others][:PATHS]
 

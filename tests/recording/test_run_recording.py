@@ -9,7 +9,6 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
-from auv_torchrl.evaluation import steady_errors
 from auv_torchrl.recording import ControlMap, record_run
 from auv_torchrl.recording.body import ARROW_M_PER_N
 from auv_torchrl.scenario import read_scenario
@@ -47,7 +46,7 @@ def test_a_recording_holds_poses_forces_errors_commands_and_the_map(flown, tmp_p
     control_map = ControlMap(np.diag([1.0, -2.0, 0.5, 1.0]), np.zeros(4), ("surge", "sway", "heave", "yaw"))
     record_run(tmp_path / "run.rrd", flights, vehicles, "# Result", control_map)
     entities = read(tmp_path / "run.rrd")
-    shown = int(steady_errors(flights["u_s"]).argmax())
+    shown = int(flights["u_s"].position_error.mean(dim=1).argmax())
     flight = flights["u_t"][shown]
 
     poses = entities["/world/u_t/start_1"]
