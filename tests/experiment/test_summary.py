@@ -32,7 +32,7 @@ def test_the_table_has_each_seed_their_median_and_the_worst(tmp_path):
 
 def test_infeasible_and_diverged_runs_are_in_the_table(tmp_path):
     """An infeasible one says so; an error without bound is inf and not left out."""
-    dead = result("two_dead", 0, None, u_t=None, feasible=False, reason="rank 3")
+    dead = result("two_dead", 0, None, feasible=False, reason="rank 3") | {"u_t": None}
     lost = result("swap", 0, None)
     text = summarize([dead, lost], tmp_path)
     assert "| infeasible |" in text and "inf" in text.splitlines()[3]
