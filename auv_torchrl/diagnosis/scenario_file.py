@@ -35,9 +35,8 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         lines.append(f"  {found.name}:")
         for name, value in _values(found, vehicle).items():
             e = found.parameters[name]
-            lines.append(
-                f"    {name}: {value!r}  # {e.unit}, 95 % in [{e.low:.4g}, {e.high:.4g}], nominal {e.nominal:.4g}"
-            )
+            unit = "" if e.unit == "1" else f"{e.unit}, "
+            lines.append(f"    {name}: {value!r}  # {unit}95 % in [{e.low:.4g}, {e.high:.4g}], nominal {e.nominal:.4g}")
     return "\n".join([*lines, ""])
 
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
-from auv_torchrl.diagnosis.report.svg import number
+from auv_torchrl.diagnosis.report.svg import between, number
 from auv_torchrl.diagnosis.verdict import Diagnosis, Verdict, Window
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE, VELOCITY
@@ -50,7 +50,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
-    environment.globals |= {"interval": interval}
+    environment.globals |= {"interval": interval, "between": between}
     thrusters = sorted({i for effect in diagnosis.effects for i in effect.thrusters})
     axes = [] if thrusters or diagnosis.verdict is Verdict.NO_GAP else _clear_axes(diagnosis)
     candidates = [candidate for candidate in diagnosis.candidates if np.isfinite(candidate.probability)]

@@ -88,3 +88,8 @@ def number(value: float | None, digits: int = 3) -> str:
         return f"{value:.{digits - 1}e}"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
     return f"{value:.{decimals}f}"
+
+
+def between(low: float, high: float) -> str:
+    """An interval in words; a dash where it has no width because the value was not fitted but chosen."""
+    return f"{number(low)} to {number(high)}" if low < high else "–"

@@ -1,7 +1,7 @@
 """The verdict as a few lines for the console."""
 
 from auv_torchrl.diagnosis.report.charts import percent
-from auv_torchrl.diagnosis.report.svg import number
+from auv_torchrl.diagnosis.report.svg import between, number
 from auv_torchrl.diagnosis.verdict import Diagnosis
 
 _CANDIDATES = 3
@@ -18,11 +18,11 @@ def summary_table(diagnosis: Diagnosis) -> str:
     for effect in diagnosis.effects:
         name, probability = effect.name, percent(effect.probability)
         for parameter, e in effect.parameters.items():
-            inside = f"{number(e.low)} to {number(e.high)}"
+            inside = between(e.low, e.high)
             row = (
                 f"{name:<22} {probability:>6}  {parameter:<18} {number(e.value):>9} {inside:>21} {number(e.nominal):>9}"
             )
-            lines.append(f"{row}  {e.unit}")
+            lines.append(f"{row}  {e.unit}".removesuffix("  1"))
             name = probability = ""
     if not diagnosis.effects and diagnosis.candidates:
         ranked = (f"{c.name} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
