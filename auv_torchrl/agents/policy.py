@@ -17,6 +17,10 @@ TRAINING_VERSION = 1  # raise it when a change of the training makes old policie
 WEIGHTS, READABLE = "policy.safetensors", "policy.json"
 
 
+class PolicyError(ValueError):
+    """A kept policy that cannot be used; the message says what to do."""
+
+
 @dataclass(frozen=True)
 class SourcePolicy:
     """A policy, observation -> action, deterministic outside exploration, and what shaped it."""
@@ -56,7 +60,7 @@ def load_policy(folder: Path) -> SourcePolicy:
 
     Raises:
         FileNotFoundError: if there is no policy in the folder.
-        ValueError: if its files are damaged.
+        PolicyError: if its files are damaged.
     """
     for name in (WEIGHTS, READABLE):
         if not (folder / name).is_file():
@@ -66,5 +70,5 @@ def load_policy(folder: Path) -> SourcePolicy:
         module = make_policy(**metadata["network"])
         module.load_state_dict(load_file(folder / WEIGHTS))
     except Exception as error:  # json, safetensors and torch each raise their own
-        raise ValueError(f"policy in {folder} is damaged ({error}): move the folder away to train it again") from error
+        raise PolicyError(f"policy in {folder} is damaged ({error}): move the folder away to train it again") from error
     return SourcePolicy(module.eval(), metadata)

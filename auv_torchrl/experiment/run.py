@@ -7,7 +7,7 @@ from pathlib import Path
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.agents.checkpoint import CheckpointError
-from auv_torchrl.agents.policy import SourcePolicy
+from auv_torchrl.agents.policy import PolicyError, SourcePolicy
 from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.command import checking_input
@@ -51,7 +51,7 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
     scenario, count = experiment.scenario, len(experiment.starts)
     flights: dict[str, Flight] = {}
     forms: dict[str, Flight] = {}
-    with stages("Source policy u_s"), checking_input((CheckpointError,)):
+    with stages("Source policy u_s"), checking_input((CheckpointError, PolicyError)):
         policy = source_policy(experiment)
     with stages(f"Fly {count} starts with u_s on the nominal vehicle"):
         flights["nominal"] = fly(experiment.fleet(count), policy.module, experiment.starts, experiment.exam.steps)

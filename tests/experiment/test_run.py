@@ -100,6 +100,16 @@ def test_damaged_models_say_which_file_to_move_away(experiment, policies, tmp_pa
     assert damaged.stat().st_size == 100
 
 
+def test_a_damaged_policy_says_which_folder_to_move_away(experiment, policies, tmp_path):
+    """It is not trained over."""
+    source_policy(experiment("swap"))
+    shutil.copytree(policies, tmp_path / "store")
+    for weights in (tmp_path / "store").glob("*/policy.safetensors"):
+        weights.write_bytes(weights.read_bytes()[:50])
+    with pytest.raises(BadInput, match="damaged.*move the folder away"):
+        run(experiment("swap", f"policies={tmp_path / 'store'}"), tmp_path)
+
+
 @pytest.mark.parametrize(
     ("choices", "overrides", "name"),
     [
