@@ -1,5 +1,6 @@
 """The stages of one run: source policy, nominal flight, flight of the changed vehicle, adaptation, flight again."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +22,8 @@ from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.recording import ControlMap, record_run
 from auv_torchrl.vehicle import CONTROLLED
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,12 @@ def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
     with locked(experiment.policies / "models.lock"), checking_input():  # jobs of a sweep wait instead of training too
         models = load_or_pretrain(experiment.vehicle, experiment.task, experiment.policies)
     to_thrusters = experiment.adapter.map == "thrusters"
+    seen_s = experiment.adapter.target_data_s
+    if later := [time for time in experiment.scenario.switching_times() if time >= seen_s]:
+        log.warning(
+            "   the vehicle changes at t = %g s, the map is fitted to the first %g s and kept: it cannot know",
+            later[0], seen_s,
+        )  # fmt: skip
     return adapt(
         lambda count: experiment.fleet(count, experiment.scenario, to_thrusters),
         policy.module, models, experiment.adapter,
