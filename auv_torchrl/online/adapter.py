@@ -11,6 +11,7 @@ from torchrl.data import Composite, TensorSpec, Unbounded
 from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online.config import OnlineConfig
 from auv_torchrl.online.learner import OnlineLearner
+from auv_torchrl.online.lookahead import Lookahead
 from auv_torchrl.online.motion import SourceMotion
 from auv_torchrl.online.sensing import Sensing
 from auv_torchrl.online.transform import OBSERVATION, Array, ThrusterTransform, array
@@ -26,7 +27,8 @@ class OnlineAdapter(ThrusterTransform):
     :data:`auv_torchrl.online.learner.PHASES`; ``alarm`` (N, 1), whether a change was noticed in this step;
     ``effectiveness`` (N, 4, n), the estimated wrench in N and N m per share of full thrust. Learning runs on the
     CPU in float64 for each vehicle on its own; what has been learnt stays when an episode ends, a new adapter
-    knows only the source vehicle. All of it is in ``state_dict``.
+    knows only the source vehicle. All of it is in ``state_dict``. Where thrust has been found to come late, the
+    ``observation`` is the one expected at the time at which the next command acts.
 
     Args:
         vehicle: one vehicle (empty batch), the source.
@@ -42,6 +44,7 @@ class OnlineAdapter(ThrusterTransform):
         c = self.actuation.coefficients
         edge = array(c.dead_band / c.full_thrust)
         motion = SourceMotion(vehicle, task.control_dt)
+        self.lookahead = Lookahead(task, motion)
         sensing = Sensing(task.observation_names, config, count)
         self.learner = OnlineLearner(motion, (low, high), edge, config, sensing, count)
 
@@ -65,6 +68,10 @@ class OnlineAdapter(ThrusterTransform):
         """Learn from the step and report."""
         alarm = self.learner.observe(share, array(after.get(OBSERVATION)), array(after.get(TIME))[:, 0])
         self._report(after, torch.from_numpy(alarm)[:, None])
+        observation = after.get(OBSERVATION)
+        learner = self.learner
+        ahead = self.lookahead(array(observation), learner.raw, learner.timing, *learner.filter.map_of(learner.belief))
+        after.set(OBSERVATION, torch.from_numpy(ahead).to(observation))
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
         tensordict_reset = super()._reset(tensordict, tensordict_reset)

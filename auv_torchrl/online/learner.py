@@ -23,8 +23,9 @@ Array = Any
 log = logging.getLogger(__name__)
 _D = len(CONTROLLED)
 _NOISE_RATE = 0.02  # per step, how fast the noise grows that the map cannot explain
+_LATE_NOISE = 10.0  # least of it where thrust comes late: within a step it is no constant
 _LARGEST_NOISE = 1e4  # times the variance of the config
-_FIELDS = ("phase", "total", "noise_scale", "lost_s", "search_s", "stalled_s", "alarms", "carried")
+_FIELDS = ("phase", "total", "noise_scale", "lost_s", "search_s", "stalled_s", "alarms", "carried", "raw", "sign")
 _STILL = 0.05  # m/s
 _STALLED_S = 1.5  # s at a limit without moving; a healthy vehicle reaches full speed in less
 _IMPLAUSIBLE = 4.0  # standard deviations of the prior
@@ -94,11 +95,15 @@ class OnlineLearner:
         self.carried = np.zeros((count, _D))  # wrench that the dead band has withheld so far
         self.carry_limit = (np.abs(motion.per_share) * edge).max(-1)
         self.column_power = (self.weight[:, None] * np.square(motion.per_share)).sum(0)
+        self.sign = np.ones((count, motion.per_share.shape[1]))  # of the dither
+        self.raw = np.full((count, 8), np.nan)  # of the last measurement
         self.generator = torch.Generator().manual_seed(config.seed)
 
     def begin(self, rows: Array, observation: Array) -> None:
         """A new episode of some vehicles (rows of the observations (N, d)); what has been learnt of them is kept."""
-        self._place(rows, self.sensing.read(observation))
+        reading = self.sensing.read(observation)
+        self._place(rows, reading)
+        self.raw = reading.raw
         self.guard.begin(rows)
         self.timing.begin(rows)
         self.total[rows] = self.lost_s[rows] = self.search_s[rows] = 0.0
@@ -162,10 +167,17 @@ class OnlineLearner:
         searching = self.phase == SEARCHING
         if self.config.dither > 0 and searching.any():
             unknown = np.sqrt(np.clip(np.diagonal(caution, axis1=1, axis2=2), 0, None) / self.column_power)
-            sign = torch.randint(0, 2, share.shape, generator=self.generator).numpy() * 2.0 - 1.0
+            self._turn_dither()
             amount = self.config.dither * (unknown > self.config.settled_below) * searching[:, None]
-            share = np.clip(share + amount * sign, *self.limits)
+            share = np.clip(share + amount * self.sign, *self.limits)
         return share
+
+    def _turn_dither(self) -> None:
+        """New signs, held for longer where thrust follows late: it must arrive before it turns again."""
+        hold = 1 + np.ceil(self.timing.late_s() / self.motion.control_dt - 1e-9)
+        drawn = torch.randint(0, 2, self.sign.shape, generator=self.generator).numpy() * 2.0 - 1.0
+        turns = np.round(self.search_s / self.motion.control_dt) % hold == 0
+        self.sign = np.where(turns[:, None], drawn, self.sign)
 
     def withheld(self, wanted: Array, given: Array) -> None:
         """Remember the wrench lost to the dead band between shares wanted and given (N, n), to give it later."""
@@ -192,15 +204,17 @@ class OnlineLearner:
         usable = verdict.usable & (self.phase != FROZEN)
         innovation = self.filter.update(self.belief, self.entries, reading.measured, reading.variance, usable)
         self.sensing.accept(reading, usable)
+        self.raw = reading.raw
         self._explain(step, wrench, reading, usable)
         self.total = self.detector.advance(self.total, innovation.square, usable & (self.phase == FOLLOWING))
         excess = np.clip(innovation.square / _D, 0.0, 4.0) - 1.0
+        least = np.where(self.timing.late_s() > 0, _LATE_NOISE, 1.0)
         scaled = self.noise_scale * np.exp(_NOISE_RATE * excess)
-        self.noise_scale = np.where(usable, np.clip(scaled, 1.0, _LARGEST_NOISE), self.noise_scale)
+        self.noise_scale = np.where(usable, np.clip(scaled, least, _LARGEST_NOISE), self.noise_scale)
         stalled = self._stalled(share, reading.velocity)
         alarm = ((self.total > self.detector.threshold) | self._implausible() | stalled) & (self.phase == FOLLOWING)
         if alarm.any():
-            self._search(alarm.nonzero()[0])
+            self.search(alarm.nonzero()[0])
         self._end_searches()
         self._note_losses(verdict, reading)
         return alarm
@@ -227,7 +241,8 @@ class OnlineLearner:
         self.stalled_s = np.where(pushing & still, self.stalled_s + self.motion.control_dt, 0.0)
         return self.stalled_s > _STALLED_S
 
-    def _search(self, rows: Array) -> None:
+    def search(self, rows: Array) -> None:
+        """Drop what has been learnt of some vehicles and learn it anew."""
         self.filter.forget(self.belief, rows)
         self.phase[rows] = SEARCHING
         self.total[rows] = self.search_s[rows] = self.stalled_s[rows] = 0.0
@@ -247,7 +262,7 @@ class OnlineLearner:
                     row,
                     *self.timing.timing_of(row),
                 )
-                self._search(np.array([row]))
+                self.search(np.array([row]))
                 done[row] = False
         self.phase[done] = FOLLOWING
         self.total[done] = 0.0

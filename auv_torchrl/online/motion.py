@@ -61,6 +61,10 @@ class SourceMotion:
         slopes = ((both[:, 1:] - both[:, :1]) / self._step_sizes[:, None]).swapaxes(-1, -2)
         return Step(moved[:, 0], reached[:, 0], slopes[..., :_D], slopes[..., _D:])
 
+    def advance(self, velocity: Array, wrench: Array) -> tuple[Array, Array]:
+        """Displacement and velocity (N, 4) alone, without derivatives."""
+        return self._integrate(velocity, wrench)
+
     def _integrate(self, velocity: Array, wrench: Array) -> tuple[Array, Array]:
         h = self.control_dt / self.substeps
         force = self._six(wrench)

@@ -13,6 +13,7 @@ _LAGS_S = (0.0, 0.1, 0.2, 0.4)
 _HYPOTHESES = tuple(itertools.product(_DELAYS_S, _LAGS_S))  # the first is none
 _MEMORY = 60  # control steps
 _LEAST = 16  # of them for a judgement
+_SETTLE = 12  # control steps before a window, in which an unknown thrust dies out
 _BETTER = 0.5  # share of the squared error that must vanish before another timing is believed
 _RIDGE = 1e-3
 
@@ -58,6 +59,7 @@ class ActuatorTiming:
 
     def judge(self, row: int, steps: int) -> bool:
         """Choose the timing that explains the last ``steps`` steps of a vehicle best; returns whether it is new."""
+        steps = min(steps, _MEMORY - _SETTLE)
         wrench = self.wrenches[row, :steps][::-1] / self.unit
         known = np.isfinite(wrench).all(-1)
         if known.sum() < _LEAST:
@@ -67,31 +69,50 @@ class ActuatorTiming:
         if best == self.chosen[row] or errors[best] > _BETTER * errors[self.chosen[row]]:
             return False
         self.chosen[row] = best
-        self.arrived[row] = 0.0
+        _, self.arrived[row] = self._arrivals(row, steps, *_HYPOTHESES[best])
         return True
 
     def timing_of(self, row: int) -> tuple[float, float]:
         """Delay and lag in s."""
         return _HYPOTHESES[self.chosen[row]]
 
+    def late_s(self) -> Array:
+        """Delay and lag together, (N,) s: how far ahead a command acts."""
+        return np.array(_HYPOTHESES)[self.chosen].sum(-1)
+
+    def coming(self, rows: Array, steps: int) -> list[Array]:
+        """Mean thrusts (k, n) of some vehicles over the next ``steps`` steps if the last command is held."""
+        delay, lag = np.array(_HYPOTHESES)[self.chosen[rows]].T
+        sent, arrived, thrusts = self.shares[rows], self.arrived[rows], []
+        for _ in range(steps):
+            sent = np.concatenate((sent[:, :1], sent[:, :-1]), axis=1)
+            mean, arrived = _lagged(delayed(sent, delay, self.control_dt), arrived, lag, self.control_dt)
+            thrusts.append(mean)
+        return thrusts
+
     def _error(self, row: int, steps: int, delay: float, lag: float, wrench: Array, known: Array) -> float:
         """Squared error of the best map under a timing, in shares of the full wrench, per step."""
-        reach = min(steps + 8, _MEMORY)
-        sent = self.shares[row, :reach]
-        late = int(np.ceil(delay / self.control_dt))
-        padded = np.concatenate((sent, np.repeat(sent[-1:], late + 1, axis=0)))
-        windows = np.stack([padded[k : k + late + 2] for k in range(reach)])
-        reaching = delayed(windows, np.full(reach, delay), self.control_dt)[::-1]  # oldest first
-        thrust, arrived = [], np.zeros_like(reaching[0])
-        for target in reaching:
-            mean, arrived = _lagged(target, arrived, np.array(lag), self.control_dt)
-            thrust.append(mean)
-        x = np.concatenate((np.array(thrust)[-steps:][known], np.ones((int(known.sum()), 1))), axis=1)
+        thrust, _ = self._arrivals(row, steps, delay, lag)
+        x = np.concatenate((thrust[known], np.ones((int(known.sum()), 1))), axis=1)
         y = wrench[known]
         prior = np.concatenate((self.nominal / self.unit[:, None], np.zeros((4, 1))), axis=1).T
         gram = x.T @ x + _RIDGE * np.eye(x.shape[1])
         fit = np.linalg.solve(gram, x.T @ y + _RIDGE * prior)
         return float(np.square(y - x @ fit).sum() / max(len(x) - x.shape[1], 1))
+
+    def _arrivals(self, row: int, steps: int, delay: float, lag: float) -> tuple[Array, Array]:
+        """Mean thrusts (steps, n) of the last steps of a vehicle under a timing, oldest first, and the last thrust."""
+        reach = min(steps + _SETTLE, _MEMORY)
+        sent = self.shares[row, :reach]
+        late = int(np.ceil(delay / self.control_dt))
+        padded = np.concatenate((sent, np.repeat(sent[-1:], late + 1, axis=0)))
+        windows = np.stack([padded[k : k + late + 2] for k in range(reach)])
+        reaching = delayed(windows, np.full(reach, delay), self.control_dt)[::-1]
+        thrust, arrived = [], reaching[0]
+        for target in reaching:
+            mean, arrived = _lagged(target, arrived, np.array(lag), self.control_dt)
+            thrust.append(mean)
+        return np.array(thrust)[-steps:], arrived
 
 
 def _lagged(target: Array, before: Array, lag: Array, dt: float) -> tuple[Array, Array]:
