@@ -55,8 +55,10 @@ def main() -> None:
     runs = []
     for vehicle, box_m, scenario in CASES:
         for seed in SEEDS:
-            runs.append(measure(vehicle, box_m, scenario, seed, policies))
-            print(f"{scenario}, {vehicle}, ±{box_m:g} m, seed {seed}", file=sys.stderr, flush=True)
+            run = measure(vehicle, box_m, scenario, seed, policies)
+            runs.append(run)
+            error = f"{run.u_t.mean_m:.4f} m, worst {run.u_t.worst_m:.4f} m" if run.u_t else run.reason
+            print(f"{scenario}, {vehicle}, ±{box_m:g} m, seed {seed}: u_t {error}", file=sys.stderr, flush=True)
     rows = [run.as_dict() for run in runs]
     picture(rows).savefig(PICTURE, dpi=120)
     print(table(rows))

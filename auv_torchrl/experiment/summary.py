@@ -85,7 +85,8 @@ def picture(runs: Runs) -> Figure:
             values = _errors(members, name)
             axes.plot(values, [row] * len(values), shape, color=CONTROLLER[name], alpha=0.7, markersize=6)
         published = TABLE_2.get(scenario, {}) if vehicle == "paper" else {}
-        axes.plot(list(published.values()), [row] * len(published), "D", color="black", markerfacecolor="none")
+        for name, value in published.items():
+            axes.plot(value, row, "D", color=CONTROLLER[name], markerfacecolor="none")
     labels = [f"{scenario}\n{vehicle}, ±{box:g} m" for scenario, vehicle, box in grouped]
     axes.set(xscale="log", yticks=range(len(labels)), xlabel="mean distance to the target for t ≥ 10 s in m")
     axes.set_yticklabels(labels, fontsize=8)
@@ -95,7 +96,9 @@ def picture(runs: Runs) -> Figure:
     axes.spines[["top", "right"]].set_visible(False)
     keys = [Line2D([], [], marker=shape, linestyle="", color=CONTROLLER[name], label=LABEL[name])
             for name, shape in shapes.items()]  # fmt: skip
-    keys.append(Line2D([], [], marker="D", linestyle="", color="black", markerfacecolor="none", label="paper"))
+    keys.append(
+        Line2D([], [], marker="D", linestyle="", color="black", markerfacecolor="none", label="paper's u_s and u_t")
+    )
     figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle("Every run of the sweep, a marker per training seed", fontsize=12)
     return figure
