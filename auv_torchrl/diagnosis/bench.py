@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.force import force_changes, marks, measured_motion
 from auv_torchrl.diagnosis.hypotheses import Settings, Values, batch, make_atoms, slack_parameters
 from auv_torchrl.diagnosis.reduce import Quadratic, local_precision, reduce
+from auv_torchrl.diagnosis.rollout import DIVERGING
 from auv_torchrl.diagnosis.rough import rough_force
 from auv_torchrl.diagnosis.smooth import (
     Layout,
@@ -32,12 +33,13 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
-SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap
+SLACK_LIMIT = 3.0  # standard deviations: more is no slack but a gap
 THRESHOLD_REACH = (0.015, 0.004)  # of the plausible range
 NOISE_MATTERS = 0.02  # relative
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
+MINOR = 0.5  # of the force that slack makes: an effect below it is no finding
 SLACK_STEP = 0.05  # relative step of slack derivatives
 KNOB_STEP = 0.004  # of the plausible range of a parameter
 
@@ -78,6 +80,7 @@ class Bench:
         self.slack = slack_parameters(vehicle, settings)
         self.prior = Prior(vehicle, len({atom.effect for atom in self.atoms}), settings.prior_none)
         self.sigma = sigma or first_noise(windows)
+        self.slack_size = 0.0
         self.followed = np.ones(len(windows), bool)  # windows in which the motion is known
 
     def _wide_prior(self) -> Floats:
@@ -98,7 +101,9 @@ class Bench:
         self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
         measured = sensor_noise(self.windows, state, self.sigma, self.wide)
         self.sigma = {name: min(measured[name], self.sigma[name]) for name in measured}
-        return Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+        base = Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+        self.measure_slack(base)
+        return base
 
     def _follow(self, windows: Windows, vehicle: Vehicle, prior: Floats) -> Smoothed:
         begin = rough_force(windows, vehicle, self.layout)
@@ -266,20 +271,30 @@ class Bench:
         """Inverse prior variance of the slack parameters."""
         return np.array([deviation for *_, deviation in self.slack]) ** -2.0
 
-    def minor(self, explanation: Explanation) -> bool:
-        """Whether some effect is no larger than what slack allows anyway."""
-        slack = {(effect, member): width for effect, member, _, width in self.slack}
+    def measure_slack(self, base: Base) -> None:
+        """Size of the force that slack alone makes on this log."""
+        slack = replace(base.explanation, slack={(e, m): width for e, m, _, width in self.slack})
+        each = [replace(slack, slack={key: width}) for key, width in slack.slack.items()]
+        self.slack_size = float(np.sqrt((self._sizes(each, base) ** 2).sum()))
 
-        def small(effect: str) -> bool:
-            nominal = EFFECTS[effect].nominal(self.vehicle)
-            return all(
-                abs(knob.value - nominal[member]) < 2 * slack.get((effect, member), 0.0)
-                for knob in explanation.knobs
-                if knob.effect == effect
-                for member in knob.members
-            )
+    @DIVERGING
+    def _sizes(self, explanations: list[Explanation], base: Base) -> Floats:
+        """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
+        rows = batch(self.vehicle, [explanation.values(self.vehicle) for explanation in explanations])
+        forces = force_changes(self.windows, batch(self.vehicle, [{}]), rows, base.motion)[..., self.layout.dof]
+        scaled = (forces / self.wide)[self.followed]
+        return np.sqrt((scaled**2).mean((0, 2)).sum(-1))
 
-        return any(small(effect) for effect in explanation.effects)
+    def minor(self, judged: Judged) -> bool:
+        """Whether some effect of an explanation does no more than slack does anyway."""
+        explanation = judged.explanation
+        if not explanation.effects or not np.isfinite(judged.chi2):
+            return False
+        alone = [
+            Explanation(tuple(knob for knob in explanation.knobs if knob.effect == effect))
+            for effect in explanation.effects
+        ]
+        return bool((self._sizes(alone, judged.base) < MINOR * self.slack_size).any())
 
     def _move(self, explanation: Explanation, step: Floats, slack_step: Floats) -> Explanation:
         amounts, order = {}, 0

@@ -7,8 +7,13 @@ import numpy as np
 import torch
 
 from auv_torchrl.diagnosis.bench import Bench, Judged
+from auv_torchrl.diagnosis.detectable import detectable_sizes
+from auv_torchrl.diagnosis.equivalence import indistinguishable
+from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.how_far import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settings
+from auv_torchrl.diagnosis.mappable import input_mappable
+from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.search import Found, search
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Estimate, FoundEffect, Verdict
@@ -20,6 +25,8 @@ from auv_torchrl.flightlog import FlightLog, join
 from auv_torchrl.vehicle import Vehicle
 
 Z95 = 1.96
+OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
+MODEL_ERROR = 0.005  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
 
 
@@ -58,19 +65,23 @@ def diagnose(
     verdict = judge(bench, found)
     unknown = 1.0 if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED) else 0.0
     probability = effect_probabilities(bench, found, unknown)
-    effects = found_effects(bench, found, probability) if verdict is not Verdict.NO_GAP else ()
+    effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
+    same = indistinguishable(bench, found)
+    report("done", 1.0)
     return Diagnosis(
         log=log.name,
         vehicle=vehicle_name,
         verdict=verdict,
         summary=summarise(verdict, effects),
-        where=locate(bench, found.follow, found.best),
+        where=locate(bench, found.follow, effects),
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
-        indistinguishable=(),
-        next_experiment=None,
+        indistinguishable=same,
+        next_experiment=choose_experiment(held, rivals(found), bench.sigma),
         gap=measure_gap(predictions, numbers, closed),
-        input_mappable=None,
+        input_mappable=input_mappable(bench, found.follow),
+        detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
+        cannot_tell=cannot_tell(bench, found),
         findings=log.findings,
         windows=held_out_windows(predictions, testing),
     )
@@ -110,15 +121,61 @@ def judge(bench: Bench, found: Found) -> Verdict:
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED
 
 
-def found_effects(bench: Bench, found: Found, probability: dict[str, float]) -> tuple[FoundEffect, ...]:
-    """The effects of the best explanation with their values and intervals."""
+def found_effects(
+    bench: Bench, found: Found, probability: dict[str, float], closed: float | None
+) -> tuple[FoundEffect, ...]:
+    """The effects of the best explanation with values, intervals and shares, the one that closes most first."""
     best = found.best
     deviation = np.sqrt(np.diag(best.covariance))
     spread = {knob.key: float(d) for knob, d in zip(best.explanation.fitted, deviation, strict=True)}
-    return tuple(_found_effect(bench, best, effect, spread, probability[effect]) for effect in best.explanation.effects)
+    shares = leave_one_out(found)
+    effects = [
+        _found_effect(bench, best, name, spread, probability[name], (closed or 0.0) * shares[name])
+        for name in best.explanation.effects
+    ]
+    return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
 
 
-def _found_effect(bench: Bench, best: Judged, name: str, spread: dict[tuple, float], probability: float) -> FoundEffect:
+def leave_one_out(found: Found) -> dict[str, float]:
+    """Share of what the explanation closes that comes back when one effect is taken out."""
+    best = found.best
+    nothing = max(found.none.chi2, best.chi2 + 1e-9)
+    shares = {}
+    for name in best.explanation.effects:
+        rest = set(best.explanation.effects) - {name}
+        others = [j.chi2 for j in found.polished if set(j.explanation.effects) == rest]
+        worse = min(others, default=nothing)
+        shares[name] = float(np.clip((worse - best.chi2) / (nothing - best.chi2), 0.0, 1.0))
+    return shares
+
+
+def rivals(found: Found) -> list[Explanation]:
+    """The best explanation and the next one that fits nearly as well with other effects."""
+    best = found.best
+    close = [
+        judged.explanation
+        for judged in found.polished
+        if judged.explanation.effects != best.explanation.effects and judged.evidence > best.evidence - OPEN
+    ]
+    return [best.explanation, *close]
+
+
+def cannot_tell(bench: Bench, found: Found) -> tuple[str, ...]:
+    """What this log is silent about: effects without a mark, and values at a bound."""
+    seen = {bench.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
+    blind = sorted({atom.effect for atom in bench.atoms} - seen)
+    sentences = [f"{name} would leave no mark on this log" for name in blind]
+    for knob in found.best.explanation.fitted:
+        p = EFFECTS[knob.effect].member_parameters(bench.vehicle)[knob.members[0]]
+        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        if knob.value in (p.low, p.high) and knob.value != nominal:
+            sentences.append(f"{knob.effect}: {', '.join(knob.members)} is at its bound {knob.value:g} {p.unit}")
+    return tuple(sentences)
+
+
+def _found_effect(
+    bench: Bench, best: Judged, name: str, spread: dict[tuple, float], probability: float, closed: float
+) -> FoundEffect:
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(bench.vehicle), effect.nominal(bench.vehicle)
     parameters: dict[str, Estimate] = {}
@@ -129,14 +186,20 @@ def _found_effect(bench: Bench, best: Judged, name: str, spread: dict[tuple, flo
             continue
         for member in knob.members:
             p = declared[member]
-            half = Z95 * spread.get(knob.key, 0.0)
+            model = 0.0 if knob.discrete else MODEL_ERROR * abs(knob.value - nominal[member])
+            half = Z95 * float(np.hypot(spread.get(knob.key, 0.0), model))
             low, high = max(p.low, knob.value - half), min(p.high, knob.value + half)
             parameters[member] = Estimate(knob.value, low, high, nominal[member], p.unit)
             which = member.removeprefix(f"{p.name}_")
             sentences.append(p.sentence.format(value=knob.value, which=which))
             if p.over == "thruster":
                 thrusters.add(int(which))
-    return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), None, "; ".join(sentences))
+    if len(knob_members := {k.members for k in best.explanation.knobs if k.effect == name}) == 1:
+        (members,) = knob_members
+        if len(members) > 1:
+            p = declared[members[0]]
+            sentences = [p.sentence.format(value=parameters[members[0]].value, which="s 1 to " + members[-1][-1])]
+    return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))
 
 
 def summarise(verdict: Verdict, effects: tuple[FoundEffect, ...]) -> str:

@@ -18,7 +18,7 @@ def effect_probabilities(bench: Bench, found: Found, unknown: float) -> dict[str
     """
     weights: list[tuple[tuple[str, ...], float]] = []
     for judged in found.polished:
-        if np.isfinite(judged.evidence) and not bench.minor(judged.explanation):
+        if np.isfinite(judged.evidence) and not bench.minor(judged):
             weights.append((judged.explanation.effects, judged.evidence))
     tried = {effects for effects, _ in weights}
     top = max((s.evidence for s in found.screened), default=0.0)
@@ -30,7 +30,7 @@ def effect_probabilities(bench: Bench, found: Found, unknown: float) -> dict[str
     evidence = np.array([weight for _, weight in weights]) * bench.settings.tempering
     share = np.exp(evidence - evidence.max())
     share /= share.sum()
-    probability: dict[str, float] = {NONE: 0.0}
+    probability = {NONE: 0.0}
     for (effects, _), part in zip(weights, share, strict=True):
         for name in effects or (NONE,):
             probability[name] = probability.get(name, 0.0) + float(part)

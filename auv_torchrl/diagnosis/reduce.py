@@ -8,6 +8,7 @@ from auv_torchrl.diagnosis.rollout import DIVERGING
 from auv_torchrl.diagnosis.smooth import LOOSE_START, Layout, Smoothed, noise_per_sample
 from auv_torchrl.diagnosis.windows import Floats, Windows
 
+DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
 OU_TIME = 1.0  # s, correlation time of the disturbance force
 
 
@@ -80,6 +81,9 @@ def reduce(
     cross[..., 0] -= away @ precision
     inner = right.swapaxes(1, 2) @ right - cross.swapaxes(1, 2) @ np.linalg.solve(gram, cross)
     inner[:, 0, 0] += np.einsum("wl,lm,wm->w", away, precision, away)
+    diverged = ~np.isfinite(inner).all((1, 2))
+    inner[diverged] = 0.0
+    inner[diverged, 0, 0] = DIVERGED
     whole = inner.sum(0)
     numbers = int(windows.present.sum()) * len(windows.channels) - len(windows) * starts
     return Quadratic(

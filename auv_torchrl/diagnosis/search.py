@@ -1,21 +1,28 @@
 """Find the explanation: screen everything, polish what could be it, add and take out effects while the log pays."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_torchrl.diagnosis.bench import Base, Bench, Judged
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.screen import Field, Screened
+from auv_torchrl.effects import EFFECTS
 
 POLISHED = 4  # candidates that are simulated
 WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
 EVIDENCE_SLIP = 40.0
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
+NEAR = 1.5  # chi-square per number above which a single effect does not explain the log
+HALVES = 0.5  # of the chi-square beyond noise that a pair must leave at most, of what the best single effect leaves
+IDLE = 2.0  # standard deviations, of the estimate or of slack
+FIRSTS = 4  # families from which pairs are built
 SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
 WORTH = 5.0  # log evidence that one more effect must bring
-MOST_EFFECTS = 5
+MOST_EFFECTS = 3
+CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close: an unknown effect is not to be
+# pieced together from many known ones
 
 Progress = Callable[[str, float], None]
 
@@ -29,6 +36,7 @@ class Found:
     best: Judged
     polished: list[Judged]  # all that were simulated, the best first
     screened: list[Screened]  # every family alone
+    field: Field  # marks of all changes at the nominal vehicle
 
 
 def search(bench: Bench, progress: Progress) -> Found:
@@ -36,19 +44,15 @@ def search(bench: Bench, progress: Progress) -> Found:
     follow = bench.follow()
     progress("following the log", 0.2)
     field = Field.of(bench, follow)
-    families, pairs = field.families(), field.pairs()
+    families = field.families()
     progress("screening effects", 0.4)
     hopeless = field.none().evidence < families[0].evidence - HOPELESS
     none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
     polished = [none]
-    for screened in _promising(field, families):
+    for screened in _candidates(field, families):
         polished.append(bench.polish(screened.explanation, follow))
         progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1))
     best = _best(bench, polished)
-    if not _satisfied(best):
-        for screened in _promising(field, pairs)[:2]:
-            polished.append(bench.polish(screened.explanation, follow))
-        best = _best(bench, polished)
     if bench.measure_noise(best):
         polished = [bench.again(judged) for judged in polished if np.isfinite(judged.chi2)]
         best = _best(bench, polished)
@@ -56,8 +60,12 @@ def search(bench: Bench, progress: Progress) -> Found:
     if not _satisfied(best):
         best = _grow(bench, best, polished, progress)
     best = _prune(bench, best, polished)
+    best = _drop_idle(bench, best, polished)
+    if not _satisfied(best):
+        polished.append(bench.polish(best.explanation, best.base))
+        best = max(best, polished[-1], key=lambda judged: judged.evidence)
     polished.sort(key=lambda judged: -judged.evidence)
-    return Found(follow, none, best, polished, families)
+    return Found(follow, none, best, polished, families, field)
 
 
 def _satisfied(judged: Judged) -> bool:
@@ -67,7 +75,40 @@ def _satisfied(judged: Judged) -> bool:
 
 
 def _best(bench: Bench, polished: list[Judged]) -> Judged:
-    return max((j for j in polished if not bench.minor(j.explanation)), key=lambda judged: judged.evidence)
+    none = polished[0].evidence
+    pays = [j for j in polished[1:] if j.evidence > none + WORTH and not bench.minor(j)]
+    return max(pays, key=lambda judged: judged.evidence, default=polished[0])
+
+
+def _candidates(field: Field, families: list[Screened]) -> list[Screened]:
+    """What to simulate: single effects, or pairs first where no single one comes near."""
+    numbers = field.quadratic.numbers
+    if families[0].chi2 < NEAR * numbers:
+        return _promising(field, families)
+    pairs = field.pairs(families[:FIRSTS])
+    if pairs[0].chi2 - numbers > HALVES * (families[0].chi2 - numbers):
+        return _promising(field, families)
+    return [*_promising(field, pairs)[:2], families[0]]
+
+
+def _drop_idle(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+    """Take out values that stand where they would without the effect."""
+    slack = {(effect, member): width for effect, member, _, width in bench.slack}
+    deviation = iter(np.sqrt(np.diag(best.covariance)))
+    kept = []
+    for knob in best.explanation.knobs:
+        if knob.discrete:
+            kept.append(knob)
+            continue
+        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        doubt = max(float(next(deviation)), slack.get((knob.effect, knob.members[0]), 0.0))
+        if abs(knob.value - nominal) > IDLE * doubt:
+            kept.append(knob)
+    if not kept or len(kept) == len(best.explanation.knobs):
+        return best
+    fewer = bench.polish(replace(best.explanation, knobs=tuple(kept)), best.base)
+    polished.append(fewer)
+    return fewer if fewer.evidence > best.evidence - WORTH else best
 
 
 def _promising(field: Field, ranked: list[Screened]) -> list[Screened]:
@@ -90,15 +131,16 @@ def _grow(bench: Bench, best: Judged, polished: list[Judged], progress: Progress
         field = Field.of(bench, best.base)
         here = field.none().evidence
         ahead = sorted(field.families(), key=lambda screened: -screened.evidence)
-        trials = [s for s in ahead[:2] if s.evidence > here + WORTH and s.explanation.knobs != best.explanation.knobs]
+        left = max(best.chi2 - best.quadratic.numbers, 0.0)
+        trials = [s for s in ahead[:1] if s.evidence > here + WORTH and field.constant - s.chi2 > CLOSES * left]
         fresh = [bench.polish(s.explanation, best.base) for s in trials]
         polished += fresh
-        better = max(
-            (j for j in fresh if not bench.minor(j.explanation)), key=lambda judged: judged.evidence, default=best
-        )
-        if better.evidence <= best.evidence + WORTH:
+        better = max((j for j in fresh if not bench.minor(j)), key=lambda judged: judged.evidence, default=best)
+        if better.evidence <= best.evidence + WORTH or best.chi2 - better.chi2 < CLOSES * left:
             return best
         best = better
+        if _satisfied(best):
+            return best
     return best
 
 

@@ -196,6 +196,7 @@ def follow(
     return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins), rounds=3)
 
 
+@DIVERGING
 def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Floats:
     """Root mean square (W,) of the residual of each window in units of the noise; infinite where it diverged."""
     scaled = (residual / noise_per_sample(windows, sigma)) ** 2

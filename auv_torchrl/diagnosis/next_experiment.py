@@ -1,0 +1,81 @@
+"""What to fly next: of some safe manoeuvres the one that best separates what the log leaves open."""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.hypotheses import batch
+from auv_torchrl.diagnosis.verdict import NextExperiment
+from auv_torchrl.diagnosis.windows import Floats
+from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
+from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.physics.sensors import measured_pose
+from auv_torchrl.physics.step import memory_length
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+
+SECONDS = 12.0
+SIZE = 0.4  # of the full command: a tank leaves no room for more
+SEPARATES = 3.0  # noise standard deviations, root mean square, below which flying it is no use
+
+
+def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
+    """Commands (T, n) by description: a pulse per thruster, steps and sweeps per channel, and turns under way."""
+    steps = round(SECONDS / CONTROL_DT)
+    t = np.arange(steps) * CONTROL_DT
+    pulse = np.where(t % 6 < 1.5, 1.0, np.where((t % 6 > 3) & (t % 6 < 4.5), -1.0, 0.0)) * SIZE
+    found = {}
+    for i in range(vehicle.thrusters):
+        found[f"pulse thruster {i + 1} alone"] = pulse[:, None] * np.eye(vehicle.thrusters)[i]
+    mixer = vehicle.mixer.numpy()[:, list(CONTROLLED_INDEX)]
+    chirp = SIZE * np.sin(2 * np.pi * (0.1 + 0.06 * t) * t)
+    stairs = SIZE * np.sign(np.sin(2 * np.pi * t / 6)) * np.where(t < 6, 0.5, 1.0)
+    for column, name in enumerate(CONTROLLED):
+        reach = 0.4 if name == "yaw" else 1.0
+        found[f"steps of {name} at two sizes"] = stairs[:, None] * reach * mixer[:, column]
+        found[f"a sweep of {name} from slow to fast"] = chirp[:, None] * reach * mixer[:, column]
+    for column, name in enumerate(CONTROLLED[:2]):
+        found[f"steady {name} while turning slowly"] = 0.3 * mixer[:, column] + 0.06 * mixer[:, 3] + 0 * t[:, None]
+    found["drift without any command"] = np.zeros((steps, vehicle.thrusters))
+    return {name: np.clip(commands, -1.0, 1.0) for name, commands in found.items()}
+
+
+def choose_experiment(vehicle: Vehicle, rivals: list[Explanation], sigma: dict[str, float]) -> NextExperiment | None:
+    """The manoeuvre under which the two closest rivals differ most; None where nothing is open or nothing helps."""
+    if len(rivals) < 2:
+        return None
+    names = [" and ".join(rival.effects) or "no effect" for rival in rivals[:2]]
+    pair = batch(vehicle, [rival.values(vehicle) for rival in rivals[:2]])
+    noise = np.array([sigma.get(axis, np.inf) for axis in ("x", "y", "z", "roll", "pitch", "yaw")])
+    distance = {}
+    plans = manoeuvres(vehicle)
+    for name, commands in plans.items():
+        poses = _fly(pair, commands)
+        apart = poses[:, 0] - poses[:, 1]
+        apart[:, 3:] -= 2 * np.pi * np.round(apart[:, 3:] / (2 * np.pi))
+        distance[name] = float(np.sqrt(((apart / noise) ** 2).mean()))
+    best = max(distance, key=lambda name: distance[name])
+    if not distance[best] > SEPARATES:
+        return None
+    why = f"{best} tells {names[0]} from {names[1]}: they would end up {distance[best]:.0f} times the noise apart"
+    return NextExperiment(
+        why, t=CONTROL_DT * np.arange(len(plans[best]), dtype=np.float64), thruster_commands=plans[best]
+    )
+
+
+def _fly(vehicle: Vehicle, commands: Floats) -> Floats:
+    """Measured poses (T, 2, 6) of two vehicles from rest."""
+    c = prepare(vehicle).numpy()
+    terms = ActiveTerms.of(c)
+    zero = np.zeros((2, 3))
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    memory = memory_length(float(c.delay.max())) + 1
+    state = rest_state(zero, upright, np.zeros((2, 6)), commands.shape[1], memory)
+    late = memory_length(float(c.pose_delay.max())) + 1
+    poses = np.repeat(np.concatenate([zero, upright], -1)[:, None], late, axis=1)
+    seen = []
+    for command in commands:
+        state = control_step(c, terms, state, np.tile(command, (2, 1)))
+        fresh = np.concatenate([state.position, state.quaternion], -1)
+        poses = np.concatenate([fresh[:, None], poses[:, :-1]], axis=1)
+        position, quaternion = measured_pose(c, poses, CONTROL_DT)
+        seen.append(np.concatenate([position, np.stack(euler_angles(quaternion), -1)], -1))
+    return np.stack(seen)
