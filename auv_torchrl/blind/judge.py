@@ -40,7 +40,7 @@ class Judgement:
     right_class: bool  # or declared indistinguishable from it, or the same thing under another name
     thrusters_right: bool | None  # None where the effect is not of single thrusters
     probability: float | None  # of the answer
-    probability_of_truth: float | None
+    probability_of_truth: float | None  # of its declared class where only that was named
     closed: float | None
     onset_error_s: float | None
     seconds: float
@@ -72,6 +72,9 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     errors, covered = (
         _parameters(label["values"], diagnosis["effects"], vehicle) if label["family"] != "onset" else ({}, {})
     )
+    of_truth = _probability(truth, probabilities, of_effects, verdict)
+    if of_truth is not None and right_class and not right and len(effects) == 1:
+        of_truth = max(of_truth, _of_class(truth, declared, probabilities))
     onset = (diagnosis.get("where") or {}).get("onset_s")
     return Judgement(
         case=name,
@@ -92,7 +95,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         right_class=right_class,
         thrusters_right=_thrusters_right(label, diagnosis["effects"], declared, vehicle),
         probability=_probability(first, probabilities, of_effects, verdict),
-        probability_of_truth=_probability(truth, probabilities, of_effects, verdict),
+        probability_of_truth=of_truth,
         closed=diagnosis["gap"].get("closed"),
         onset_error_s=abs(onset - label["onset_s"]) if onset is not None and label["onset_s"] is not None else None,
         seconds=answer["seconds"],
@@ -119,6 +122,13 @@ def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[li
             return False
         left.remove(match)
     return True
+
+
+def _of_class(effect: str, declared: list[list[str]], probabilities: Mapping[str, float]) -> float:
+    """Probability of all effects that were declared indistinguishable from this one, itself included."""
+    groups = [{_split(entry)[0] for entry in group} for group in declared]
+    members = {effect}.union(*(group for group in groups if effect in group))
+    return min(1.0, sum(probabilities.get(name, 0.0) for name in members))
 
 
 def _split(entry: str) -> tuple[str, frozenset[int]]:

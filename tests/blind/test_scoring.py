@@ -117,7 +117,7 @@ def test_a_declared_class_counts_apart():
     assert (judged.right, judged.right_class) == (False, False)
     answer["diagnosis"]["indistinguishable"] = [["command_delay", "pose_delay"]]
     judged = judge("a", label, answer, VEHICLE)
-    assert (judged.right, judged.right_class) == (False, True)
+    assert (judged.right, judged.right_class, judged.probability_of_truth) == (False, True, 1.0)
 
 
 @given(st.integers(1, 500), st.data())
