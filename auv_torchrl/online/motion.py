@@ -4,12 +4,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from auv_torchrl.physics import SUBSTEPS, ActiveTerms, prepare
+from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 Array = Any
 _D = len(CONTROLLED)
+_SLOW = 1.0  # m/s, below which two Runge-Kutta steps per control step are within 2 mm/s of exact
+_SUBSTEPS_SLOW, _SUBSTEPS = 2, 4
 _SPEED_STEP = 1e-4  # m/s and rad/s, of the finite differences
 _WRENCH_STEP = 1e-3  # of what the thrusters can give
 
@@ -31,19 +33,18 @@ class SourceMotion:
     Args:
         vehicle: one vehicle (empty batch), the source.
         control_dt: s.
-        substeps: Runge-Kutta steps of order 4 per control step, as in the plain physics.
 
     Raises:
         ValueError: for a batch of vehicles.
     """
 
-    def __init__(self, vehicle: Vehicle, control_dt: float, substeps: int = SUBSTEPS):
+    def __init__(self, vehicle: Vehicle, control_dt: float):
         if vehicle.batch_size:
             raise ValueError(f"motion: got vehicles of batch {tuple(vehicle.batch_size)}: give one source vehicle")
         self._coefficients = prepare(vehicle.double()).numpy()
         self._terms = ActiveTerms.of(self._coefficients)
         self._controlled = list(CONTROLLED_INDEX)
-        self.control_dt, self.substeps = control_dt, substeps
+        self.control_dt = control_dt
         per_share = (self._coefficients.allocation * self._coefficients.full_thrust)[self._controlled]
         self.per_share = per_share  # (4, n) wrench in N and N m per share of each thruster's full thrust
         self.full_wrench = np.abs(per_share).sum(-1)  # (4,)
@@ -66,7 +67,9 @@ class SourceMotion:
         return self._integrate(velocity, wrench)
 
     def _integrate(self, velocity: Array, wrench: Array) -> tuple[Array, Array]:
-        h = self.control_dt / self.substeps
+        slow = bool((np.abs(velocity[..., :3]) < _SLOW).all())
+        substeps = _SUBSTEPS_SLOW if slow else _SUBSTEPS
+        h = self.control_dt / substeps
         force = self._six(wrench)
         level = np.broadcast_to(np.eye(3), (*velocity.shape[:-1], 3, 3))
         origin = np.zeros(3)
@@ -77,7 +80,7 @@ class SourceMotion:
             ]
 
         moved = np.zeros_like(velocity)
-        for _ in range(self.substeps):
+        for _ in range(substeps):
             k1 = rate(velocity)
             v2 = velocity + h / 2 * k1
             k2 = rate(v2)
