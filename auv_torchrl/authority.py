@@ -76,18 +76,31 @@ def authority(vehicle: Vehicle, nominal: Vehicle, name: str = "vehicle") -> Auth
     if not (unit > 0).all():
         dead = [dof for dof, u in zip(CONTROLLED, unit, strict=True) if not u > 0]
         raise ValueError(f"authority: the nominal vehicle has no thruster for {_listed(dead)}: check its allocation")
-    thrusters = controlled_allocation(vehicle) / unit
-    channels = thrusters @ vehicle.mixer[:, list(CONTROLLED_INDEX)]
-    reach = _range(thrusters)
+    return authority_of(controlled_allocation(vehicle) / unit, vehicle.mixer[:, list(CONTROLLED_INDEX)], name)
+
+
+def authority_of(
+    thrusters: Tensor, mixer: Tensor, name: str = "vehicle", tolerance: float = RANK_TOLERANCE
+) -> Authority:
+    """Ranks of a wrench per thruster command, known or estimated.
+
+    Args:
+        thrusters: (4, n) in units of what the nominal vehicle can give in each degree of freedom.
+        mixer: (n, 4) thruster commands per unit of each channel.
+        name: what the text calls it.
+        tolerance: singular values below this share of the largest count as none; an estimate needs its own error.
+    """
+    channels = thrusters @ mixer
+    reach = _range(thrusters, tolerance)
     share = (reach @ reach.mT).diagonal()  # of each degree of freedom's unit wrench that can be produced: 1 is all
     named = list(zip(CONTROLLED, share.tolist(), strict=True))
     return Authority(
         name=name,
-        channel_rank=_range(channels).shape[1],
+        channel_rank=_range(channels, tolerance).shape[1],
         thruster_rank=reach.shape[1],
-        independent=tuple(dof for dof, s in named if s > 1 - RANK_TOLERANCE),
-        coupled=tuple(dof for dof, s in named if RANK_TOLERANCE < s <= 1 - RANK_TOLERANCE),
-        lost=tuple(dof for dof, s in named if s <= RANK_TOLERANCE),
+        independent=tuple(dof for dof, s in named if s > 1 - tolerance),
+        coupled=tuple(dof for dof, s in named if tolerance < s <= 1 - tolerance),
+        lost=tuple(dof for dof, s in named if s <= tolerance),
     )
 
 
@@ -97,10 +110,10 @@ def controlled_allocation(vehicle: Vehicle) -> Tensor:
     return ((c.allocation * c.full_thrust) @ c.routing)[list(CONTROLLED_INDEX)]
 
 
-def _range(matrix: Tensor) -> Tensor:
+def _range(matrix: Tensor, tolerance: float) -> Tensor:
     """Orthonormal basis (4, rank) of what the columns span."""
     basis, size, _ = torch.linalg.svd(matrix, full_matrices=False)
-    return basis[:, size > RANK_TOLERANCE * size.amax().clamp_min(torch.finfo(size.dtype).tiny)]
+    return basis[:, size > tolerance * size.amax().clamp_min(torch.finfo(size.dtype).tiny)]
 
 
 def _listed(names: tuple[str, ...] | list[str]) -> str:

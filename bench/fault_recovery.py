@@ -97,8 +97,7 @@ def cost(vehicle: Vehicle, sensed: str, steps: int = 400) -> tuple[float, float]
         searching = bool(learner.phase[0] == 1)
         began = time.process_time()
         command = adapter.translate(action)
-        share = adapter.actuation.delivered(command).double().numpy()
-        learner.observe(share, observation + 1e-4 * k, np.full(1, 0.05 * (k + 1)))
+        learner.observe(adapter.delivered(command.double().numpy()), observation + 1e-4 * k, np.full(1, 0.05 * (k + 1)))
         spent[searching].append(1e3 * (time.process_time() - began))
     return float(np.median(spent[False])), float(np.median(spent[True]))
 

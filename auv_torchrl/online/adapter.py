@@ -1,5 +1,6 @@
 """The adaptation in one flight as a TorchRL transform between a policy and an environment of thruster commands."""
 
+import logging
 from typing import cast
 
 import numpy as np
@@ -8,6 +9,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import Composite, TensorSpec, Unbounded
 
+from auv_torchrl.authority import Authority, Recovery, authority_of
 from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online.config import OnlineConfig
 from auv_torchrl.online.learner import OnlineLearner
@@ -17,6 +19,9 @@ from auv_torchrl.online.sensing import Sensing
 from auv_torchrl.online.transform import OBSERVATION, Array, ThrusterTransform, array
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
+log = logging.getLogger(__name__)
+
+_RANK_TOLERANCE = 0.1  # of the largest singular value; an estimate in flight is no better
 TIME, PHASE, ALARM, MAP = "time", "phase", "alarm", "effectiveness"
 
 
@@ -68,10 +73,21 @@ class OnlineAdapter(ThrusterTransform):
         """Learn from the step and report."""
         alarm = self.learner.observe(share, array(after.get(OBSERVATION)), array(after.get(TIME))[:, 0])
         self._report(after, torch.from_numpy(alarm)[:, None])
+        for row in self.learner.settled.nonzero()[0].tolist():
+            judged = self.authority(row)
+            if judged.recovery is Recovery.NONE:
+                log.warning("%s", judged)
         observation = after.get(OBSERVATION)
         learner = self.learner
         ahead = self.lookahead(array(observation), learner.raw, learner.timing, *learner.filter.map_of(learner.belief))
         after.set(OBSERVATION, torch.from_numpy(ahead).to(observation))
+
+    def authority(self, row: int) -> Authority:
+        """What vehicle ``row`` can still do, by the rank of its estimated effectiveness."""
+        effectiveness, _ = self.learner.filter.map_of(self.learner.belief)
+        unit = self.learner.motion.full_wrench[:, None]
+        estimate = torch.from_numpy(effectiveness[row] / unit)
+        return authority_of(estimate, self.actuation.mixer.double(), f"vehicle {row}", _RANK_TOLERANCE)
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
         tensordict_reset = super()._reset(tensordict, tensordict_reset)

@@ -87,6 +87,7 @@ class OnlineLearner:
         self.belief = self.filter.start(count)
         self.phase = np.full(count, FOLLOWING)
         self.total = np.zeros(count)  # of the detector
+        self.settled = np.zeros(count, dtype=bool)  # whose search ended in the last step
         self.noise_scale = np.ones(count)
         self.lost_s = np.zeros(count)
         self.search_s = np.zeros(count)
@@ -249,6 +250,7 @@ class OnlineLearner:
         self.alarms[rows] += 1
 
     def _end_searches(self) -> None:
+        self.settled[:] = False
         searching = self.phase == SEARCHING
         if not searching.any():
             return
@@ -266,6 +268,7 @@ class OnlineLearner:
                 done[row] = False
         self.phase[done] = FOLLOWING
         self.total[done] = 0.0
+        self.settled = done
 
     def _note_losses(self, verdict: Verdict, reading: Reading) -> None:
         """Freeze after a long loss, and take up again where measurements have come back."""

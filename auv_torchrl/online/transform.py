@@ -3,6 +3,7 @@
 from abc import abstractmethod
 from typing import Any, cast
 
+import numpy as np
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
@@ -10,6 +11,8 @@ from torchrl.data import Bounded, Composite, TensorSpec
 from torchrl.envs.transforms import Transform
 
 from auv_torchrl.ddr.actuation import Actuation
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
 Array = Any
@@ -29,6 +32,9 @@ class ThrusterTransform(Transform):
     def __init__(self, vehicle: Vehicle):
         super().__init__(in_keys=[], out_keys=[APPLIED], in_keys_inv=[ACTION], out_keys_inv=[ACTION])
         self.actuation = Actuation(vehicle)
+        c = prepare(vehicle.double())
+        self._terms, self._coefficients = ActiveTerms.of(c), c.numpy()
+        self._mixer = array(self.actuation.mixer)
 
     @property
     def thrusters(self) -> int:
@@ -45,17 +51,21 @@ class ThrusterTransform(Transform):
     def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
         """Called after every step with the thrusts (N, n) that were commanded; may write to ``after``; does nothing."""
 
+    def delivered(self, command: Array) -> Array:
+        """Thrusts (N, n), shares of full thrust, that commands (N, n) give on the source vehicle; numpy."""
+        return thrust_target(self._coefficients, self._terms, command) / self._coefficients.full_thrust
+
     @torch.no_grad()
     def translate(self, action: Tensor) -> Tensor:
         """Thruster commands (N, n) in [-1, 1] for the source policy's actions (N, 4)."""
-        sane = action.isfinite().all(-1, keepdim=True)
-        action = torch.where(sane, action, 0.0).clamp(-1.0, 1.0).cpu()
-        nominal = self.actuation.delivered((action @ self.actuation.mixer.mT).clamp(-1.0, 1.0))
-        wanted = self.thrusts(array(nominal))
-        command = self.actuation.command_for(torch.from_numpy(wanted).float())
-        command = torch.where(sane.cpu() & command.isfinite().all(-1, keepdim=True), command, 0.0)
-        self.withheld(wanted, array(self.actuation.delivered(command)))
-        return command.to(sane.device)
+        channels = array(action)
+        sane = np.isfinite(channels).all(-1, keepdims=True)
+        channels = np.clip(np.where(sane, channels, 0.0), -1.0, 1.0)
+        wanted = self.thrusts(self.delivered(channels @ self._mixer.T))
+        command = array(self.actuation.command_for(torch.from_numpy(wanted.astype(np.float32))))
+        command = np.where(sane & np.isfinite(command).all(-1, keepdims=True), command, 0.0)
+        self.withheld(wanted, self.delivered(command))
+        return torch.from_numpy(command.astype(np.float32)).to(action.device)
 
     def _inv_call(self, tensordict: TensorDictBase) -> TensorDictBase:
         return tensordict.set(ACTION, self.translate(tensordict.get(ACTION)))
@@ -63,7 +73,7 @@ class ThrusterTransform(Transform):
     @torch.no_grad()
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
         command = tensordict.get(ACTION)  # what _inv_call made of it
-        self.learn(array(self.actuation.delivered(command.cpu())), tensordict, next_tensordict)
+        self.learn(self.delivered(array(command)), tensordict, next_tensordict)
         return next_tensordict.set(APPLIED, command)
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:

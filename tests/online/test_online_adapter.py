@@ -124,3 +124,11 @@ def test_each_vehicle_meets_the_fault_at_its_own_time():
     torch.testing.assert_close(first, torch.tensor([1.0, 2.0, 3.0]), atol=1e-6, rtol=0)
     with pytest.raises(ValueError, match="3 times of 0 s or more"):
         fleet.delay_scenario(torch.tensor([-1.0, 0.0, 0.0]))
+
+
+def test_what_remains_of_an_infeasible_vehicle_is_declared_and_held(caplog):
+    """With two dead thrusters the lost degree of freedom is named by rank, and the vehicle still holds its place."""
+    flight, adapter = adapted_flight(scenario("two_dead"), count=3, seconds=12.0)
+    assert "3 of 4 degrees of freedom can be controlled" in caplog.text
+    assert adapter.authority(0).thruster_rank == 3
+    assert float(flight.position_error[:, flight.time[0] >= 10.0].mean()) < 0.15
