@@ -34,7 +34,7 @@ from auv_torchrl.vehicle import Vehicle
 
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
 SLACK_LIMIT = 3.0  # standard deviations: more is no slack but a gap
-THRESHOLD_REACH = (0.015, 0.004)  # of the plausible range
+THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 NOISE_MATTERS = 0.02  # relative
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
@@ -189,7 +189,13 @@ class Bench:
 
     def polish(self, explanation: Explanation, start: Base, rounds: int = 4) -> Judged:
         """Fit all values of an explanation by simulating it, and weigh it."""
-        best, step, slack_step = self._judge(self.rebase(explanation, start))
+        best = self._descend(self.rebase(explanation, start), rounds)
+        searched = self._search_thresholds(best) if rounds else best
+        return best if searched is best else self._descend(searched.base, rounds)
+
+    def _descend(self, base: Base, rounds: int) -> Judged:
+        """Gauss-Newton with a shrinking stride."""
+        best, step, slack_step = self._judge(base)
         stride, even = 1.0, np.ones(len(self.slack), bool)
         for _ in range(rounds):
             moved = self._move(best.explanation, stride * step, stride * slack_step * even)
@@ -201,7 +207,7 @@ class Bench:
             best, step, slack_step = trial, trial_step, trial_slack_step
             if settled:
                 break
-        return self._search_thresholds(best)
+        return best
 
     def _search_thresholds(self, best: Judged) -> Judged:
         """Try values near by for effects that switch single samples: there chi-square is rough."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from scipy.special import expit
 
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.detectable import detectable_sizes
@@ -25,6 +26,7 @@ from auv_torchrl.flightlog import FlightLog, join
 from auv_torchrl.vehicle import Vehicle
 
 Z95 = 1.96
+UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
 OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
 MODEL_ERROR = 0.005  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
@@ -57,13 +59,13 @@ def diagnose(
     report = progress or (lambda step, share: None)
     held = hold_attitude(log, vehicle)
     training, testing, numbers = split(log, test)
-    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s), held, settings)
+    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), held, settings)
     found = search(bench, report)
     after = apply_values(held, found.best.explanation.values(held))
     predictions = predict(testing, [held, after], settings, bench.sigma, 4 * bench.floor)
     closed = closed_share(predictions)
     verdict = judge(bench, found)
-    unknown = 1.0 if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED) else 0.0
+    unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
     probability = effect_probabilities(bench, found, unknown)
     effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
     same = indistinguishable(bench, found)
@@ -112,10 +114,14 @@ def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightL
     return early, late, tuple(e.number for e in log.episodes)
 
 
+def excess(found: Found) -> float:
+    """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
+    return found.best.chi2 / found.best.quadratic.numbers
+
+
 def judge(bench: Bench, found: Found) -> Verdict:
     """The outcome: is there a gap, and does the best explanation leave anything?"""
-    excess = found.best.chi2 / found.best.quadratic.numbers
-    explained = excess < bench.settings.excess
+    explained = excess(found) < bench.settings.excess
     if not found.best.explanation.effects:
         return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED

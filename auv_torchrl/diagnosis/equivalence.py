@@ -5,10 +5,9 @@ import numpy as np
 from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.hypotheses import Atom
-from auv_torchrl.diagnosis.screen import Field
+from auv_torchrl.diagnosis.screen import SAME_MARK, Field
 from auv_torchrl.diagnosis.search import Found
 
-SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
 AS_GOOD = 9.0  # chi-square by which an explanation may be worse and still cannot be excluded
 
 

@@ -42,7 +42,8 @@ def predict(
         ValueError: if the log holds no stretch of one second.
     """
     dt, _ = grid_step(log)
-    head = max(4, round(START_S / dt))
+    pair = 2 * max(1, round(settings.bin_s / dt))
+    head = pair * max(1, round(START_S / (pair * dt)))
     longest = max(episode.duration for episode in log.episodes) - settings.lead_s
     parts = max(1, min(int((longest + 1e-6) / (head * dt)), round(HORIZONS_S[-1] / START_S)))
     windows = cut_windows(log, parts * head * dt, settings.lead_s)
@@ -50,9 +51,6 @@ def predict(
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_STRETCHES).astype(int))
     begin = windows.split(head).subset(np.arange(0, len(windows) * parts, parts))
     layout = Layout.of(begin, vehicles[0], settings.bin_s)
-    pieces = layout.steps_per_bin * 2
-    if head % pieces:
-        layout = Layout(layout.start, layout.dof, head, 1)
     best = batch(vehicles[-1], [{}])
     state = follow(begin, best, layout, sigma, force, rough_force(begin, best, layout))
     slope = state.slope / noise_per_sample(begin, sigma)[:, None]

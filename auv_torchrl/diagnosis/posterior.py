@@ -6,6 +6,7 @@ from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.search import Found
 
 NONE, UNKNOWN = "none", "unknown"
+STANDS_IN = 0.6  # probability that a known effect found beside an unknown one only stands in for it
 SCREENING_DOUBT = 10.0  # log evidence by which a screened family is held back against a simulated one
 
 
@@ -34,6 +35,7 @@ def effect_probabilities(bench: Bench, found: Found, unknown: float) -> dict[str
     for (effects, _), part in zip(weights, share, strict=True):
         for name in effects or (NONE,):
             probability[name] = probability.get(name, 0.0) + float(part)
-    probability[NONE] *= 1 - unknown
+    for name in probability:  # what is found beside something unknown may stand in for it
+        probability[name] *= 1 - (unknown if name == NONE else STANDS_IN * unknown)
     probability[UNKNOWN] = unknown
     return dict(sorted(probability.items(), key=lambda item: -item[1]))

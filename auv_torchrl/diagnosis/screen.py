@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.windows import Floats
 from auv_torchrl.effects import EFFECTS
 
 ELASTIC = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
+SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
 FIXED = 1e-5  # a discrete change acts wholly
 SLACK_PASSES = 4  # of fixing slack at its limit and fitting the rest again
 SEEN = 1e-6  # chi-square of a whole atom
@@ -140,7 +141,8 @@ class Field:
 
     def families(self) -> list[Screened]:
         """The best explanation of each family alone, members added while that pays."""
-        return sorted((self._grow(name, []) for name in self._names), key=lambda s: -s.evidence)
+        grown = (self._grow(name, []) for name in self._names)
+        return sorted((family for family in grown if family is not None), key=lambda s: -s.evidence)
 
     def pairs(self, firsts: list[Screened]) -> list[Screened]:
         """The best explanations of two families, the first taken out of ``firsts``."""
@@ -148,8 +150,8 @@ class Field:
         for first in firsts:
             mine = {self.bench.atoms[i].effect for i in first.chosen}
             for name in self._names:
-                if name not in mine:
-                    pair = self._grow(name, list(first.chosen))
+                pair = None if name in mine else self._grow(name, list(first.chosen))
+                if pair is not None:
                     key = frozenset({name} | mine)
                     if key not in found or pair.evidence > found[key].evidence:
                         found[key] = pair
@@ -159,8 +161,8 @@ class Field:
     def _names(self) -> list[str]:
         return list(dict.fromkeys(self.bench.atoms[i].effect for i in np.flatnonzero(self.seen)))
 
-    def _grow(self, family: str, chosen: list[int]) -> Screened:
-        """Add members of a family while that pays, at least one."""
+    def _grow(self, family: str, chosen: list[int]) -> Screened | None:
+        """Add members of a family while that pays, at least one; None where it adds nothing to the chosen ones."""
         inside = [i for i, atom in enumerate(self.bench.atoms) if atom.effect == family and self.seen[i]]
         best: Screened | None = None
         for _ in range(MOST_KNOBS):
@@ -172,13 +174,18 @@ class Field:
             if best is not None and judged.evidence <= best.evidence:
                 break
             chosen, best = trial, judged
-        assert best is not None  # a family has at least one atom that leaves a mark
         return best
 
     def _overlaps(self, i: int, chosen: list[int]) -> bool:
+        """Whether an atom says the same as chosen ones, or moves what they move."""
         mine = self.bench.atoms[i]
-        chosen = [j for j in chosen if self.bench.atoms[j].effect == mine.effect]
-        return any(set(mine.values) & set(self.bench.atoms[j].values) or mine.discrete for j in chosen)
+        for j in chosen:
+            other = self.bench.atoms[j]
+            if abs(self.A[i, j]) > SAME_MARK * np.sqrt(self.A[i, i] * self.A[j, j]):
+                return True
+            if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
+                return True
+        return False
 
 
 def _value(explanation: Explanation, effect: str, member: str, bench: Bench) -> float:

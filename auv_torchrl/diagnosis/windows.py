@@ -12,6 +12,7 @@ from auv_torchrl.physics import CONTROL_DT
 
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
 CHANNELS = POSE + VELOCITY
+LEAST_SAMPLES = 6  # for a first parabola
 MAX_WINDOWS = 360  # 12 minutes of windows of 2 s: more adds time and memory, not certainty
 
 
@@ -102,8 +103,10 @@ def grid_step(log: FlightLog) -> tuple[float, int]:
     return sample / np.ceil(sample / target - 1e-6), 1
 
 
-def cut_windows(log: FlightLog, window_s: float, lead_s: float, offset_s: float = 0.0) -> Windows:
+def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0.0) -> Windows:
     """Windows of ``window_s`` seconds, end to end, the first ``lead_s`` seconds of each episode left out.
+
+    With ``bin_s``, their length is a whole number of pairs of bins of that many seconds.
 
     The lead is there because nobody logged what was commanded before the first row.
 
@@ -111,17 +114,18 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, offset_s: float 
         ValueError: if no episode holds a window.
     """
     dt, merged = grid_step(log)
-    steps = max(4, round(window_s / dt))
+    pair = 2 * max(1, round(bin_s / dt))
+    steps = pair * max(1, round(window_s / (pair * dt))) if bin_s else max(4, round(window_s / dt))
     channels = tuple(axis for axis in CHANNELS if axis in log.axes)
     columns = [CHANNELS.index(channel) for channel in channels]
-    lead, offset = round(lead_s / dt), round(offset_s / dt)
+    lead = round(lead_s / dt)
     grids, rows = [], []
     for order, episode in enumerate(log.episodes):
         t, values = _merge(episode, merged)
         length = int(np.floor((t[-1] - episode.t[0]) / dt + 1e-6)) + 1
         grids.append(_commands_on_grid(episode, dt, length))
         position = (t - episode.t[0]) / dt
-        for start in range(lead + offset, length - steps + 1, steps):
+        for start in range(lead, length - steps + 1, steps):
             inside = np.flatnonzero((position > start - 1e-6) & (position < start + steps - 1e-6))
             ends = np.concatenate([[start], position[inside], [start + steps]])
             if len(inside) < 4 or np.diff(ends).max() * dt > max(0.5, 0.25 * window_s):
