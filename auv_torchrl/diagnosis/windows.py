@@ -99,7 +99,8 @@ def grid_step(log: FlightLog) -> tuple[float, int]:
     if sample < 0.75 * CONTROL_DT:
         merged = max(1, round(CONTROL_DT / sample))
         return sample * merged, merged
-    target = CONTROL_DT / 2 if irregular else CONTROL_DT  # samples between grid steps are interpolated linearly
+    fine = irregular and sample < 2 * CONTROL_DT  # samples between grid steps are interpolated linearly
+    target = CONTROL_DT / 2 if fine else CONTROL_DT
     return sample / np.ceil(sample / target - 1e-6), 1
 
 

@@ -1,0 +1,49 @@
+"""Cutting a log into windows."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.flightlog import Episode, FlightLog
+
+
+def _log(t: np.ndarray, commands: np.ndarray) -> FlightLog:
+    pose = np.full((len(t), 6), np.nan)
+    pose[:, [0, 1, 2, 5]] = 0.1 * t[:, None]
+    velocity = np.full((len(t), 6), np.nan)
+    return FlightLog("log", (Episode(0, t, pose, velocity, commands),), ("x", "y", "z", "yaw"))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.01, 0.05, 0.1, 0.19]))
+def test_resampling_keeps_the_impulse_of_the_commands(seed, step):
+    """The grid commands integrate to what the log commanded, whatever the sampling."""
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(step * rng.uniform(0.7, 1.3, 200))
+    t -= t[0]
+    commands = rng.uniform(-1, 1, (200, 2))
+    windows = cut_windows(_log(t, commands), 1.5, 0.0)
+    grid = windows.commands[0]
+    end = len(grid) * windows.dt
+    held = np.diff(np.append(t, max(end, t[-1])))
+    inside = np.clip(end - t, 0.0, held)
+    np.testing.assert_allclose(grid.sum(0) * windows.dt, (inside[:, None] * commands).sum(0), atol=1e-9)
+
+
+def test_regular_samples_fall_on_the_grid():
+    """At 20 Hz every sample of a window is a grid step and every command is the logged one."""
+    t = 0.05 * np.arange(200)
+    commands = np.random.default_rng(0).uniform(-1, 1, (200, 2))
+    windows = cut_windows(_log(t, commands), 2.0, 0.5)
+    assert not windows.fraction.any()
+    assert windows.present.all()
+    np.testing.assert_allclose(windows.commands[0], commands, atol=1e-9)
+
+
+def test_a_log_without_a_window_says_what_is_needed():
+    """A log of one second is refused with the length that is needed."""
+    t = 0.05 * np.arange(20)
+    with pytest.raises(ValueError, match="longer log"):
+        cut_windows(_log(t, np.zeros((20, 2))), 2.0, 0.5)
