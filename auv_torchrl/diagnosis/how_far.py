@@ -45,7 +45,7 @@ def predict(
     pair = 2 * max(1, round(settings.bin_s / dt))
     head = pair * max(1, round(START_S / (pair * dt)))
     longest = max(episode.duration for episode in log.episodes) - settings.lead_s
-    parts = max(1, min(int((longest + 1e-6) / (head * dt)), round(HORIZONS_S[-1] / START_S)))
+    parts = max(1, min(int((longest + 1e-6) / (head * dt)), int(np.ceil(HORIZONS_S[-1] / (head * dt)))))
     windows = cut_windows(log, parts * head * dt, settings.lead_s)
     if len(windows) > MOST_STRETCHES:
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_STRETCHES).astype(int))
