@@ -74,7 +74,7 @@ def replace_section(document: str, name: str, text: str) -> str:
 
 def main() -> int:
     """Measure the parts that were asked for; the exit code is the number of those that failed."""
-    parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m bench", description="Measure the figures of docs/benchmarks.md.")
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"parts to measure, of {', '.join(PARTS)}; default all"
     )

@@ -40,7 +40,7 @@ class RegulationTask:
     velocity_weight: float = 0.05  # s/m, alpha_2 of Eq. 6
     action_weight: float = 0.005  # alpha_3 of Eq. 6, on the four channels in [-1, 1]
     near_scale_m: float = 0.1  # m, the observation has tanh(error / near_scale_m): learning is 2 to 3 times faster
-    tilt: bool = False  # observe roll and pitch motion, for vehicles whose restoring moment does not hold them
+    tilt: bool = True  # observe roll and pitch motion: faults and weak restoring moments tilt the vehicle
     thruster_commands: bool = False  # actions are the n thruster commands themselves, not the four channels
 
     def __post_init__(self) -> None:
