@@ -17,6 +17,8 @@ from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
 _D = len(CONTROLLED)
+_FASTEST = np.array((3.0, 3.0, 3.0, 10.0))  # m/s, rad/s; beyond, the integration of the drag becomes unstable
+_STRONGEST = 4.0  # times the full wrench; no estimate beyond it makes sense
 MOTION = slice(0, 2 * _D)
 VELOCITY = slice(_D, 2 * _D)
 
@@ -121,6 +123,9 @@ class EffectivenessFilter:
         mean, covariance = belief.mean, belief.covariance
         effectiveness, constant = self.map_of(belief)
         wrench = (effectiveness @ share[..., None])[..., 0] + constant
+        most = _STRONGEST * self.motion.full_wrench
+        wrench = np.clip(wrench, -most, most)
+        np.clip(mean[:, VELOCITY], -_FASTEST, _FASTEST, out=mean[:, VELOCITY])
         step = self.motion(mean[:, VELOCITY], wrench)
         mean[:, :_D] += step.displacement
         mean[:, VELOCITY] = step.velocity

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from online_flights import VEHICLE, adapted_fleet, scenario, task
 
@@ -64,6 +64,7 @@ class Abuse:
 
 @pytest.mark.parametrize("sensed", ["velocity", "pose"])
 @settings(max_examples=10, deadline=None)
+@example(events=[("skip_time", 24), ("huge", 8), ("fine", 1), ("huge", 14)], seed=310)
 @given(events=st.lists(st.tuples(st.sampled_from(HOSTILE), st.integers(1, 15)), max_size=6), seed=st.integers(0, 999))
 def test_no_sequence_of_bad_input_gives_a_bad_command(sensed, events, seed):
     """Whatever is lost, frozen, huge, late or not a number, commands are numbers in [-1, 1] and beliefs finite."""
