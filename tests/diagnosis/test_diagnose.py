@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flights import fly, hold, with_slack
+from flown_logs import fly, hold, with_slack
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.vehicle import load_vehicle
