@@ -36,6 +36,7 @@ WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the forc
 SLACK_LIMIT = 3.0  # standard deviations: more is no slack but a gap
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 NOISE_MATTERS = 0.02  # relative
+NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
@@ -55,6 +56,16 @@ class Base:
 
 
 @dataclass(frozen=True)
+class Known:
+    """What a healthy log has shown."""
+
+    floor: Floats  # (6,) N, N m
+    noise: dict[str, float]  # by channel
+    rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
+    slack_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
+
+
+@dataclass(frozen=True)
 class Judged:
     """An explanation with its values fitted."""
 
@@ -69,19 +80,33 @@ class Judged:
 class Bench:
     """A log cut into windows, a vehicle and the settings to judge with."""
 
-    def __init__(self, windows: Windows, vehicle: Vehicle, settings: Settings, sigma: dict[str, float] | None = None):
+    def __init__(self, windows: Windows, vehicle: Vehicle, settings: Settings, known: Known | None = None):
         self.windows = windows
         self.vehicle = vehicle
         self.settings = settings
         self.layout = Layout.of(windows, vehicle, settings.bin_s)
-        self.floor = np.array(settings.floor_force)[self.layout.dof]
+        self.floor = (np.array(settings.floor_force) if known is None else known.floor)[self.layout.dof]
         self.wide = self._wide_prior()
         self.atoms = make_atoms(vehicle, settings)
         self.slack = slack_parameters(vehicle, settings)
+        if known is None:
+            self.slack_covariance = np.diag(np.array([deviation for *_, deviation in self.slack]) ** 2)
+        else:
+            self.slack_covariance = known.slack_covariance
+            widths = np.sqrt(np.diag(known.slack_covariance))
+            self.slack = [(*slack[:3], float(width)) for slack, width in zip(self.slack, widths, strict=True)]
+        self.slack_precision = np.linalg.inv(self.slack_covariance)
         self.prior = Prior(vehicle, len({atom.effect for atom in self.atoms}), settings.prior_none)
-        self.sigma = sigma or first_noise(windows)
+        self.rough_noise = first_noise(windows)
+        self.noisier = {} if known is None else _noisier(self.rough_noise, known.rough_noise)
+        # frozen: noise that is fitted on a log hides what its simulator misses; but sensors may have become worse
+        self.frozen = {} if known is None else {n: size for n, size in known.noise.items() if n not in self.noisier}
+        self.sigma = self._noise(self.rough_noise)
         self.slack_size = 0.0
         self.followed = np.ones(len(windows), bool)  # windows in which the motion is known
+
+    def _noise(self, measured: dict[str, float]) -> dict[str, float]:
+        return {name: self.frozen.get(name, size) for name, size in measured.items()}
 
     def _wide_prior(self) -> Floats:
         reach = batch(self.vehicle, [{}])
@@ -100,7 +125,7 @@ class Bench:
             state = self._follow(self.windows, vehicle, self.wide)
         self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
         measured = sensor_noise(self.windows, state, self.sigma, self.wide)
-        self.sigma = {name: min(measured[name], self.sigma[name]) for name in measured}
+        self.sigma = self._noise({name: min(measured[name], self.sigma[name]) for name in measured})
         base = Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
         self.measure_slack(base)
         return base
@@ -157,11 +182,11 @@ class Bench:
         """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
         k = len(self.slack)
         at, precision = self.slack_now(explanation), self.slack_precision
-        inside = q.A[:k, :k] + np.diag(precision)
-        right = np.concatenate([(q.b[:k] - precision * at)[:, None], q.A[:k, k:]], axis=1)
+        inside = q.A[:k, :k] + precision
+        right = np.concatenate([(q.b[:k] - precision @ at)[:, None], q.A[:k, k:]], axis=1)
         solved = np.linalg.solve(inside, right)
         offset, response = solved[:, 0], solved[:, 1:]
-        constant = q.constant + float((precision * at**2).sum()) - float(right[:, 0] @ offset)
+        constant = q.constant + float(at @ precision @ at) - float(right[:, 0] @ offset)
         b = q.b[k:] - q.A[k:, :k] @ offset
         A = q.A[k:, k:] - q.A[k:, :k] @ response
         return constant, b, 0.5 * (A + A.T), at + offset, response
@@ -227,14 +252,15 @@ class Bench:
     def _chi2(self, base: Base) -> float:
         none = np.zeros((*base.state.residual.shape, 0))
         q = reduce(self.windows, self.layout, base.state, none, self.sigma, self.floor)
-        return q.constant + float((self.slack_now(base.explanation) ** 2 * self.slack_precision).sum())
+        at = self.slack_now(base.explanation)
+        return q.constant + float(at @ self.slack_precision @ at)
 
     def measure_noise(self, judged: Judged) -> bool:
         """Measure the sensor noise again under a better vehicle; tells whether it is another."""
         precision = local_precision(self.layout, self.windows.dt, self.wide)
         state = judged.base.state
         free = settle(self.windows, judged.base.vehicle, self.layout, self.sigma, precision, state)
-        sigma = sensor_noise(self.windows, free, self.sigma, self.wide)
+        sigma = self._noise(sensor_noise(self.windows, free, self.sigma, self.wide))
         changed = any(abs(sigma[name] / self.sigma[name] - 1) > NOISE_MATTERS for name in sigma)
         if changed:
             self.sigma = sigma
@@ -250,7 +276,7 @@ class Bench:
         changes, steps = self.knob_changes(explanation)
         q = self.quadratic(base, changes)
         at = self.slack_now(explanation)
-        chi2 = q.constant + float((at**2 * self.slack_precision).sum())
+        chi2 = q.constant + float(at @ self.slack_precision @ at)
         if not np.isfinite(chi2):  # the windows diverge under this vehicle
             nothing = np.zeros(len(explanation.fitted))
             return Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q), nothing, np.zeros(len(self.slack))
@@ -272,15 +298,14 @@ class Bench:
         """Slack parameters in which chi-square is smooth: moving a threshold flips single samples."""
         return np.array([effect not in self.settings.thresholds for effect, *_ in self.slack])
 
-    @property
-    def slack_precision(self) -> Floats:
-        """Inverse prior variance of the slack parameters."""
-        return np.array([deviation for *_, deviation in self.slack]) ** -2.0
-
     def measure_slack(self, base: Base) -> None:
         """Size of the force that slack alone makes on this log."""
-        slack = replace(base.explanation, slack={(e, m): width for e, m, _, width in self.slack})
-        each = [replace(slack, slack={key: width}) for key, width in slack.slack.items()]
+        size, direction = np.linalg.eigh(self.slack_covariance)
+        keys = [(effect, member) for effect, member, _, _ in self.slack]
+        each = [
+            replace(base.explanation, slack=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
+            for s, d in zip(size, direction.T, strict=True)
+        ]
         self.slack_size = float(np.sqrt((self._sizes(each, base) ** 2).sum()))
 
     @DIVERGING
@@ -315,6 +340,12 @@ class Bench:
             for (e, m, _, width), move in zip(self.slack, slack_step, strict=True)
         }
         return replace(explanation.moved(amounts), slack=slack)
+
+
+def _noisier(now: dict[str, float], then: dict[str, float]) -> dict[str, float]:
+    """By channel, how many times noisier a log is, where it is so."""
+    ratio = {name: size / then[name] for name, size in now.items() if name in then}
+    return {name: times for name, times in ratio.items() if times > NOISIER}
 
 
 def _allocation(vehicle: Vehicle) -> Floats:

@@ -8,6 +8,7 @@ import torch
 from scipy.special import expit
 
 from auv_torchrl.diagnosis.bench import Bench, Judged
+from auv_torchrl.diagnosis.calibration import Calibration, calibrate, noise_findings, stated_floor
 from auv_torchrl.diagnosis.detectable import detectable_sizes
 from auv_torchrl.diagnosis.equivalence import indistinguishable
 from auv_torchrl.diagnosis.explanation import Explanation
@@ -22,7 +23,7 @@ from auv_torchrl.diagnosis.where import locate
 from auv_torchrl.diagnosis.windows import cut_windows
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import FlightLog, join
+from auv_torchrl.flightlog import Finding, FlightLog, join
 from auv_torchrl.vehicle import Vehicle
 
 Z95 = 1.96
@@ -46,7 +47,9 @@ def diagnose(
     Args:
         log: the flight to explain.
         vehicle: nominal vehicle, empty batch.
-        healthy: logs of the same vehicle without the effect: they give the disturbance floor.
+        healthy: logs of the same vehicle without the effect: they calibrate its coefficients and give the disturbance
+            floor and the sensor noise; effects are then relative to the calibrated vehicle. Without one, the floor of
+            the settings is assumed. The findings say which.
         test: logs on which before and after are compared; without one a part of ``log`` is held out.
         progress: called with what is done and the share of the work behind it.
         vehicle_name: for the report.
@@ -59,12 +62,14 @@ def diagnose(
     report = progress or (lambda step, share: None)
     held = hold_attitude(log, vehicle)
     training, testing, numbers = split(log, test)
-    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), held, settings)
+    sound = calibrate(healthy, held, settings) if healthy else None
+    own, known = (sound.vehicle, sound.known) if sound else (held, None)
+    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
     found = search(bench, report)
-    after = apply_values(held, found.best.explanation.values(held))
+    after = apply_values(own, found.best.explanation.values(own))
     predictions = predict(testing, [held, after], settings, bench.sigma, 4 * bench.floor)
-    closed = closed_share(predictions)
     verdict = judge(bench, found)
+    closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
     probability = effect_probabilities(bench, found, unknown)
     effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
@@ -79,12 +84,12 @@ def diagnose(
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
         indistinguishable=same,
-        next_experiment=choose_experiment(held, rivals(found), bench.sigma),
+        next_experiment=choose_experiment(own, rivals(found), bench.sigma),
         gap=measure_gap(predictions, numbers, closed),
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),
-        findings=log.findings,
+        findings=(*log.findings, *rests_on(bench, sound)),
         windows=held_out_windows(predictions, testing),
     )
 
@@ -112,6 +117,13 @@ def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightL
     early = replace(log, episodes=tuple(e.rows(0, k) for e, k in zip(log.episodes, cut, strict=True)))
     late = replace(log, episodes=tuple(e.rows(k, len(e)) for e, k in zip(log.episodes, cut, strict=True)))
     return early, late, tuple(e.number for e in log.episodes)
+
+
+def rests_on(bench: Bench, sound: Calibration | None) -> tuple[Finding, ...]:
+    """What the verdict rests on: a healthy log, or assumptions."""
+    if sound is None:
+        return (stated_floor(bench.settings, bench.layout.dof),)
+    return (*sound.findings, *noise_findings(bench.noisier))
 
 
 def excess(found: Found) -> float:

@@ -71,11 +71,14 @@ class Field:
         k = len(bench.slack)
         at, precision = bench.slack_now(self.base.explanation), bench.slack_precision
         columns = [*range(k), *(k + i for i in chosen)]
-        pull = np.concatenate([precision, self.pull[chosen] if amounts is None else np.zeros(len(chosen))])
+        pull = np.zeros((len(columns), len(columns)))
+        pull[:k, :k] = precision
+        if amounts is None:
+            pull[k:, k:] = np.diag(self.pull[chosen])
         toward = np.concatenate([-at, self.centre[chosen]])
-        H = q.A[np.ix_(columns, columns)] + np.diag(pull)
-        g = q.b[columns] + pull * toward
-        reach = SLACK_LIMIT / np.sqrt(precision)
+        H = q.A[np.ix_(columns, columns)] + pull
+        g = q.b[columns] + pull @ toward
+        reach = SLACK_LIMIT * np.sqrt(np.diag(bench.slack_covariance))
         low = np.concatenate([-reach - at, np.full(len(chosen), -np.inf)])
         high = np.concatenate([reach - at, np.full(len(chosen), np.inf)])
         x = np.zeros(len(columns))
@@ -90,7 +93,7 @@ class Field:
                 break
             x[beyond] = np.clip(x, low, high)[beyond]
             free &= ~beyond
-        chi2 = q.constant + float((pull * toward**2).sum() - 2 * g @ x + x @ H @ x)
+        chi2 = q.constant + float(toward @ pull @ toward - 2 * g @ x + x @ H @ x)
         return chi2, x[k:]
 
     def judge(self, chosen: list[int]) -> Screened:

@@ -1,0 +1,74 @@
+"""What a healthy log teaches."""
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold, with_slack
+
+from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.calibration import calibrate
+from auv_torchrl.diagnosis.hypotheses import load_settings
+from auv_torchrl.vehicle import load_vehicle
+
+PAPER = load_vehicle("paper")
+HELD = hold(PAPER)
+OWN = with_slack(HELD, np.random.default_rng(3))
+FORCE = 0.8  # N
+SHORT = {"episodes": 3, "seconds": 20.0}
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    """A sound vehicle whose coefficients are all a few percent off."""
+    return fly(OWN, {}, seed=11, **SHORT)
+
+
+def test_a_disturbance_and_the_coefficients_are_recovered():
+    """The floor of a vehicle in a gusty tank, its sensor noise and the gains of its horizontal thrusters are found."""
+    rng, gust, keep = np.random.default_rng(0), {}, np.exp(-0.05)
+
+    def push(commands, position, velocity, t):
+        fresh = FORCE * rng.standard_normal(position.shape)
+        gust["now"] = fresh if t == 0 else keep * gust["now"] + np.sqrt(1 - keep**2) * fresh
+        return commands, gust["now"]
+
+    found = calibrate([fly(OWN, {}, seed=11, push=push, **SHORT)], HELD, load_settings())
+    np.testing.assert_allclose(found.known.floor[:3], FORCE, rtol=0.25)
+    assert found.known.noise["x"] == pytest.approx(0.002, rel=0.1)
+    assert found.known.noise["yaw"] == pytest.approx(0.004, rel=0.1)
+    np.testing.assert_allclose(found.vehicle.gain[:4], OWN.gain[:4], atol=0.03)
+
+
+def test_a_healthy_log_shows_a_small_fault(healthy):
+    """A loss of 7 % on a vehicle that is itself a few percent off is measured against the vehicle as it was."""
+    log = fly(OWN, {"thruster_gain": {"gain_2": 0.93}}, seed=5, **SHORT)
+    (effect,) = diagnose(log, PAPER, healthy=[healthy]).effects
+    gain = effect.parameters["gain_2"]
+    assert (effect.name, effect.thrusters) == ("thruster_gain", (2,))
+    assert gain.low < 0.93 < gain.high
+    assert gain.high - gain.low < 0.06
+    (alone,) = diagnose(log, PAPER).effects
+    without = alone.parameters["gain_2"]
+    assert abs(without.value - 0.93) > abs(gain.value - 0.93)
+
+
+def test_a_sound_vehicle_stays_sound(healthy):
+    """A second flight of the same vehicle has no gap, and the findings say that the verdict rests on the first."""
+    diagnosis = diagnose(fly(OWN, {}, seed=2, **SHORT), PAPER, healthy=[healthy])
+    assert diagnosis.verdict is Verdict.NO_GAP
+    assert diagnosis.gap.closed is None
+    codes = {finding.code for finding in diagnosis.findings}
+    assert "floor_measured" in codes
+    assert not codes & {"floor_assumed", "healthy_has_gap", "noisier_than_healthy"}
+
+
+def test_noisier_sensors_are_named(healthy):
+    """A log with noisier sensors than the healthy one says so."""
+    log = fly(OWN, {}, seed=2, noise=(0.006, 0.004), **SHORT)
+    findings = {finding.code: finding for finding in diagnose(log, PAPER, healthy=[healthy]).findings}
+    assert set(findings["noisier_than_healthy"].columns) == {"x", "y", "z"}
+
+
+def test_without_a_healthy_log_the_assumption_is_said(healthy):
+    """A diagnosis without a healthy log says that its floor is assumed."""
+    codes = {finding.code for finding in diagnose(healthy, PAPER).findings}
+    assert "floor_assumed" in codes
