@@ -9,6 +9,7 @@ gets the vehicles through gymnasium's vector environment. CPU time counts, becau
 
 import argparse
 import logging
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -117,13 +118,15 @@ def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]
     config = load_agent_config("sac", {"stop_below_m": min(GOALS_M), "stretch_steps": 80, "csv": False})
     methods: dict[str, Callable[..., Curve]] = {"ours": ours, "stable-baselines3": stable_baselines}
     times: dict[str, list[list[tuple[float, float]]]] = {}
-    for name, train in methods.items():
-        try:
-            curves = [list(train(config, seed, backend)) for seed in range(seeds)]
-        except ModuleNotFoundError as error:
-            print(f"{name} is left out: {error}: pip install 'auv-torchrl[bench]'\n")
-            continue
-        times[name] = [[first_below(curve, goal) for goal in GOALS_M] for curve in curves]
+    for seed in range(seeds):  # in turn, so that a change in the machine's load strikes all methods alike
+        for name, train in methods.items():
+            print(f"{name}, seed {seed}", file=sys.stderr, flush=True)
+            try:
+                curve = list(train(config, seed, backend))
+            except ModuleNotFoundError as error:
+                print(f"{name} is left out: {error}: pip install 'auv-torchrl[bench]'\n")
+                continue
+            times.setdefault(name, []).append([first_below(curve, goal) for goal in GOALS_M])
     return times
 
 
