@@ -25,7 +25,7 @@ def test_second_call_loads_and_says_so(tmp_path, caplog):
     (folder,) = tmp_path.glob("*/policy.json")
     kept = {path.name for path in folder.parent.iterdir()}
     assert kept == {"policy.json", "policy.safetensors", "progress.csv"}
-    observation = TensorDict({"observation": torch.randn(20, 12)}, batch_size=[20])
+    observation = TensorDict({"observation": torch.randn(20, len(TASK.observation_names))}, batch_size=[20])
     torch.testing.assert_close(
         first.module(observation.clone())["action"], second.module(observation.clone())["action"], rtol=0, atol=0
     )
