@@ -260,7 +260,8 @@ class Bench:
         precision = local_precision(self.layout, self.windows.dt, self.wide)
         state = judged.base.state
         free = settle(self.windows, judged.base.vehicle, self.layout, self.sigma, precision, state)
-        sigma = self._noise(sensor_noise(self.windows, free, self.sigma, self.wide))
+        measured = sensor_noise(self.windows, free, self.sigma, self.wide)
+        sigma = self._noise({name: min(measured[name], self.rough_noise[name]) for name in measured})
         changed = any(abs(sigma[name] / self.sigma[name] - 1) > NOISE_MATTERS for name in sigma)
         if changed:
             self.sigma = sigma

@@ -1,12 +1,12 @@
 """From a flight log to a diagnosis."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from scipy.special import expit
 
+from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_hidden, log_likelihood
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.calibration import Calibration, calibrate, noise_findings, stated_floor
 from auv_torchrl.diagnosis.detectable import detectable_sizes
@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settin
 from auv_torchrl.diagnosis.mappable import input_mappable
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.posterior import effect_probabilities
-from auv_torchrl.diagnosis.search import Found, search
+from auv_torchrl.diagnosis.search import Found, Progress, search
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.where import locate
 from auv_torchrl.diagnosis.windows import cut_windows
@@ -30,7 +30,6 @@ Z95 = 1.96
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
 OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
 MODEL_ERROR = 0.005  # of an effect's size: sampling, integration and rounding, which the noise does not cover
-SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
 
 
 def diagnose(
@@ -60,14 +59,12 @@ def diagnose(
     """
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
-    held = hold_attitude(log, vehicle)
     training, testing, numbers = split(log, test)
-    sound = calibrate(healthy, held, settings) if healthy else None
-    own, known = (sound.vehicle, sound.known) if sound else (held, None)
-    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
-    found = search(bench, report)
+    looked = look_both_ways(training, vehicle, healthy, settings, report)
+    bench, found, own = looked.bench, looked.found, looked.bench.vehicle
+    before = changed(vehicle, free=own.free)
     after = apply_values(own, found.best.explanation.values(own))
-    predictions = predict(testing, [held, after], settings, bench.sigma, 4 * bench.floor)
+    predictions = predict(testing, [before, after], settings, bench.sigma, 4 * bench.floor)
     verdict = judge(bench, found)
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
@@ -89,21 +86,42 @@ def diagnose(
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),
-        findings=(*log.findings, *rests_on(bench, sound)),
+        findings=(*log.findings, *rests_on(looked)),
         windows=held_out_windows(predictions, testing),
     )
 
 
-def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
-    """The vehicle with roll and pitch held where the log does not show them move."""
-    swings = []
-    for axis, column in (("roll", 3), ("pitch", 4)):
-        if axis in log.axes:
-            swings += [np.ptp(episode.pose[:, column]) for episode in log.episodes]
-    if swings and max(swings) > SMALL_SWING:
-        return vehicle
-    free = torch.tensor([1.0, 1.0, 1.0, 0.0, 0.0, 1.0], dtype=vehicle.free.dtype)
-    return changed(vehicle, free=vehicle.free * free)
+@dataclass(frozen=True)
+class Looked:
+    """A log explained under one assumption about the attitude."""
+
+    bench: Bench
+    found: Found
+    sound: Calibration | None
+    attitude: tuple[Finding, ...] = ()
+
+
+def look(
+    training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
+) -> Looked:
+    """Calibrate a vehicle on the healthy logs and explain a log with it."""
+    sound = calibrate(healthy, vehicle, settings) if healthy else None
+    own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
+    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
+    return Looked(bench, search(bench, report), sound)
+
+
+def look_both_ways(
+    training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
+) -> Looked:
+    """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
+    level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
+    if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
+        return level
+    free = look(training, vehicle, healthy, settings, report)
+    odds = log_likelihood(free.bench, free.found.best) - log_likelihood(level.bench, level.found.best)
+    better = free if odds > 0 else level
+    return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
 
 
 def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:
@@ -119,11 +137,11 @@ def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightL
     return early, late, tuple(e.number for e in log.episodes)
 
 
-def rests_on(bench: Bench, sound: Calibration | None) -> tuple[Finding, ...]:
+def rests_on(looked: Looked) -> tuple[Finding, ...]:
     """What the verdict rests on: a healthy log, or assumptions."""
-    if sound is None:
-        return (stated_floor(bench.settings, bench.layout.dof),)
-    return (*sound.findings, *noise_findings(bench.noisier))
+    if looked.sound is None:
+        return (stated_floor(looked.bench.settings, looked.bench.layout.dof), *looked.attitude)
+    return (*looked.sound.findings, *noise_findings(looked.bench.noisier), *looked.attitude)
 
 
 def excess(found: Found) -> float:

@@ -115,6 +115,8 @@ def _promising(field: Field, ranked: list[Screened]) -> list[Screened]:
     """The few that may turn out best once simulated, best first."""
     none = field.none().evidence
     least = ranked[0].evidence - EVIDENCE_SLIP - WITHIN * max(0.0, ranked[0].evidence - none)
+    if field.bench.layout.moves_unseen:  # a large tilt that nobody measured is far from where the marks were taken
+        least = -np.inf
     kept, seen = [], set()
     for screened in ranked:
         key = frozenset(screened.explanation.effects)

@@ -18,7 +18,7 @@ STEP_START = np.array([1e-3] * 3 + [1e-3] * 3 + [1e-3] * 3 + [1e-3] * 3)  # m, r
 STEP_FORCE = np.array([0.1] * 3 + [0.01] * 3)  # N, N m
 SETTLE_STEPS = 2
 PIECE_BINS = 2  # bins of a short piece
-LOOSE_START = np.array([10.0] * 3 + [0.1, 0.1, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
+LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,18 @@ class Layout:
         """Free numbers per window."""
         return len(self.start) + self.bins * len(self.dof)
 
+    @property
+    def moves_unseen(self) -> bool:
+        """Whether the vehicle moves in degrees of freedom that the log does not measure."""
+        return len(self.start) > 2 * len(self.dof)
+
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
-        """The layout for the degrees of freedom in which the vehicle moves."""
-        dof = np.flatnonzero(vehicle.free.numpy() > 0)
+        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured."""
+        moves = np.flatnonzero(vehicle.free.numpy() > 0)
+        seen = [CHANNELS[d] in windows.channels or CHANNELS[d + 6] in windows.channels for d in moves]
         per_bin = max(1, round(bin_s / windows.dt))
-        return Layout(np.concatenate([dof, dof + 6]), dof, -(-windows.steps // per_bin), per_bin)
+        return Layout(np.concatenate([moves, moves + 6]), moves[seen], -(-windows.steps // per_bin), per_bin)
 
     def force(self, bins: Floats, steps: int) -> Floats:
         """Force (..., steps, 6) of bins (..., B, D)."""
