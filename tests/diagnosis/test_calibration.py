@@ -9,8 +9,7 @@ from auv_torchrl.diagnosis.calibration import calibrate
 from auv_torchrl.diagnosis.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
 
-PAPER = load_vehicle("paper")
-HELD = hold(PAPER)
+HELD = hold(load_vehicle("paper"))
 OWN = with_slack(HELD, np.random.default_rng(3))
 FORCE = 0.8  # N
 SHORT = {"episodes": 3, "seconds": 20.0}
@@ -41,19 +40,19 @@ def test_a_disturbance_and_the_coefficients_are_recovered():
 def test_a_healthy_log_shows_a_small_fault(healthy):
     """A loss of 7 % on a vehicle that is itself a few percent off is measured against the vehicle as it was."""
     log = fly(OWN, {"thruster_gain": {"gain_2": 0.93}}, seed=5, **SHORT)
-    (effect,) = diagnose(log, PAPER, healthy=[healthy]).effects
+    (effect,) = diagnose(log, HELD, healthy=[healthy]).effects
     gain = effect.parameters["gain_2"]
     assert (effect.name, effect.thrusters) == ("thruster_gain", (2,))
     assert gain.low < 0.93 < gain.high
     assert gain.high - gain.low < 0.06
-    (alone,) = diagnose(log, PAPER).effects
+    (alone,) = diagnose(log, HELD).effects
     without = alone.parameters["gain_2"]
     assert abs(without.value - 0.93) > abs(gain.value - 0.93)
 
 
 def test_a_sound_vehicle_stays_sound(healthy):
     """A second flight of the same vehicle has no gap, and the findings say that the verdict rests on the first."""
-    diagnosis = diagnose(fly(OWN, {}, seed=2, **SHORT), PAPER, healthy=[healthy])
+    diagnosis = diagnose(fly(OWN, {}, seed=2, **SHORT), HELD, healthy=[healthy])
     assert diagnosis.verdict is Verdict.NO_GAP
     assert diagnosis.gap.closed is None
     codes = {finding.code for finding in diagnosis.findings}
@@ -64,11 +63,11 @@ def test_a_sound_vehicle_stays_sound(healthy):
 def test_noisier_sensors_are_named(healthy):
     """A log with noisier sensors than the healthy one says so."""
     log = fly(OWN, {}, seed=2, noise=(0.006, 0.004), **SHORT)
-    findings = {finding.code: finding for finding in diagnose(log, PAPER, healthy=[healthy]).findings}
+    findings = {finding.code: finding for finding in diagnose(log, HELD, healthy=[healthy]).findings}
     assert set(findings["noisier_than_healthy"].columns) == {"x", "y", "z"}
 
 
 def test_without_a_healthy_log_the_assumption_is_said(healthy):
     """A diagnosis without a healthy log says that its floor is assumed."""
-    codes = {finding.code for finding in diagnose(healthy, PAPER).findings}
+    codes = {finding.code for finding in diagnose(healthy, HELD).findings}
     assert "floor_assumed" in codes
