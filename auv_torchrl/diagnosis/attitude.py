@@ -40,8 +40,9 @@ def log_likelihood(bench: Bench, judged: Judged) -> float:
     windows, state = bench.windows, judged.base.state
     slope = state.slope / noise_per_sample(windows, bench.sigma)[:, None]
     precision = local_precision(bench.layout, windows.dt, bench.floor)
-    posterior = np.linalg.slogdet(slope.swapaxes(1, 2) @ slope + precision)[1]
-    volumes = float((posterior - np.linalg.slogdet(precision)[1]).sum())
+    finite = np.isfinite(slope).all((1, 2))  # a window that diverged has paid by its chi-square
+    gram = slope[finite].swapaxes(1, 2) @ slope[finite] + precision
+    volumes = float((np.linalg.slogdet(gram)[1] - np.linalg.slogdet(precision)[1]).sum())
     noise = sum(np.log(bench.sigma[channel]) for channel in windows.channels) * int(windows.present.sum())
     return judged.evidence - 0.5 * volumes - float(noise)
 
