@@ -20,6 +20,7 @@ PARTS = {  # module: what it measures
     "sac_updates": "SAC updates per second",
     "time_to_error": "Training time to an error",
     "table2": "The paper's Table 2",
+    "fault_recovery": "Recovery from a fault in flight",
 }
 PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy", "stable-baselines3")
 
