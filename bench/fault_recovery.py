@@ -1,6 +1,7 @@
 """Faults in flight: detection, recovery, false alarms and cost: python -m bench.fault_recovery [--count N]."""
 
 import argparse
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -110,6 +111,7 @@ def main() -> None:
     parser.add_argument("--policies", type=Path, default=PROJECT / "outputs" / "policies", help="store of policies")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
+    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it announces every storage on stdout
     vehicle = load_vehicle("paper")
     policy = train_source(vehicle, RegulationTask(), load_agent_config(), {}, 0, "mujoco", arguments.policies).module
     count, seconds = arguments.count, arguments.seconds
