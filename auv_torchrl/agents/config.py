@@ -1,12 +1,10 @@
 """Settings of the training; the comments are in ``conf/agent/sac.yaml``."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
-from auv_torchrl.paths import config_path
+from auv_torchrl.settings import read_settings
 
 POSITIVE = (
     "learning_rate", "alpha_learning_rate", "batch_size", "alpha_init", "num_envs", "steps_per_batch",
@@ -83,10 +81,4 @@ def load_agent_config(name: str = "sac", overrides: Mapping[str, Any] | None = N
         FileNotFoundError: for an unknown name.
         ValueError: for an unknown, missing or impossible setting.
     """
-    settings = {**yaml.safe_load(config_path("agent", name).read_text()), **(overrides or {})}
-    known = [field.name for field in fields(AgentConfig)]
-    if unknown := set(settings) - set(known):
-        raise ValueError(f"agent {name}: unknown settings {sorted(unknown)}: there are {', '.join(known)}")
-    if missing := set(known) - set(settings):
-        raise ValueError(f"agent {name}: settings {sorted(missing)} are missing")
-    return AgentConfig(**settings)
+    return read_settings(AgentConfig, "agent", name, overrides)

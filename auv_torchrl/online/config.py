@@ -2,12 +2,10 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
-from auv_torchrl.paths import config_path
+from auv_torchrl.settings import read_settings
 
 SENSED = ("velocity", "pose")
 
@@ -69,10 +67,4 @@ def load_online_config(name: str = "default", overrides: Mapping[str, Any] | Non
         FileNotFoundError: for an unknown name.
         ValueError: for an unknown, missing or impossible setting.
     """
-    settings = {**yaml.safe_load(config_path("online", name).read_text()), **(overrides or {})}
-    known = [field.name for field in fields(OnlineConfig)]
-    if unknown := set(settings) - set(known):
-        raise ValueError(f"online {name}: unknown settings {sorted(unknown)}: there are {', '.join(known)}")
-    if missing := set(known) - set(settings):
-        raise ValueError(f"online {name}: settings {sorted(missing)} are missing")
-    return OnlineConfig(**settings)
+    return read_settings(OnlineConfig, "online", name, overrides)

@@ -61,11 +61,6 @@ def quaternion_product(a: Array, b: Array) -> Array:
     return xp.stack(elements, axis=-1)
 
 
-def quaternion_rate(quaternion: Array, angular_velocity: Array) -> Array:
-    """Time derivative of the quaternion for a body angular velocity ``(..., 3)`` in rad/s."""
-    return 0.5 * matvec(quaternion_factors(quaternion)[1].mT, angular_velocity)
-
-
 def normalise(quaternion: Array) -> Array:
     """Unit quaternion of the same direction."""
     xp = array_namespace(quaternion)
