@@ -79,13 +79,26 @@ def fly(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> Fligh
     Raises:
         ValueError: if the fleet has another size than there are starts.
     """
+    return flight_of(roll_out(fleet, policy, starts, steps))
+
+
+def roll_out(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> Any:
+    """Everything that the fleet reports over ``steps`` control steps, batch (N, T), without exploration.
+
+    Raises:
+        ValueError: if the fleet has another size than there are starts.
+    """
     if fleet.batch_size != starts.batch_size:
         raise ValueError(f"fly: the fleet has batch {tuple(fleet.batch_size)}, the starts {tuple(starts.batch_size)}")
     first = fleet.reset(TensorDict({"start": starts}, batch_size=starts.batch_size), set_state=True)
     with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
-        rollout = fleet.rollout(
+        return fleet.rollout(
             steps, policy, auto_reset=False, break_when_any_done=False, tensordict=first, return_contiguous=True
         )
+
+
+def flight_of(rollout: Any) -> Flight:
+    """The flight in a rollout (N, T) of :func:`roll_out`; NaN from where a vehicle diverged."""
     after = rollout["next"]
     terminated = after["terminated"].squeeze(-1)
 
@@ -99,8 +112,9 @@ def fly(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> Fligh
     for name, value in {"action": action, "applied_action": applied}.items():
         states[name] = with_start(torch.zeros_like(value[:, 0]), value)
     control_dt = (after["time"] - rollout["time"])[0, 0]
-    time = control_dt * torch.arange(steps + 1, dtype=control_dt.dtype)
-    batch = torch.Size((len(starts), steps + 1))
+    count, steps = rollout.shape
+    time = control_dt * torch.arange(steps + 1, dtype=control_dt.dtype, device=control_dt.device)
+    batch = torch.Size((count, steps + 1))
     states["time"] = time.expand(batch)
     return Flight.from_dict(states, batch_size=batch)
 

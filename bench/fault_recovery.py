@@ -2,22 +2,20 @@
 
 import argparse
 import logging
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import torch
 import yaml
-from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.agents.config import load_agent_config
 from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.envs import RegulationTask, TorchFleet
-from auv_torchrl.evaluation import draw_starts
+from auv_torchrl.evaluation import Policy, draw_starts
 from auv_torchrl.online import OnlineAdapter, load_online_config
+from auv_torchrl.online.cost import cost_per_step
+from auv_torchrl.online.flight import AdaptedFlight, fly_online
 from auv_torchrl.online.recovery import Recovery, recoveries
 from auv_torchrl.paths import PROJECT, config_path
 from auv_torchrl.scenario import Change, Scenario, read_scenario
@@ -30,7 +28,6 @@ CONDITIONS = {  # name: (what the water and the sensors do all along, settings o
     "current of 0.1 m/s": (({"current": {"north": 0.07, "east": 0.07}},), {}),
     "pose alone, 2 mm and 0.2°": (({"sensor_noise": {"position": 0.002, "attitude": 0.0035}},), {"sensed": "pose"}),
 }
-Policy = Callable[[TensorDictBase], TensorDictBase]
 
 
 def changes(vehicle: Vehicle, config: dict, start_s: float = 0.0) -> tuple[Change, ...]:
@@ -41,8 +38,8 @@ def changes(vehicle: Vehicle, config: dict, start_s: float = 0.0) -> tuple[Chang
 
 def fly_fault(
     vehicle: Vehicle, policy: Policy, fault: str | None, condition: str, count: int, seconds: float, seed: int = 0
-) -> tuple[TensorDictBase, torch.Tensor, float]:
-    """Rollout of ``count`` adapted vehicles, when each met the fault, and CPU seconds per control step."""
+) -> tuple[AdaptedFlight, torch.Tensor]:
+    """Flights of ``count`` adapted vehicles, and when each met the fault."""
     lasting, overrides = CONDITIONS[condition]
     acting = tuple(change for config in lasting for change in changes(vehicle, config))
     if fault is not None:
@@ -55,13 +52,7 @@ def fly_fault(
     fleet.delay_scenario(delays)
     env = TransformedEnv(fleet, OnlineAdapter(vehicle, task, load_online_config(overrides=overrides), count))
     starts = draw_starts(task, count, seed=seed + 1)
-    first = env.reset(TensorDict({"start": starts}, [count]), set_state=True)
-    began = time.process_time()
-    with torch.no_grad():
-        rollout = env.rollout(
-            round(seconds / task.control_dt), policy, auto_reset=False, break_when_any_done=False, tensordict=first
-        )
-    return rollout, EARLIEST_S + delays, (time.process_time() - began) / rollout.shape[1]
+    return fly_online(env, policy, starts, round(seconds / task.control_dt)), EARLIEST_S + delays
 
 
 def row(name: str, condition: str, recovery: Recovery) -> str:
@@ -80,27 +71,6 @@ def row(name: str, condition: str, recovery: Recovery) -> str:
         f"{float(recovery.steady_m.mean()):.4f} | {float(recovery.steady_m.max()):.4f} | {delay} | {missed} | "
         f"{int(recovery.alarms_before.sum())} |"
     )
-
-
-def cost(vehicle: Vehicle, sensed: str, steps: int = 400) -> tuple[float, float]:
-    """CPU milliseconds of the adapter per control step at batch 1: median while following, and while searching."""
-    task = replace(RegulationTask(), thruster_commands=True)
-    adapter = OnlineAdapter(vehicle, task, load_online_config(overrides={"sensed": sensed}), 1)
-    observation = np.zeros((1, len(task.observation_names)))
-    observation[:, task.observation_names.index("heading_error_cos")] = 1.0
-    learner, spent = adapter.learner, {True: [], False: []}
-    learner.begin(np.arange(1), observation)
-    generator = torch.Generator().manual_seed(0)
-    for k in range(steps):
-        if k == steps // 2:
-            learner.search(np.arange(1))
-        action = 0.2 * (torch.rand(1, 4, generator=generator) * 2 - 1)
-        searching = bool(learner.phase[0] == 1)
-        began = time.process_time()
-        command = adapter.translate(action)
-        learner.observe(adapter.delivered(command.double().numpy()), observation + 1e-4 * k, np.full(1, 0.05 * (k + 1)))
-        spent[searching].append(1e3 * (time.process_time() - began))
-    return float(np.median(spent[False])), float(np.median(spent[True]))
 
 
 def main() -> None:
@@ -128,20 +98,20 @@ def main() -> None:
     print("|" + "---|" * 11)
     for condition in CONDITIONS:
         for fault in FAULTS:
-            rollout, fault_s, _ = fly_fault(vehicle, policy, fault, condition, count, seconds)
-            print(row(fault, condition, recoveries(rollout, fault_s, vehicle)), flush=True)
+            flown, fault_s = fly_fault(vehicle, policy, fault, condition, count, seconds)
+            print(row(fault, condition, recoveries(flown, fault_s, vehicle)), flush=True)
     print()
     flights = max(1, round(3600 / seconds * min(1.0, count / 100)))
     for condition in CONDITIONS:
-        rollout, *_ = fly_fault(vehicle, policy, None, condition, flights, seconds)
-        alarms = int(rollout["next", "alarm"].sum())
-        later = int(rollout["next", "alarm"][:, 100:].sum())
+        flown, _ = fly_fault(vehicle, policy, None, condition, flights, seconds)
+        alarms = int(flown.alarm.sum())
+        later = int(flown.alarm[:, 101:].sum())
         print(
             f"Without a fault, {condition}: {flights * seconds / 3600:.2f} h of flight, {alarms} alarms, {later} of "
             f"them after the first 5 s.\n"
         )
     for sensed in ("velocity", "pose"):
-        following, searching = cost(vehicle, sensed)
+        following, searching = cost_per_step(vehicle, load_online_config(overrides={"sensed": sensed}))
         print(
             f"Cost per control step at batch 1, {sensed}: {following:.2f} ms of CPU while following, "
             f"{searching:.2f} ms while searching, refit included (the fit is recursive: it has no other cost).\n"

@@ -22,7 +22,7 @@ from auv_torchrl.vehicle import CONTROLLED, Vehicle
 log = logging.getLogger(__name__)
 
 _RANK_TOLERANCE = 0.1  # of the largest singular value; an estimate in flight is no better
-TIME, PHASE, ALARM, MAP = "time", "phase", "alarm", "effectiveness"
+TIME, PHASE, ALARM, STATISTIC, MAP = "time", "phase", "alarm", "statistic", "effectiveness"
 
 
 class OnlineAdapter(ThrusterTransform):
@@ -30,6 +30,7 @@ class OnlineAdapter(ThrusterTransform):
 
     Every step reports, beside ``applied_action`` (N, n): ``phase`` (N, 1), an index of
     :data:`auv_torchrl.online.learner.PHASES`; ``alarm`` (N, 1), whether a change was noticed in this step;
+    ``statistic`` (N, 1), the detector's sum as a share of its threshold (it rests at 0 during a search);
     ``effectiveness`` (N, 4, n), the estimated wrench in N and N m per share of full thrust. Learning runs on the
     CPU in float64 for each vehicle on its own; what has been learnt stays when an episode ends, a new adapter
     knows only the source vehicle. All of it is in ``state_dict``. Where thrust has been found to come late, the
@@ -52,6 +53,7 @@ class OnlineAdapter(ThrusterTransform):
         self.lookahead = Lookahead(task, motion)
         sensing = Sensing(task.observation_names, config, count)
         self.learner = OnlineLearner(motion, (low, high), edge, config, sensing, count)
+        self._declared: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()
 
     def get_extra_state(self) -> dict[str, Tensor]:
         """Everything that has been learnt, with the state of the dither's generator."""
@@ -75,7 +77,9 @@ class OnlineAdapter(ThrusterTransform):
         self._report(after, torch.from_numpy(alarm)[:, None])
         for row in self.learner.settled.nonzero()[0].tolist():
             judged = self.authority(row)
-            if judged.recovery is Recovery.NONE:
+            remains = (judged.independent, judged.coupled)
+            if judged.recovery is Recovery.NONE and remains not in self._declared:
+                self._declared.add(remains)  # once for a fleet that shares its fate
                 log.warning("%s", judged)
         observation = after.get(OBSERVATION)
         learner = self.learner
@@ -103,6 +107,7 @@ class OnlineAdapter(ThrusterTransform):
         device = tensordict.device
         tensordict.set(ALARM, alarm.to(device))
         tensordict.set(PHASE, torch.from_numpy(learner.phase.copy())[:, None].to(device))
+        tensordict.set(STATISTIC, torch.from_numpy(learner.statistic.astype(np.float32))[:, None].to(device))
         return tensordict.set(MAP, torch.from_numpy(effectiveness.astype(np.float32)).to(device))
 
     def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
@@ -111,6 +116,7 @@ class OnlineAdapter(ThrusterTransform):
         batch, device = spec[OBSERVATION].shape[:-1], spec[OBSERVATION].device
         spec[PHASE] = Unbounded(torch.Size((*batch, 1)), dtype=torch.int64, device=device)
         spec[ALARM] = Unbounded(torch.Size((*batch, 1)), dtype=torch.bool, device=device)
+        spec[STATISTIC] = Unbounded(torch.Size((*batch, 1)), dtype=torch.float32, device=device)
         shape = torch.Size((*batch, len(CONTROLLED), self.thrusters))
         spec[MAP] = Unbounded(shape, dtype=torch.float32, device=device)
         return spec

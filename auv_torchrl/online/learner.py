@@ -87,6 +87,7 @@ class OnlineLearner:
         self.belief = self.filter.start(count)
         self.phase = np.full(count, FOLLOWING)
         self.total = np.zeros(count)  # of the detector
+        self.statistic = np.zeros(count)  # the same as a share of its threshold, before an alarm empties it
         self.settled = np.zeros(count, dtype=bool)  # whose search ended in the last step
         self.noise_scale = np.ones(count)
         self.lost_s = np.zeros(count)
@@ -108,6 +109,7 @@ class OnlineLearner:
         self.guard.begin(rows)
         self.timing.begin(rows)
         self.total[rows] = self.lost_s[rows] = self.search_s[rows] = 0.0
+        self.statistic[rows] = 0.0
         self.carried[rows] = 0.0
 
     def _place(self, rows: Array, reading: Reading) -> None:
@@ -208,6 +210,7 @@ class OnlineLearner:
         self.raw = reading.raw
         self._explain(step, wrench, reading, usable)
         self.total = self.detector.advance(self.total, innovation.square, usable & (self.phase == FOLLOWING))
+        self.statistic = self.total / self.detector.threshold
         excess = np.clip(innovation.square / _D, 0.0, 4.0) - 1.0
         least = np.where(self.timing.late_s() > 0, _LATE_NOISE, 1.0)
         scaled = self.noise_scale * np.exp(_NOISE_RATE * excess)
@@ -259,7 +262,7 @@ class OnlineLearner:
         done = searching & (known | (self.search_s > self.config.longest_search_s))
         for row in done.nonzero()[0]:
             if self.timing.judge(row, round(float(self.search_s[row]) / self.motion.control_dt)):
-                log.info(
+                log.debug(
                     "vehicle %d: thrust follows its command %.2f s late with a lag of %.2f s",
                     row,
                     *self.timing.timing_of(row),

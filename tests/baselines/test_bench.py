@@ -7,12 +7,14 @@ import yaml
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.envs import RegulationTask
 from auv_torchrl.evaluation import Metrics
+from auv_torchrl.online import load_online_config
+from auv_torchrl.online.cost import cost_per_step
 from auv_torchrl.online.recovery import recoveries
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
 from bench.comparison import METHODS, Bench, draw, line
-from bench.fault_recovery import CONDITIONS, cost, fly_fault, row
+from bench.fault_recovery import CONDITIONS, fly_fault, row
 
 VEHICLE = load_vehicle("paper")
 
@@ -44,10 +46,9 @@ def test_every_method_flies_the_same_starts_and_fills_the_table(bench, tmp_path)
 
 def test_a_fault_in_flight_gives_a_row_of_the_table():
     """Two vehicles meet a swap at different times, are judged, and the row says so."""
-    rollout, fault_s, seconds = fly_fault(VEHICLE, PID(RegulationTask()), "swap", next(iter(CONDITIONS)), 2, 26.0)
+    flown, fault_s = fly_fault(VEHICLE, PID(RegulationTask()), "swap", next(iter(CONDITIONS)), 2, 26.0)
     assert fault_s[0] != fault_s[1]
-    assert seconds > 0
-    found = recoveries(rollout, fault_s, VEHICLE)
+    found = recoveries(flown, fault_s, VEHICLE)
     assert float(found.largest_m.max()) < 0.4
     assert row("swap", "still water", found).count("|") == 12
 
@@ -55,6 +56,6 @@ def test_a_fault_in_flight_gives_a_row_of_the_table():
 @pytest.mark.parametrize("sensed", ["velocity", "pose"])
 def test_the_adapter_takes_a_small_part_of_a_control_step(sensed):
     """At batch 1 the adapter's own CPU time stays far below the control step of 50 ms."""
-    following, searching = cost(VEHICLE, sensed, steps=60)
+    following, searching = cost_per_step(VEHICLE, load_online_config(overrides={"sensed": sensed}), steps=60)
     assert following < 10.0
     assert searching < 10.0
