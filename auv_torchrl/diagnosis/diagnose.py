@@ -9,6 +9,7 @@ from scipy.special import expit
 from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_hidden, log_likelihood
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.calibration import Calibration, calibrate, noise_findings, stated_floor
+from auv_torchrl.diagnosis.confirm import confirm
 from auv_torchrl.diagnosis.detectable import detectable_sizes
 from auv_torchrl.diagnosis.equivalence import indistinguishable
 from auv_torchrl.diagnosis.explanation import Explanation
@@ -71,6 +72,8 @@ def diagnose(
     probability = effect_probabilities(bench, found, unknown)
     effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
     same = indistinguishable(bench, found)
+    report("confirming in MuJoCo", 0.95)
+    confirmed = confirm(predictions, [before, after]) if effects else None
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
@@ -82,7 +85,7 @@ def diagnose(
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
         indistinguishable=same,
         next_experiment=choose_experiment(own, rivals(found), bench.sigma),
-        gap=measure_gap(predictions, numbers, closed),
+        gap=replace(measure_gap(predictions, numbers, closed), confirmed=confirmed),
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),

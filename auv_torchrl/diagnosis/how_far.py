@@ -1,6 +1,7 @@
 """How far the gap shrinks: held-out stretches predicted from the commands alone, before and after."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -88,29 +89,34 @@ def closed_share(p: Predictions, before: int = 0, after: int = 1) -> float | Non
 
 def measure_gap(p: Predictions, held_out: tuple[int, ...], closed: float | None) -> Gap:
     """Errors at the horizons, by kind and by degree of freedom."""
+    return Gap(_horizons(p.windows), **errors_by_kind(p), closed=closed, held_out_episodes=held_out)
+
+
+def errors_by_kind(p: Predictions) -> dict[str, Any]:
+    """``position_m``, ``yaw_rad`` and ``velocity`` (None where not measured), and ``dof``: errors at the horizons."""
     windows = p.windows
-    at = [h for h in HORIZONS_S if h <= windows.steps * windows.dt + windows.dt]
+    rows = [_at_horizon(windows, horizon) for horizon in _horizons(windows)]
     columns = {name: i for i, name in enumerate(windows.channels)}
 
     def errors(values: Floats, floor: Floats) -> Errors:
         """``values`` (W, V, m) and ``floor`` (W, m) to root mean squares at each horizon."""
-        rows = [_at_horizon(windows, h) for h in at]
         measured = [[_rms(values[:, v][rows_h]) for rows_h in rows] for v in (0, 1)]
         return Errors(tuple(measured[0]), tuple(measured[1]), tuple(_rms(floor[rows_h]) for rows_h in rows))
 
-    def together(names: tuple[str, ...]) -> Errors | None:
+    def together(*names: str) -> Errors | None:
         inside = [columns[name] for name in names if name in columns]
-        if not inside:
-            return None
-        return errors(_norm(p.error[..., inside]), _norm(p.spread[..., inside]))
+        return errors(_norm(p.error[..., inside]), _norm(p.spread[..., inside])) if inside else None
 
-    dof: dict[str, Errors] = {}
-    by_dof = _body_errors(p)
-    for name, (values, floor) in by_dof.items():
-        dof[name] = errors(values, floor)
-    return Gap(
-        tuple(at), together(("x", "y", "z")), together(("yaw",)), together(("u", "v", "w")), dof, closed, held_out
-    )
+    return {
+        "position_m": together("x", "y", "z"),
+        "yaw_rad": together("yaw"),
+        "velocity": together("u", "v", "w"),
+        "dof": {name: errors(*both) for name, both in _body_errors(p).items()},
+    }
+
+
+def _horizons(windows: Windows) -> tuple[float, ...]:
+    return tuple(h for h in HORIZONS_S if h <= windows.steps * windows.dt + windows.dt)
 
 
 def _body_errors(p: Predictions) -> dict[str, tuple[Floats, Floats]]:

@@ -102,6 +102,17 @@ class Errors:
 
 
 @dataclass(frozen=True)
+class Confirmation:
+    """The errors of :class:`Gap`, and the share closed, when MuJoCo flies the same stretches."""
+
+    position_m: Errors | None = None
+    yaw_rad: Errors | None = None
+    velocity: Errors | None = None
+    dof: dict[str, Errors] = field(default_factory=dict)
+    closed: float | None = None
+
+
+@dataclass(frozen=True)
 class Gap:
     """Prediction errors on held-out data, with the nominal simulator and with the effects in it."""
 
@@ -112,6 +123,7 @@ class Gap:
     dof: dict[str, Errors] = field(default_factory=dict)  # m and rad from poses, m/s and rad/s from velocities
     closed: float | None = None  # None where the error before is within the floor
     held_out_episodes: tuple[int, ...] = ()
+    confirmed: Confirmation | None = None  # in MuJoCo; None where no effect was found to put there
 
 
 @dataclass(frozen=True)
@@ -185,7 +197,7 @@ class Diagnosis:
         if content.get("version") != VERSION:
             raise ValueError(f"diagnosis of version {content.get('version')!r}: this program reads version {VERSION}")
         where, gap, experiment = content["where"], content["gap"], content["next_experiment"]
-        dof = {name: _errors(errors) for name, errors in gap["dof"].items()}
+        confirmed = gap["confirmed"]
         return Diagnosis(
             log=content["log"],
             vehicle=content["vehicle"],
@@ -198,12 +210,9 @@ class Diagnosis:
             next_experiment=experiment and NextExperiment(**experiment),
             gap=Gap(
                 horizon_s=tuple(gap["horizon_s"]),
-                position_m=_errors(gap["position_m"]),
-                yaw_rad=_errors(gap["yaw_rad"]),
-                velocity=_errors(gap["velocity"]),
-                dof={name: errors for name, errors in dof.items() if errors is not None},
-                closed=gap["closed"],
+                **_errors_by_kind(gap),
                 held_out_episodes=tuple(gap["held_out_episodes"]),
+                confirmed=confirmed and Confirmation(**_errors_by_kind(confirmed)),
             ),
             input_mappable=content["input_mappable"],
             detectable={name: _estimate(size) for name, size in content["detectable"].items()},
@@ -228,6 +237,11 @@ def _estimate(content: Mapping[str, Any]) -> Estimate:
     low = -math.inf if content["low"] is None else content["low"]
     high = math.inf if content["high"] is None else content["high"]
     return Estimate(**{**content, "low": low, "high": high})
+
+
+def _errors_by_kind(content: Mapping[str, Any]) -> dict[str, Any]:
+    kinds = {name: _errors(content[name]) for name in ("position_m", "yaw_rad", "velocity")}
+    return {**kinds, "dof": {n: _errors(errors) for n, errors in content["dof"].items()}, "closed": content["closed"]}
 
 
 def _errors(content: Mapping[str, Any] | None) -> Errors | None:

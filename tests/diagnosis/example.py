@@ -7,6 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.verdict import (
     Candidate,
+    Confirmation,
     Diagnosis,
     Errors,
     Estimate,
@@ -86,6 +87,11 @@ def example() -> Diagnosis:
             dof={"surge": Errors((0.01, 0.03, 0.1, 0.3), (0.003, 0.004, 0.006, 0.01), (0.002, 0.003, 0.004, 0.008))},
             closed=0.97,
             held_out_episodes=(2, 5),
+            confirmed=Confirmation(
+                position_m=Errors((0.02, 0.06, 0.16, 0.44), (0.004, 0.006, 0.01, 0.019), (0.003, 0.004, 0.006, 0.011)),
+                dof={"yaw": Errors((0.1, 0.2, 0.3, 0.4), (0.01, 0.01, 0.02, 0.02), (0.01, 0.01, 0.01, 0.01))},
+                closed=0.96,
+            ),
         ),
         input_mappable=0.95,
         detectable={"thruster_gain": Estimate(0.03, 0.02, 0.05, 1.0, "1")},
@@ -107,7 +113,7 @@ def no_gap() -> Diagnosis:
         effects=(),
         indistinguishable=(),
         next_experiment=None,
-        gap=replace(example().gap, closed=None),
+        gap=replace(example().gap, closed=None, confirmed=None),
         input_mappable=None,
         cannot_tell=(),
         findings=(),

@@ -105,6 +105,7 @@ def test_the_page_says_what_the_diagnosis_says(diagnosis, paper):
     page = report_page(diagnosis, paper).replace("\u202f", " ")
     effect = diagnosis.effects[0]
     words = [diagnosis.summary, diagnosis.verdict.value, effect.sentence, "0.541 to 0.563", "97 %", "95 %"]
+    words += ["Confirmed in MuJoCo", "0.44 → <b>0.019 m</b>", "96 %"]
     words += [regime.when for regime in diagnosis.where.regime] + list(diagnosis.cannot_tell)
     words += [diagnosis.next_experiment.why, diagnosis.findings[0].sentence, "rows 9 to 10", "thruster gain of 4"]
     for text in words:
@@ -229,7 +230,16 @@ def test_no_effect_is_the_empty_scenario(paper):
 def test_the_table_names_value_and_interval(diagnosis):
     """The console shows summary, value, interval and the share that is closed."""
     table = summary_table(diagnosis).replace("\u202f", " ")
-    for text in (diagnosis.summary, "gain_4", "0.552", "0.541 to 0.563", "97 %", "5 s"):
+    for text in (
+        diagnosis.summary,
+        "gain_4",
+        "0.552",
+        "0.541 to 0.563",
+        "97 %",
+        "5 s",
+        "0.44 → 0.019 (0.011)",
+        "there: 96 %",
+    ):
         assert text in table
     assert "not defined" in summary_table(no_gap())
 

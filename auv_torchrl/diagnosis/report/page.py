@@ -12,7 +12,7 @@ from auv_torchrl import __version__
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.svg import between, number
-from auv_torchrl.diagnosis.verdict import Diagnosis, Verdict, Window
+from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Gap, Verdict, Window
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
@@ -65,6 +65,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         axes=axes,
         figures=_figures(diagnosis.windows),
         gap_charts=_gap_charts(diagnosis),
+        confirmed=_kinds(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],
         facts=_facts(diagnosis),
         where=_where(diagnosis),
         ranking=shares(
@@ -114,11 +115,16 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return facts
 
 
+def _kinds(gap: Gap | Confirmation) -> list[tuple[str, str, Errors]]:
+    """What was measured, with its unit and errors."""
+    kinds = (("position error", "m", gap.position_m), ("heading error", "rad", gap.yaw_rad),
+             ("velocity error", "m/s", gap.velocity))  # fmt: skip
+    return [(name, unit, errors) for name, unit, errors in kinds if errors is not None]
+
+
 def _gap_charts(diagnosis: Diagnosis) -> list[Markup]:
     gap = diagnosis.gap
-    kinds = (("Position error", "m", gap.position_m), ("Heading error", "rad", gap.yaw_rad),
-             ("Velocity error", "m/s", gap.velocity))  # fmt: skip
-    return [horizons(title, unit, gap.horizon_s, errors) for title, unit, errors in kinds if errors is not None]
+    return [horizons(name.capitalize(), unit, gap.horizon_s, errors) for name, unit, errors in _kinds(gap)]
 
 
 def _where(diagnosis: Diagnosis) -> list[tuple[str, Markup]]:

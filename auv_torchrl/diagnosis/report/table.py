@@ -2,7 +2,7 @@
 
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.svg import between, number
-from auv_torchrl.diagnosis.verdict import Diagnosis
+from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Gap
 
 _CANDIDATES = 3
 
@@ -32,13 +32,22 @@ def summary_table(diagnosis: Diagnosis) -> str:
 
 
 def _errors(diagnosis: Diagnosis) -> list[str]:
-    gap = diagnosis.gap
+    gap, confirmed = diagnosis.gap, diagnosis.gap.confirmed
+    lines = [f"{'held-out error':<16}" + "".join(f"{f'{h:g} s':>26}" for h in gap.horizon_s), *_rows(gap)]
+    closed = "not defined, there is none" if gap.closed is None else percent(gap.closed)
+    lines.append(f"before → after (floor); share of the gap closed: {closed}")
+    if confirmed is not None:
+        lines += ["", "the same flown in MuJoCo", *_rows(confirmed), f"share closed there: {percent(confirmed.closed)}"]
+    return lines
+
+
+def _rows(gap: Gap | Confirmation) -> list[str]:
+    """Errors before, after and floor at each horizon, a line per kind."""
     kinds = {"position, m": gap.position_m, "heading, rad": gap.yaw_rad, "velocity, m/s": gap.velocity}
-    lines = [f"{'held-out error':<16}" + "".join(f"{f'{h:g} s':>26}" for h in gap.horizon_s)]
+    lines = []
     for name, errors in kinds.items():
         if errors is not None:
             triples = zip(errors.before, errors.after, errors.floor, strict=True)
             cells = (f"{number(b, 2)} → {number(a, 2)} ({number(f, 2)})" for b, a, f in triples)
             lines.append(f"{name:<16}" + "".join(f"{cell:>26}" for cell in cells))
-    closed = "not defined, there is none" if gap.closed is None else percent(gap.closed)
-    return [*lines, f"before → after (floor); share of the gap closed: {closed}"]
+    return lines

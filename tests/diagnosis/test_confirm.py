@@ -1,0 +1,62 @@
+"""Held-out stretches flown again in MuJoCo agree with the plain model, whatever the effect."""
+
+import numpy as np
+import pytest
+from flown_logs import AXES, fly, hold
+
+from auv_torchrl.diagnosis.confirm import confirm, fly_again
+from auv_torchrl.diagnosis.how_far import errors_by_kind, predict
+from auv_torchrl.diagnosis.hypotheses import apply_values, load_settings
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.vehicle import load_vehicle
+
+PAPER = load_vehicle("paper")
+HELD = hold(PAPER)
+SETTINGS = load_settings()
+NOISE = {"x": 0.002, "y": 0.002, "z": 0.002, "yaw": 0.004}
+FORCE = np.full(4, 0.5)  # N, N m
+CHANGES = {
+    "thruster_gain": {"gain_2": 0.4},
+    "thruster_lag": {"time_constant": 0.1},
+    "command_delay": {"delay": 0.17},
+    "pose_delay": {"delay": 0.12},
+    "heading_bias": {"angle": 0.2},
+    "battery_sag": {"rate": 0.4},
+    "current": {"north": 0.15, "east": -0.1},
+}
+
+
+@pytest.mark.parametrize("effect", CHANGES)
+def test_mujoco_confirms_the_effect_that_was_flown(effect):
+    """With the true effect in it, MuJoCo predicts what was flown to the floor, and as the plain model does."""
+    change = {effect: CHANGES[effect]}
+    log = fly(HELD, change, seed=5, episodes=2, seconds=12.0)
+    vehicles = [HELD, apply_values(HELD, change)]
+    predictions = predict(log, vehicles, SETTINGS, NOISE, FORCE)
+    confirmed = confirm(predictions, vehicles)
+    plain = errors_by_kind(predictions)["position_m"]
+    assert confirmed.position_m.after == pytest.approx(plain.after, abs=0.003)
+    assert confirmed.position_m.before == pytest.approx(plain.before, rel=0.02, abs=0.003)
+    assert np.all(np.array(confirmed.position_m.after) < 2 * np.array(confirmed.position_m.floor))
+    assert confirmed.closed > 0.9
+
+
+def test_late_poses_and_immediate_velocities_are_both_reported():
+    """Where the log has velocities too, those of a vehicle with late poses run ahead of them."""
+    change = {"pose_delay": {"delay": 0.2}}
+    log = fly(HELD, change, seed=6, episodes=1, seconds=12.0, axes=(*AXES, "u", "v", "w", "r"))
+    vehicles = [HELD, apply_values(HELD, change)]
+    noise = {**NOISE, "u": 0.01, "v": 0.01, "w": 0.01, "r": 0.01}
+    confirmed = confirm(predict(log, vehicles, SETTINGS, noise, FORCE), vehicles)
+    assert max(confirmed.velocity.after) < 0.03
+
+
+def test_a_vehicle_that_diverges_does_not_take_the_others_along():
+    """A vehicle with negative drag is lost, the one beside it is not."""
+    log = fly(HELD, {}, seed=7, episodes=1, seconds=8.0)
+    predictions = predict(log, [HELD, HELD], SETTINGS, NOISE, FORCE)
+    wild = changed(HELD, linear_drag=-300.0 * HELD.linear_drag)
+    states = fly_again(predictions.windows, [wild, HELD], predictions.states[:, :, 0])
+    assert not np.isfinite(states[:, 0, -1]).all()
+    np.testing.assert_allclose(states[:, 1], predictions.states[:, 1], atol=2e-3)
+    assert confirm(predictions, [HELD, HELD]).closed is None
