@@ -34,6 +34,7 @@ class Results:
     feasible: bool = True
     reason: str | None = None  # why not, with the rank
     policy: str | None = None  # hash of the source policy
+    in_flight: Mapping[str, Any] | None = None  # what InFlight.as_dict says
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -52,6 +53,7 @@ class Results:
             "feasible": self.feasible,
             "reason": self.reason,
             "policy": self.policy,
+            "in_flight": self.in_flight,
         }
 
     def save(self, folder: Path) -> None:
@@ -73,6 +75,8 @@ class Results:
         rows += ["", ", ".join(f"{label}: {readable(s)}" for label, s in took if s is not None)]
         if self.reason is not None:
             rows += ["", f"no u_t: {self.reason}"]
+        if self.in_flight is not None:
+            rows += ["", self.in_flight["summary"]]
         return "\n".join(rows)
 
 

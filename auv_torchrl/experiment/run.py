@@ -1,4 +1,4 @@
-"""The stages of one run: source policy, nominal flight, flight of the changed vehicle, adaptation, flight again."""
+"""The stages of one run: source policy, nominal and changed vehicle, adaptation, flight again, all in one flight."""
 
 import logging
 from collections.abc import Mapping
@@ -18,6 +18,7 @@ from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Flight, Metrics, fly
 from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.figures import save_figures
+from auv_torchrl.experiment.in_flight import InFlight, fly_in_flight
 from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.recording import ControlMap, record_run
@@ -28,16 +29,17 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Outcome:
-    """Numbers, flights (``nominal``, ``u_s``, ``u_t`` as far as they were flown) and the fitted map of a run."""
+    """Numbers, flights (``nominal``, ``u_s``, ``u_t`` as far as they were flown), map and one flight of a run."""
 
     results: Results
     flights: Mapping[str, Flight]
     adaptation: Adaptation | None
+    in_flight: InFlight | None
 
 
 def run(experiment: Experiment, folder: Path) -> Results:
     """Everything that ``train.py`` does after its config is checked; files go into ``folder``."""
-    stages = Stages(6)
+    stages = Stages(7)
     outcome = perform(experiment, stages)
     results, flights, scenario = outcome.results, outcome.flights, experiment.scenario.name
     with stages("Results, figures and recording"):
@@ -58,22 +60,34 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
         policy = source_policy(experiment)
     with stages(f"Fly {count} starts with u_s on the nominal vehicle"):
         flights["nominal"] = fly(experiment.fleet(count), policy.module, experiment.starts, experiment.exam.steps)
+    reason, adaptation, in_flight = None, None, None
     if scenario.name == NOMINAL:
-        stages.skip(3, "No scenario: the vehicle stays as it is")
-        return Outcome(summarize(experiment, policy, flights, forms, None, None), flights, None)
-    with stages(f"Fly them with u_s on the vehicle with {scenario.name}"):
-        target = experiment.fleet(count, scenario)
-        flights["u_s"] = fly(target, policy.module, experiment.starts, experiment.exam.steps)
-    reason = obstacle(experiment)
-    if reason is not None:
-        stages.skip(2, f"No adaptation: {reason}")
-        return Outcome(summarize(experiment, policy, flights, forms, None, reason), flights, None)
-    with stages("Collect target data and fit the map"):
-        adaptation = fit_map(experiment, policy)
-    with stages(f"Fly them with u_t on the vehicle with {scenario.name}"):
-        forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
-        flights["u_t"] = forms[experiment.adapter.composition]
-    return Outcome(summarize(experiment, policy, flights, forms, adaptation, None), flights, adaptation)
+        stages.skip(4, "No scenario: the vehicle stays as it is")
+    else:
+        with stages(f"Fly them with u_s on the vehicle with {scenario.name}"):
+            target = experiment.fleet(count, scenario)
+            flights["u_s"] = fly(target, policy.module, experiment.starts, experiment.exam.steps)
+        reason = obstacle(experiment)
+        if reason is not None:
+            stages.skip(2, f"No adaptation: {reason}")
+        else:
+            with stages("Collect target data and fit the map"):
+                adaptation = fit_map(experiment, policy)
+            with stages(f"Fly them with u_t on the vehicle with {scenario.name}"):
+                forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
+                flights["u_t"] = forms[experiment.adapter.composition]
+        in_flight = change_in_flight(experiment, policy, stages)
+    results = summarize(experiment, policy, flights, forms, adaptation, reason, in_flight)
+    return Outcome(results, flights, adaptation, in_flight)
+
+
+def change_in_flight(experiment: Experiment, policy: SourcePolicy, stages: Stages) -> InFlight | None:
+    """The flight in which the scenario sets in, if it is wanted."""
+    if not experiment.flight.fly:
+        stages.skip(1, "No flight in which the vehicle changes: flight.fly is false")
+        return None
+    with stages(f"Fly them once more: {experiment.scenario.name} sets in during the flight"):
+        return fly_in_flight(experiment, policy.module)
 
 
 def obstacle(experiment: Experiment) -> str | None:
@@ -128,6 +142,7 @@ def summarize(
     forms: Mapping[str, Flight],
     adaptation: Adaptation | None,
     reason: str | None,
+    in_flight: InFlight | None,
 ) -> Results:
     """The numbers of a run."""
     metrics = {name: Metrics.of(flight) for name, flight in flights.items()}
@@ -147,6 +162,7 @@ def summarize(
         feasible=reason is None,
         reason=reason,
         policy=policy.metadata["hash"],
+        in_flight=in_flight.as_dict() if in_flight else None,
     )
 
 

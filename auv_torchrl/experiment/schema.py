@@ -12,6 +12,8 @@ from omegaconf import MISSING
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import BACKENDS, RegulationTask
+from auv_torchrl.experiment.schedule import FlightConfig
+from auv_torchrl.online import OnlineConfig
 
 Backend = Enum("Backend", {name: name for name in BACKENDS})
 
@@ -43,6 +45,8 @@ class TrainSchema:
     randomization: dict[str, Any] = field(default_factory=dict)
     agent: Any = field(default_factory=schema_of(AgentConfig))
     adapter: Any = field(default_factory=schema_of(AdapterConfig))
+    online: Any = field(default_factory=schema_of(OnlineConfig))
+    flight: Any = field(default_factory=schema_of(FlightConfig))
     backend: Backend = MISSING  # type: ignore[valid-type]
     device: str = MISSING
     seed: int = MISSING

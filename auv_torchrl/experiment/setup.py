@@ -15,6 +15,8 @@ from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import FleetEnv, RegulationTask, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
+from auv_torchrl.experiment.schedule import FlightConfig, schedule
+from auv_torchrl.online import OnlineConfig
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
@@ -34,9 +36,12 @@ class Experiment:
     randomization: Mapping[str, Any]
     agent: AgentConfig
     adapter: AdapterConfig
+    online: OnlineConfig
+    flight: FlightConfig
     backend: str
     device: str
     seed: int
+    starts_seed: int
     box_m: float
     policies: Path
 
@@ -46,9 +51,18 @@ class Experiment:
         begun = max((change.start_s for change in self.scenario.changes), default=0.0)
         return self.scenario.vehicle_at(self.vehicle, begun)
 
-    def fleet(self, count: int, scenario: Scenario | None = None, thruster_commands: bool = False) -> FleetEnv:
-        """Vehicles with the changes of a scenario, None for none; actions are channels or thruster commands."""
-        exam = replace(self.exam, thruster_commands=thruster_commands)
+    def fleet(
+        self,
+        count: int,
+        scenario: Scenario | None = None,
+        thruster_commands: bool = False,
+        episode_s: float | None = None,
+    ) -> FleetEnv:
+        """Vehicles with the changes of a scenario, None for none; actions are channels or thruster commands.
+
+        Episodes are as long as in training unless ``episode_s`` says otherwise.
+        """
+        exam = replace(self.exam, thruster_commands=thruster_commands, episode_s=episode_s or self.exam.episode_s)
         options: dict[str, Any] = {"device": self.device} if self.backend == "torch" else {}
         return make_fleet(self.backend, self.vehicle, exam, count, scenario=scenario, seed=self.seed, **options)
 
@@ -69,19 +83,26 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     _check_device(config.device, config.backend.name)
     randomization = _plain(config.randomization)
     read_ranges(vehicle, randomization)
+    scenario = read_scenario(scenario_name, _plain(config.scenario), vehicle)
+    flight = FlightConfig(**_with_tuples(_plain(config.flight)))
+    if flight.fly and scenario.changes:
+        schedule(scenario, vehicle, flight, config.starts, config.starts_seed)
     return Experiment(
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
         vehicle=vehicle,
-        scenario=read_scenario(scenario_name, _plain(config.scenario), vehicle),
+        scenario=scenario,
         task=task,
         exam=exam,
         starts=draw_starts(exam, config.starts, config.starts_seed),
         randomization=randomization,
         agent=AgentConfig(**_with_tuples(_plain(config.agent))),
         adapter=AdapterConfig(**_plain(config.adapter)),
+        online=OnlineConfig(**_plain(config.online)),
+        flight=flight,
         backend=config.backend.name,
         device=config.device,
         seed=config.seed,
+        starts_seed=config.starts_seed,
         box_m=config.box_m,
         policies=Path(config.policies),
     )

@@ -11,6 +11,7 @@ TINY = (
     "starts=4", "backend=torch", "agent.hidden=[8,8]", "agent.batch_size=16", "agent.num_envs=4",
     "agent.steps_per_batch=5", "agent.stretch_steps=20", "agent.total_frames=160", "agent.random_frames=40",
     "agent.buffer_size=200", "agent.evaluation_starts=2", "agent.evaluation_box_m=1", "adapter.target_data_s=2",
+    "flight.length_s=13", "flight.fault_s=[2,3]",
 )  # fmt: skip
 
 

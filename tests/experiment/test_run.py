@@ -47,10 +47,10 @@ def test_an_infeasible_scenario_is_declared_with_its_rank_and_u_s_is_still_flown
 
 def test_two_reversed_thrusters_need_the_map_to_the_thrusters(experiment, tmp_path):
     """The channels have lost rank, the thrusters have not: the reason names the remedy, and the remedy works."""
-    results = run(experiment("two_reversed"), tmp_path)
+    results = run(experiment("two_reversed", "flight.fly=false"), tmp_path)
     assert not results.feasible and "adapter=thrusters" in str(results.reason)
     (tmp_path / "again").mkdir()
-    results = run(experiment("two_reversed", "adapter=thrusters"), tmp_path / "again")
+    results = run(experiment("two_reversed", "adapter=thrusters", "flight.fly=false"), tmp_path / "again")
     assert results.feasible and results.u_t is not None
 
 
@@ -135,7 +135,7 @@ def test_the_command_line_composes_scenarios_and_puts_everything_where_one_says(
     folder = tmp_path / "out"
     done = train("+scenario=[thruster_gain,swap]", *TINY, f"policies={policies}", f"output={folder}", "seed=0")
     assert done.returncode == 0, done.stderr
-    assert "── 6/6" in done.stdout and "| ours, u_t |" in done.stdout
+    assert "── 7/7" in done.stdout and "| ours, u_t |" in done.stdout
     assert {path.name for path in folder.iterdir()} == FILES | {"config.yaml", "run.json", "train.log"}
     config = OmegaConf.load(folder / "config.yaml")
     assert set(config.scenario.effects) == {"thruster_gain", "thruster_swap"} and config.starts == 4

@@ -1,0 +1,209 @@
+"""One flight in which the vehicle changes and the adaptation copes with it: flown, judged, and put into words."""
+
+import logging
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor
+from torchrl.envs import TransformedEnv
+
+from auv_torchrl.authority import Authority, controlled_allocation
+from auv_torchrl.evaluation import Flight, Policy, fly
+from auv_torchrl.experiment.schedule import Schedule, schedule
+from auv_torchrl.experiment.setup import Experiment
+from auv_torchrl.online import OnlineAdapter
+from auv_torchrl.online.cost import cost_per_step
+from auv_torchrl.online.flight import AdaptedFlight, fly_online, gains
+from auv_torchrl.online.recovery import BACK_M, SETTLED_S, Recovery, recoveries
+
+TIMED_STEPS = 120  # control steps in which the adapter's cost is measured
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class InFlight:
+    """N flights through the same changes, with the adaptation and with u_s alone, from the same starts."""
+
+    schedule: Schedule
+    adapted: AdaptedFlight
+    alone: Flight
+    recovered: tuple[Recovery, ...]  # by change
+    remaining: Authority  # what most vehicles can still do at the end, as estimated in flight
+    agreeing: float  # share of the flights that estimate so
+    cost_ms: tuple[float, float]  # CPU time per control step of one vehicle: following, searching
+
+    @property
+    def shown(self) -> int:
+        """The flight with the median largest error, of those that noticed the first change if any did."""
+        first = self.recovered[0]
+        noticed = first.alarm_s.isfinite()
+        rows = noticed.nonzero()[:, 0] if noticed.any() else torch.arange(len(noticed))
+        order = first.largest_m[rows].argsort(stable=True)
+        return int(rows[order[(len(rows) - 1) // 2]])
+
+    def gains_of(self, start: int, nominal: Tensor) -> tuple[Tensor, Tensor]:
+        """Estimated and true gains (T + 1, n) of the thrusters of one flight, 1 when healthy.
+
+        Args:
+            start: which flight.
+            nominal: (4, n) effectiveness of the healthy vehicle.
+        """
+        flown = self.adapted.of_start(start)
+        estimated = gains(flown.effectiveness.double(), nominal.double())
+        true = torch.ones_like(estimated)
+        for change in self.schedule.changes:
+            since = flown.flight.time.double() > change.at_s[start]
+            true[since] = gains(controlled_allocation(change.after).double(), nominal.double())
+        return estimated, true
+
+    def alone_steady_m(self, number: int) -> Tensor:
+        """Mean error (N,) of u_s alone from 10 s after a change until the next; NaN where there is no such time."""
+        time, error = self.alone.time.double(), self.alone.position_error.double()
+        late = time >= self.schedule.changes[number].at_s[:, None] + SETTLED_S
+        if number + 1 < len(self.schedule.changes):
+            late &= time <= self.schedule.changes[number + 1].at_s[:, None]
+        return torch.where(late, error, 0.0).sum(1) / late.sum(1)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        remaining = self.remaining
+        changes = []
+        for number, (change, recovery) in enumerate(zip(self.schedule.changes, self.recovered, strict=True)):
+            alone = self.alone_steady_m(number)
+            changes.append(
+                {
+                    "what": change.what,
+                    "at_s": {"first": float(change.at_s.min()), "last": float(change.at_s.max())},
+                    **recovery.as_dict(),
+                    "u_s_steady_m": float(alone.mean()) if alone.isfinite().all() else None,
+                }
+            )
+        following, searching = self.cost_ms
+        return {
+            "summary": self.summary(),
+            "flights": len(self.recovered[0].time_s),
+            "length_s": float(self.adapted.flight.time[0, -1]),
+            "changes": changes,
+            "false_alarms": int(self.recovered[0].alarms_before.sum()),
+            "remaining": {
+                "rank": remaining.thruster_rank,
+                "alone": list(remaining.independent),
+                "together": list(remaining.coupled),
+                "lost": list(remaining.lost),
+                "agreeing": self.agreeing,
+            },
+            "cost_ms": {"following": following, "searching": searching},
+            "shown": self.shown,
+        }
+
+    def summary(self) -> str:
+        """What happened in the shown flight and in all of them, a line per change."""
+        lines = []
+        for number in range(len(self.recovered)):
+            lines.append(f"In flight: {self._of_shown(number)}. {self._of_all(number)}")
+        if len(self.remaining.independent) < 4:
+            lines.append(f"In flight, {self.agreeing:.0%} of the flights find: {self.remaining}")
+        return "\n".join(lines)
+
+    def _of_shown(self, number: int) -> str:
+        change, recovery, row = self.schedule.changes[number], self.recovered[number], self.shown
+        text = f"{change.what} at {float(change.at_s[row]):.1f} s"
+        if not recovery.alarm_s[row].isfinite():
+            text += ", not noticed"
+        else:
+            text += f", noticed after {float(recovery.alarm_s[row]):.2f} s"
+            refit = float(recovery.refit_s[row])
+            text += f", map refitted {refit:.2f} s later" if refit < float("inf") else ", map not settled"
+        return f"{text}, {_back(float(recovery.time_s[row]), float(recovery.largest_m[row]))}"
+
+    def _of_all(self, number: int) -> str:
+        found = self.recovered[number].as_dict()
+        count, alone = len(self.recovered[number].time_s), self.alone_steady_m(number)
+        text = f"Of {count} flights {found['noticed']:.0%} noticed it"
+        if found["delay_s"]:
+            text += f" (90 % within {_seconds(found['delay_s']['p90'])} of feeling it)"
+        text += f", 90 % were within {BACK_M:g} m for good after {_seconds(found['recovery_s']['p90'])}"
+        if found["steady_m"]:
+            text += f"; mean error from {SETTLED_S:g} s on {_metres(found['steady_m']['mean'])}"
+            text += f", u_s alone {_metres(float(alone.mean()))}"
+        return f"{text}."
+
+
+def _back(seconds: float, largest_m: float) -> str:
+    if seconds == 0.0:
+        return f"error never above {BACK_M:g} m (largest {largest_m:.3f} m)"
+    if seconds == float("inf"):
+        return f"error not below {BACK_M:g} m for good (largest {largest_m:.3f} m)"
+    return f"error < {BACK_M:g} m again after {seconds:.1f} s (largest {largest_m:.3f} m)"
+
+
+def _seconds(value: float | None) -> str:
+    return "never" if value is None else f"{value:.2f} s"
+
+
+def _metres(value: float | None) -> str:
+    return "without bound" if value is None or not value < float("inf") else f"{value:.4f} m"
+
+
+def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
+    """The starts of an experiment once more, with the scenario setting in during the flight.
+
+    Args:
+        experiment: with a scenario.
+        policy: u_s.
+    """
+    config, starts = experiment.flight, experiment.starts
+    count = len(starts)
+    plan = schedule(experiment.scenario, experiment.vehicle, config, count, experiment.starts_seed)
+    task = replace(experiment.exam, episode_s=config.length_s, thruster_commands=True)
+    adapter = OnlineAdapter(experiment.vehicle, task, experiment.online, count)
+    fleet = experiment.fleet(count, plan.scenario, thruster_commands=True, episode_s=config.length_s)
+    fleet.delay_scenario(plan.delay_s)
+    adapted = fly_online(TransformedEnv(fleet, adapter), policy, starts, task.steps)
+    alone = _fly_alone(experiment, plan, policy, starts, task.steps)
+    nexts = [change.at_s for change in plan.changes[1:]] + [None]
+    recovered = tuple(
+        recoveries(adapted, change.at_s, change.before, until)
+        for change, until in zip(plan.changes, nexts, strict=True)
+    )
+    _warn_of_early_faults(adapted, plan)
+    remaining, agreeing = _consensus(adapter, recovered[-1])
+    cost = cost_per_step(experiment.vehicle, experiment.online, TIMED_STEPS)
+    return InFlight(plan, adapted, alone, recovered, remaining, agreeing, cost)
+
+
+def _fly_alone(experiment: Experiment, plan: Schedule, policy: Policy, starts: TensorDict, steps: int) -> Flight:
+    fleet = experiment.fleet(len(starts), plan.scenario, episode_s=experiment.flight.length_s)
+    fleet.delay_scenario(plan.delay_s)
+    return fly(fleet, policy, starts, steps)
+
+
+def _warn_of_early_faults(adapted: AdaptedFlight, plan: Schedule) -> None:
+    flight, at = adapted.flight, plan.changes[0].at_s
+    before = (flight.time.double() <= at[:, None]).sum(1, keepdim=True) - 1
+    away = (flight.position_error.gather(1, before)[:, 0] >= BACK_M) & (at > 0)
+    if away.any():
+        log.warning(
+            "   %d of %d vehicles had not reached the target when the fault came: the way there counts as recovery; "
+            "a later flight.fault_s and a longer flight.length_s avoid that", int(away.sum()), len(at),
+        )  # fmt: skip
+
+
+def _consensus(adapter: OnlineAdapter, last: Recovery) -> tuple[Authority, float]:
+    """What most of the vehicles that noticed the last change can still do, and the share that agrees."""
+    noticed = last.alarm_s.isfinite()
+    rows = noticed.nonzero()[:, 0].tolist() if noticed.any() else range(len(noticed))
+    judged = {row: adapter.authority(row) for row in rows}
+    verdicts: Mapping[tuple[str, ...], int] = Counter(_verdict(found) for found in judged.values())
+    chosen, votes = max(verdicts.items(), key=lambda item: item[1])
+    found = next(found for found in judged.values() if _verdict(found) == chosen)
+    return replace(found, name="vehicle"), votes / len(judged)
+
+
+def _verdict(found: Authority) -> tuple[Any, ...]:
+    return found.channel_rank, found.thruster_rank, found.independent, found.coupled
