@@ -13,6 +13,7 @@ Rng = np.random.Generator
 Draw = Callable[[Rng], dict[str, Any]]
 HORIZONTAL = (1, 2, 3, 4)  # thrusters of the vehicle `paper`
 NOT_A_GAP = ("sensor_noise",)  # changes what is measured, not where the simulator goes wrong
+COEFFICIENTS = ("hull",)  # drag and inertia by another name, fitted by calibration: the scales below stand for them
 
 
 def _sign(rng: Rng) -> float:

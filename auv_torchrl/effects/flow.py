@@ -1,11 +1,75 @@
 """Effects of the water on the moving body."""
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
 from auv_torchrl.effects.body import per_dof
 from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed, own
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
+
+
+def _own(field: str, degree: int) -> Callable[[Vehicle], float]:
+    """Nominal value of one degree of freedom's entry of a field."""
+
+    def nominal(vehicle: Vehicle) -> float:
+        values = getattr(vehicle, field)
+        values = torch.diagonal(values, dim1=-2, dim2=-1) if field == "linear_drag" else values
+        return float(values.reshape(-1, 6)[0, degree])
+
+    return nominal
+
+
+def _hull_parameters() -> tuple[Parameter, ...]:
+    found = []
+    for prefix, field, words, units, highs in (
+        ("linear", "linear_drag", "linear drag", ("kg/s", "kg m^2/s"), (1000.0, 50.0)),
+        ("quadratic", "quadratic_drag", "quadratic drag", ("kg/m", "kg m^2"), (1500.0, 50.0)),
+        ("added_mass", "added_mass", "added mass", ("kg", "kg m^2"), (300.0, 20.0)),
+    ):
+        for degree, name in enumerate(DEGREES_OF_FREEDOM):
+            unit, high = units[degree // 3], highs[degree // 3]
+            sentence = f"the {words} in {name} is {{value:.3g}} {unit}"
+            found.append(Parameter(f"{prefix}_{name}", unit, _own(field, degree), 0.0, high, sentence))
+    return tuple(found)
+
+
+def _hull(vehicle: Vehicle, righting_arm: Tensor, **coefficients: Tensor) -> Vehicle:
+    linear, quadratic, added = (
+        torch.stack([coefficients[f"{prefix}_{name}"] for name in DEGREES_OF_FREEDOM], dim=-1)
+        for prefix in ("linear", "quadratic", "added_mass")
+    )
+    off_diagonal = 1 - torch.eye(6, dtype=vehicle.linear_drag.dtype, device=vehicle.linear_drag.device)
+    centre = torch.cat((vehicle.centre_of_buoyancy[..., :2], -righting_arm[..., None]), dim=-1)
+    return changed(
+        vehicle,
+        linear_drag=vehicle.linear_drag * off_diagonal + torch.diag_embed(linear),
+        quadratic_drag=quadratic,
+        added_mass=added,
+        centre_of_buoyancy=centre,
+    )
+
+
+hull = Effect(
+    name="hull",
+    origin=Origin.FLOW,
+    meaning="the coefficients of the hull themselves, all six degrees of freedom: what calibration fits where the "
+    "published ones are a guess and may be zero, so that no scale reaches them",
+    source="Fossen 2021, section 6.4, diagonal damping and added mass; section 4.1, restoring",
+    parameters=(
+        *_hull_parameters(),
+        Parameter(
+            "righting_arm",
+            "m",
+            lambda vehicle: -float(vehicle.centre_of_buoyancy.reshape(-1, 3)[0, 2]),
+            -0.1,
+            1.0,
+            "the centre of buoyancy is {value:.3f} m above the origin",
+        ),
+    ),
+    change=_hull,
+)
 
 
 def _linear(vehicle: Vehicle, scale: Tensor) -> Vehicle:
@@ -107,4 +171,4 @@ current = Effect(
     change=_current,
 )
 
-EFFECTS = (linear_drag, quadratic_drag, drag_coupling, coriolis, current)
+EFFECTS = (hull, linear_drag, quadratic_drag, drag_coupling, coriolis, current)

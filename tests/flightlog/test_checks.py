@@ -24,6 +24,7 @@ CLEAR = {  # one clear value per effect, harsh enough to look like something els
     "thruster_lag": {"time_constant": 0.8},
     "command_delay": {"delay": 0.6},
     "battery_sag": {"rate": 0.7},
+    "hull": {"linear_sway": 100.0, "quadratic_sway": 300.0, "added_mass_heave": 40.0},
     "linear_drag": {"scale_surge": 5.0},
     "quadratic_drag": {"scale_sway": 5.0},
     "drag_coupling": {"drag_yaw_from_sway": 30.0},
