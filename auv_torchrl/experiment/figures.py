@@ -54,7 +54,7 @@ def _figure(width: float, height: float, title: str) -> Figure:
     return figure
 
 
-def _bare(axes: Axes) -> None:
+def bare(axes: Axes) -> None:
     """No frame, a faint grid, and 0.01 instead of 10^-2 on logarithmic axes."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
@@ -76,7 +76,7 @@ def trajectories(flights: Flights, scenario: str) -> Figure:
         axes.plot(starts[:, across], starts[:, up], "o", color="black", markersize=4)
         axes.plot(0, 0, "+", color="black", markersize=14, markeredgewidth=2)
         axes.set_aspect("equal", adjustable="datalim")
-        _bare(axes)
+        bare(axes)
     above.set(title="from above", xlabel="east in m", ylabel="north in m")
     side.set(title="from the side", xlabel="north in m", ylabel="down in m")
     side.invert_yaxis()
@@ -103,7 +103,7 @@ def errors(flights: Flights, scenario: str) -> Figure:
     axes.axvspan(STEADY_FROM_S, time[-1], color=NEUTRAL, alpha=0.08, linewidth=0)
     axes.text(STEADY_FROM_S + 0.1, 0.02, "averaged in the table", transform=axes.get_xaxis_transform(), fontsize=9)
     axes.set(yscale="log", xlabel="time in s", ylabel="distance to the target in m", xlim=(0, time[-1]))
-    _bare(axes)
+    bare(axes)
     note = "thick: median, band: 5 to 95 % of the starts, thin: worst"
     figure.legend(handles=_keys(flights), loc="outside lower center", ncols=3, frameon=False, title=note)
     return figure
@@ -122,7 +122,7 @@ def forces(flights: Flights, vehicles: Mapping[str, Vehicle], scenario: str) -> 
             axes = grid[row, column]
             axes.plot(time, asked[:, row], color=CONTROLLER[name], linewidth=1.2)
             axes.plot(time, (given - asked)[:, row], color="black", linewidth=1.0, linestyle="--")
-            _bare(axes)
+            bare(axes)
             if column == 0:
                 axes.set_ylabel(f"{channel} in {_FORCE_UNIT[channel]}")
         grid[0, column].set_title(LABEL[name], fontsize=11)
@@ -173,7 +173,7 @@ def distribution(flights: Flights, scenario: str) -> Figure:
         xscale="log", yticks=range(len(names)), yticklabels=[LABEL[name] for name in names],
         xlabel="mean distance to the target in m", ylim=(-0.6, len(names) - 0.2),
     )  # fmt: skip
-    _bare(axes)
+    bare(axes)
     keys = [
         Line2D([], [], marker="o", linestyle="", color=NEUTRAL, markersize=4, label="a start"),
         Line2D([], [], marker="|", linestyle="", color=NEUTRAL, markersize=12, markeredgewidth=2.5, label="mean"),

@@ -126,7 +126,8 @@ class InFlight:
         count, alone = len(self.recovered[number].time_s), self.alone_steady_m(number)
         text = f"Of {count} flights {found['noticed']:.0%} noticed it"
         if found["delay_s"]:
-            text += f" (90 % within {_seconds(found['delay_s']['p90'])} of feeling it)"
+            felt = " of its first effect on a thrust" if found["felt"] else ""
+            text += f" (90 % within {_seconds(found['delay_s']['p90'])}{felt})"
         text += f", 90 % were within {BACK_M:g} m for good after {_seconds(found['recovery_s']['p90'])}"
         if found["steady_m"]:
             text += f"; mean error from {SETTLED_S:g} s on {_metres(found['steady_m']['mean'])}"

@@ -10,14 +10,15 @@ from torchrl.envs import TransformedEnv
 from auv_torchrl.agents.checkpoint import CheckpointError
 from auv_torchrl.agents.policy import PolicyError, SourcePolicy
 from auv_torchrl.agents.train_source import locked, train_source
-from auv_torchrl.authority import Recovery, authority
+from auv_torchrl.authority import Recovery, authority, controlled_allocation
 from auv_torchrl.command import checking_input
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
 from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Flight, Metrics, fly
 from auv_torchrl.experiment.console import Stages
-from auv_torchrl.experiment.figures import save_figures
+from auv_torchrl.experiment.figures import DPI, save_figures
+from auv_torchrl.experiment.flight_figure import flight_figure
 from auv_torchrl.experiment.in_flight import InFlight, fly_in_flight
 from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
@@ -46,6 +47,9 @@ def run(experiment: Experiment, folder: Path) -> Results:
         results.save(folder)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
         save_figures(folder, flights, vehicles, scenario)
+        if outcome.in_flight is not None:
+            healthy = controlled_allocation(experiment.vehicle)
+            flight_figure(outcome.in_flight, healthy, scenario).savefig(folder / "flight.png", dpi=DPI)
         control_map = linear_map(outcome.adaptation.adapter) if outcome.adaptation is not None else None
         record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map)
     return results

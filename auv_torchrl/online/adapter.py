@@ -21,7 +21,7 @@ from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
 log = logging.getLogger(__name__)
 
-_RANK_TOLERANCE = 0.1  # of the largest singular value; an estimate in flight is no better
+_RANK_TOLERANCE = 0.03  # least share of the largest singular value that counts; of an uncertain map its standard error
 TIME, PHASE, ALARM, STATISTIC, MAP = "time", "phase", "alarm", "statistic", "effectiveness"
 
 
@@ -53,7 +53,7 @@ class OnlineAdapter(ThrusterTransform):
         self.lookahead = Lookahead(task, motion)
         sensing = Sensing(task.observation_names, config, count)
         self.learner = OnlineLearner(motion, (low, high), edge, config, sensing, count)
-        self._declared: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()
+        self._declared_at = logging.WARNING if count == 1 else logging.DEBUG  # of a fleet one asks `authority`
 
     def get_extra_state(self) -> dict[str, Tensor]:
         """Everything that has been learnt, with the state of the dither's generator."""
@@ -77,10 +77,8 @@ class OnlineAdapter(ThrusterTransform):
         self._report(after, torch.from_numpy(alarm)[:, None])
         for row in self.learner.settled.nonzero()[0].tolist():
             judged = self.authority(row)
-            remains = (judged.independent, judged.coupled)
-            if judged.recovery is Recovery.NONE and remains not in self._declared:
-                self._declared.add(remains)  # once for a fleet that shares its fate
-                log.warning("%s", judged)
+            if judged.recovery is Recovery.NONE:
+                log.log(self._declared_at, "%s", judged)
         observation = after.get(OBSERVATION)
         learner = self.learner
         ahead = self.lookahead(array(observation), learner.raw, learner.timing, *learner.filter.map_of(learner.belief))
@@ -91,7 +89,8 @@ class OnlineAdapter(ThrusterTransform):
         effectiveness, _ = self.learner.filter.map_of(self.learner.belief)
         unit = self.learner.motion.full_wrench[:, None]
         estimate = torch.from_numpy(effectiveness[row] / unit)
-        return authority_of(estimate, self.actuation.mixer.double(), f"vehicle {row}", _RANK_TOLERANCE)
+        tolerance = max(_RANK_TOLERANCE, float(self.learner.uncertainty()[row].max()))
+        return authority_of(estimate, self.actuation.mixer.double(), f"vehicle {row}", tolerance)
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
         tensordict_reset = super()._reset(tensordict, tensordict_reset)

@@ -20,7 +20,7 @@ from auv_torchrl.experiment.setup import scenario_name
 from auv_torchrl.paths import PROJECT
 from tests.experiment.conftest import TINY
 
-FILES = {"results.json", "trajectories.png", "errors.png", "forces.png", "distribution.png", "run.rrd"}
+FILES = {"results.json", "trajectories.png", "errors.png", "forces.png", "distribution.png", "flight.png", "run.rrd"}
 METRICS = {"mean_m", "std_m", "p95_m", "worst_m", "settling_s"}
 
 

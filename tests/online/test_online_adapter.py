@@ -128,6 +128,7 @@ def test_each_vehicle_meets_the_fault_at_its_own_time():
 
 def test_what_remains_of_an_infeasible_vehicle_is_declared_and_held(caplog):
     """With two dead thrusters the lost degree of freedom is named by rank, and the vehicle still holds its place."""
+    caplog.set_level("DEBUG")  # of a fleet it is no warning
     flight, adapter = adapted_flight(scenario("two_dead"), count=3, seconds=12.0)
     assert "3 of 4 degrees of freedom can be controlled" in caplog.text
     assert adapter.authority(0).thruster_rank == 3

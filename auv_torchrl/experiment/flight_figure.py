@@ -1,0 +1,141 @@
+"""flight.png: one flight from the fault to the recovery, and how the adaptation got there."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from torch import Tensor
+
+from auv_torchrl.experiment.figures import FLOOR_M, bare
+from auv_torchrl.experiment.in_flight import InFlight
+from auv_torchrl.experiment.moments import Happening, Moment, moments
+from auv_torchrl.online import PHASES, Phase
+from auv_torchrl.online.recovery import BACK_M
+from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T
+
+BEFORE_S, AFTER_S = 0.7, 1.3  # s of the close-up before the change and after the last of its moments
+LEAST_S = 3.0  # s of the close-up after the change
+CHANGED = 0.05  # a gain that differs from 1 by this much is worth a colour
+_LABELS = {
+    Happening.FELT: "felt",
+    Happening.NOTICED: "noticed",
+    Happening.SETTLED: "map settled",
+    Happening.RECOVERED: "recovered",
+}
+
+
+def flight_figure(flown: InFlight, nominal: Tensor, scenario: str) -> Figure:
+    """The shown flight, whole on the left, from close up around the first change on the right.
+
+    Args:
+        flown: the flights; :attr:`InFlight.shown` is drawn.
+        nominal: (4, n) effectiveness of the healthy vehicle.
+        scenario: its name.
+    """
+    start = flown.shown
+    happened = moments(flown, start)
+    figure = Figure(figsize=(11, 8), layout="constrained")
+    figure.suptitle(f"One flight in which {scenario} sets in: start {start + 1} of {len(flown.alone)}", fontsize=12)
+    grid = figure.subplots(3, 2, sharex="col", sharey="row", width_ratios=[1, 1.25])
+    close = _close_up(flown, happened)
+    for column in range(2):
+        error, gain, statistic = grid[:, column]
+        _draw_error(error, flown, start)
+        _draw_gains(gain, *flown.gains_of(start, nominal), _time(flown, start))
+        _draw_statistic(statistic, flown, start)
+        for axes in grid[:, column]:
+            _mark(axes, flown, start, happened)
+            bare(axes)
+        statistic.set_xlabel("time in s")
+    grid[0, 0].set(title="whole flight", ylabel="distance to the target in m", xlim=(0, _time(flown, start)[-1]))
+    grid[0, 1].set_xlim(*close)
+    grid[0, 1].set_title("from close up", pad=44)
+    _name(grid[0, 1], happened, close)
+    grid[1, 0].set_ylabel("gain of a thruster")
+    grid[2, 0].set_ylabel("detector's sum / threshold")
+    figure.legend(handles=_keys(flown, start, nominal), loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def _time(flown: InFlight, start: int) -> np.ndarray:
+    return flown.adapted.flight.time[start].double().numpy()
+
+
+def _close_up(flown: InFlight, happened: list[Moment]) -> tuple[float, float]:
+    """From shortly before the first change to shortly after it was dealt with."""
+    changes = [moment.time_s for moment in happened if moment.happening is Happening.CHANGE]
+    end = changes[1] if len(changes) > 1 else float(flown.adapted.flight.time[0, -1])
+    dealt = [moment.time_s for moment in happened if changes[0] <= moment.time_s < end]
+    return changes[0] - BEFORE_S, min(end, max(changes[0] + LEAST_S, dealt[-1] + AFTER_S))
+
+
+def _draw_error(axes: Axes, flown: InFlight, start: int) -> None:
+    for flight, colour, dash, width in ((flown.alone, U_S, "--", 1.4), (flown.adapted.flight, U_T, "-", 2.0)):
+        error = flight.of_start(start).position_error.double().clamp(FLOOR_M, 1e3).numpy()
+        axes.plot(_time(flown, start), error, dash, color=colour, linewidth=width)
+    axes.axhline(BACK_M, color=NEUTRAL, linewidth=1.0, linestyle=":")
+    axes.set_yscale("log")
+
+
+def _draw_gains(axes: Axes, estimated: Tensor, true: Tensor, time: np.ndarray) -> None:
+    changed = _changed(true)
+    for thruster in sorted(range(true.shape[-1]), key=lambda i: i in changed):  # what matters most comes last
+        coloured = thruster in changed
+        colour = SERIES[thruster % len(SERIES)] if coloured else NEUTRAL
+        axes.plot(time, estimated[:, thruster].numpy(), color=colour, linewidth=1.8 if coloured else 0.9)
+        dashes = "black" if coloured else NEUTRAL
+        axes.plot(time, true[:, thruster].numpy(), "--", color=dashes, linewidth=0.9, drawstyle="steps-pre")
+    low, high = float(true.min()), float(true.max())
+    axes.set_ylim(min(low, 0.0) - 0.5, max(high, 1.0) + 0.5)
+
+
+def _changed(true: Tensor) -> list[int]:
+    return ((true - 1.0).abs() > CHANGED).any(0).nonzero()[:, 0].tolist()
+
+
+def _draw_statistic(axes: Axes, flown: InFlight, start: int) -> None:
+    axes.plot(_time(flown, start), flown.adapted.statistic[start].numpy(), color="black", linewidth=1.4)
+    axes.axhline(1.0, color=NEUTRAL, linewidth=1.0, linestyle="--")
+
+
+def _mark(axes: Axes, flown: InFlight, start: int, happened: list[Moment]) -> None:
+    """A vertical line at every moment, and a band wherever the adaptation searches."""
+    for moment in happened:
+        axes.axvline(moment.time_s, color=MOMENT[moment.happening.name], linewidth=1.6, alpha=0.9, zorder=0.5)
+    searching = (flown.adapted.phase[start] == PHASES.index(Phase.SEARCHING)).numpy()
+    edges = np.flatnonzero(np.diff(searching.astype(int), prepend=0, append=0))
+    time = _time(flown, start)
+    for begin, end in edges.reshape(-1, 2):
+        band = float(time[begin]), float(time[min(end, len(time) - 1)])
+        axes.axvspan(*band, color=MOMENT["NOTICED"], alpha=0.12, linewidth=0, zorder=0)
+
+
+def _name(axes: Axes, happened: list[Moment], close: tuple[float, float]) -> None:
+    """Names of the moments above the close-up, in three rows so that neighbours stay apart, with seconds since."""
+    begun = next(moment for moment in happened if moment.happening is Happening.CHANGE)
+    within = [moment for moment in happened if close[0] <= moment.time_s <= close[1]]
+    for number, moment in enumerate(within):
+        since = moment.time_s - begun.time_s
+        text = moment.text if moment is begun else f"{_LABELS.get(moment.happening, moment.text)} +{since:.2f} s"
+        axes.annotate(
+            text, (moment.time_s, 1.0), xytext=(0, 3 + 12 * (number % 3)), xycoords=axes.get_xaxis_transform(),
+            textcoords="offset points", ha="left", va="bottom", fontsize=9, color=MOMENT[moment.happening.name],
+        )  # fmt: skip
+
+
+def _keys(flown: InFlight, start: int, nominal: Tensor) -> list[Any]:
+    _, true = flown.gains_of(start, nominal)
+    changed = _changed(true)
+    keys: list[Any] = [
+        Line2D([], [], color=U_T, linewidth=2, label="u_s with the adaptation"),
+        Line2D([], [], color=U_S, linestyle="--", label="u_s alone"),
+        Line2D([], [], color=NEUTRAL, linestyle=":", label=f"{BACK_M:g} m"),
+        Patch(color=MOMENT["NOTICED"], alpha=0.2, label="searching, with dither"),
+        *(Line2D([], [], color=SERIES[i % len(SERIES)], linewidth=1.8, label=f"thruster {i + 1}") for i in changed),
+        Line2D([], [], color=NEUTRAL, linewidth=0.9, label="other thrusters" if changed else "all thrusters"),
+        Line2D([], [], color="black", linestyle="--", linewidth=0.9, label="true gain"),
+    ]
+    return keys
