@@ -83,7 +83,7 @@ def forces(bench: Bench, base: Base) -> dict[int | Origin, Floats]:
     turning = np.zeros_like(velocity)
     turning[..., 0], turning[..., 1] = -velocity[..., 1] * velocity[..., 5], velocity[..., 0] * velocity[..., 5]
     dof = bench.layout.dof
-    found[Origin.BODY] = np.concatenate([_by_dof(rate, dof), _by_dof(turning, np.intersect1d(dof, (0, 1)))], axis=1)
+    found[Origin.BODY] = np.concatenate([_by_dof(rate, dof), _by_dof(turning, np.array([0, 1]))], axis=1)
     to_body = rotation_matrix(motion[..., 3:7]).swapaxes(-1, -2)  # its columns are earth's axes seen from the body
     linear = np.diagonal(c.linear_drag[0])
     drift = np.zeros((len(windows), 3, windows.steps, 6))  # drag on a slow current along each axis of the earth

@@ -80,7 +80,7 @@ def diagnose(
         vehicle=vehicle_name,
         verdict=verdict,
         summary=summarise(verdict, effects),
-        where=locate(bench, found.follow, effects),
+        where=locate(bench, found, effects, verdict),
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
         indistinguishable=same,

@@ -25,9 +25,7 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     ]
     lines.append("# Copy it to conf/scenario/NAME.yaml and train with +scenario=NAME.")
     if diagnosis.where.onset_s is not None:
-        lines.append(
-            f"# The vehicle changed {diagnosis.where.onset_s:.1f} s into the log; here it is so from the start."
-        )
+        lines.append(f"# The vehicle changed {diagnosis.where.onset_s:.1f} s into the log; start_s is in its episode.")
     if not diagnosis.effects:
         return "\n".join([*lines, "effects: {}", ""])
     lines.append("effects:")
@@ -37,6 +35,8 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
             e = found.parameters[name]
             unit = "" if e.unit == "1" else f"{e.unit}, "
             lines.append(f"    {name}: {value!r}  # {unit}95 % in [{e.low:.4g}, {e.high:.4g}], nominal {e.nominal:.4g}")
+        if diagnosis.where.onset_in_episode_s is not None:
+            lines.append(f"    start_s: {round(diagnosis.where.onset_in_episode_s, 3)!r}")
     return "\n".join([*lines, ""])
 
 

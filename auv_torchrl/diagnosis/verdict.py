@@ -48,6 +48,8 @@ class Where:
     thruster: dict[str, float] = field(default_factory=dict)  # by number, "1" is the first
     regime: tuple[Regime, ...] = ()
     onset_s: float | None = None  # s into the log, where the vehicle changes during it
+    onset_episode: int | None = None  # number of the episode in which it does
+    onset_in_episode_s: float | None = None  # s since the start of that episode
 
 
 @dataclass(frozen=True)

@@ -1,29 +1,49 @@
 """Where the gap lies: shares by degree of freedom, origin and thruster, and when it is large."""
 
+from typing import Any
+
 import numpy as np
 
+from auv_torchrl.diagnosis.attribute import attribute
 from auv_torchrl.diagnosis.bench import Base, Bench
-from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Where
+from auv_torchrl.diagnosis.search import Found
+from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Verdict, Where
 from auv_torchrl.diagnosis.windows import Floats
 from auv_torchrl.effects import EFFECTS, Origin
+from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
 STANDS_OUT = 1.3  # gap in a regime, in gaps of the whole log
 THIRD = 1 / 3
+FEWEST = 5  # windows of a regime
+MOST_REGIMES = 5
 CHANGES = 3.0  # gap behind an onset, in gaps before it
 LEAST = 6  # windows on either side of an onset
 
 
-def locate(bench: Bench, follow: Base, effects: tuple[FoundEffect, ...]) -> Where:
-    """Shares of the gap before anything is explained."""
-    size = gap_by_window(bench, follow)
+def locate(bench: Bench, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict) -> Where:
+    """Shares of the gap before anything is explained; what no effect explains is shared out by what it goes with."""
+    size = gap_by_window(bench, found.follow)
+    origin, thruster = by_origin(effects), by_thruster(bench, effects)
+    if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED):
+        base = found.best.base if effects else found.follow
+        known = min(sum(effect.gap_closed or 0.0 for effect in effects), 1.0)
+        rest, rest_thruster = attribute(bench, base)
+        origin, thruster = mixed(origin, rest, known), mixed(thruster, rest_thruster, known)
     return Where(
-        dof=by_dof(bench, follow),
-        origin=by_origin(effects),
-        thruster=by_thruster(bench, effects),
-        regime=regimes(bench, follow, size),
-        onset_s=onset(bench, size),
+        dof=by_dof(bench, found.follow),
+        origin=origin,
+        thruster=thruster,
+        regime=regimes(bench, found.follow, size),
+        **onset(bench, size),
     )
+
+
+def mixed(known: dict[str, float], rest: dict[str, float], share: float) -> dict[str, float]:
+    """Shares of what is known, which is ``share`` of the gap, and of the rest."""
+    if not known or not rest:
+        return known or rest
+    return {name: share * known[name] + (1 - share) * rest[name] for name in known}
 
 
 def mean_force(bench: Bench, follow: Base) -> Floats:
@@ -68,46 +88,68 @@ def by_thruster(bench: Bench, effects: tuple[FoundEffect, ...]) -> dict[str, flo
 
 def regimes(bench: Bench, follow: Base, size: Floats) -> tuple[Regime, ...]:
     """Circumstances in which the gap is larger than elsewhere, the worst first."""
-    windows, motion = bench.windows, follow.motion
     whole = float(np.sqrt((size**2).mean()))
-    grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
-    command = np.abs(windows.commands[windows.episode[:, None], grid]).mean((1, 2))
-    speed = np.linalg.norm(motion[..., 7:10], axis=-1).mean(1)
-    measures = {
-        "command {} {:.2f}": command,
-        "speed {} {:.2f} m/s": speed,
-        "yaw rate {} {:.2f} rad/s": np.abs(motion[..., 12]).mean(1),
-        "{} {:.0f} s into the episode": windows.time,
-    }
-    if "z" in windows.channels:
-        measures["depth {} {:.2f} m"] = motion[..., 2].mean(1)
     found = []
-    for text, values in measures.items():
-        low, high = np.quantile(values, [THIRD, 1 - THIRD])
-        sides = (("below", low, values <= low), ("above", high, values >= high))
-        if text.startswith("{}"):
-            sides = (("earlier than", low, values <= low), ("later than", high, values >= high))
-        for word, edge, inside in sides:
+    for when, inside in circumstances(bench, follow).items():
+        if inside.sum() >= FEWEST:
             ratio = float(np.sqrt((size[inside] ** 2).mean())) / whole
             if ratio > STANDS_OUT:
-                found.append(Regime(text.format(word, edge), ratio))
-    return tuple(sorted(found, key=lambda regime: -regime.gap))
+                found.append(Regime(when, ratio))
+    return tuple(sorted(found, key=lambda regime: -regime.gap)[:MOST_REGIMES])
 
 
-def onset(bench: Bench, size: Floats) -> float | None:
-    """Seconds into the log at which the gap sets in, where it is small before and large behind one moment."""
+def circumstances(bench: Bench, follow: Base) -> dict[str, np.ndarray]:
+    """Windows (W,) in which something is small or large, by command size, speed, heading, place and time."""
+    windows, motion = bench.windows, follow.motion
+    grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
+    command = np.abs(windows.commands[windows.episode[:, None], grid])
+    place = motion[..., :3].mean(1)
+    measures = {
+        "command {} {:.2f}": (command.mean((1, 2)), "below", "above"),
+        "speed {} {:.2f} m/s": (np.linalg.norm(motion[..., 7:10], axis=-1).mean(1), "below", "above"),
+        "yaw rate {} {:.2f} rad/s": (np.abs(motion[..., 12]).mean(1), "below", "above"),
+        "{} {:.0f} s into the episode": (windows.time, "earlier than", "later than"),
+    }
+    for i in range(command.shape[2]):
+        measures[f"command of thruster {i + 1} {{}} {{:.2f}}"] = (command[..., i].mean(1), "below", "above")
+    for axis, small, large in (("x", "south of", "north of"), ("y", "west of", "east of"), ("z", "above", "below")):
+        if axis in windows.channels:
+            measures[f"{{}} {axis} = {{:.2f}} m"] = (place[:, "xyz".index(axis)], small, large)
+    found = {}
+    for text, (values, small, large) in measures.items():
+        low, high = np.quantile(values, [THIRD, 1 - THIRD])
+        if high > low:
+            found[text.format(small, low)] = values <= low
+            found[text.format(large, high)] = values >= high
+    if "yaw" in windows.channels:
+        ahead = rotation_matrix(motion[..., 3:7])[..., :2, 0].mean(1)
+        yaw = np.arctan2(ahead[:, 1], ahead[:, 0])
+        for quarter, name in enumerate(("north", "east", "south", "west")):
+            away = (yaw - quarter * np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
+            found[f"heading {name}"] = np.abs(away) < np.pi / 4
+    return found
+
+
+def onset(bench: Bench, size: Floats) -> dict[str, Any]:
+    """When the gap sets in, where it is small before and large behind one moment; empty where it does not."""
     windows = bench.windows
     order = np.lexsort((windows.start, windows.episode))
     energy = size[order] ** 2
     if len(energy) < 2 * LEAST:
-        return None
+        return {}
     splits = np.arange(LEAST, len(energy) - LEAST)
     before = np.array([energy[:k].mean() for k in splits])
     after = np.array([energy[k:].mean() for k in splits])
     k = int(np.argmin(splits * np.log(before) + (len(energy) - splits) * np.log(after)))
     quiet, loud = np.quantile(energy[: splits[k]], 0.9), np.quantile(energy[splits[k] :], 0.1)
     if after[k] < CHANGES**2 * before[k] or loud < quiet:
-        return None
+        return {}
     first = order[splits[k]]
-    behind = sum(windows.time[windows.episode == e].max() for e in range(windows.episode[first]))
-    return float(behind + windows.time[first])
+    end = windows.time + windows.steps * windows.dt
+    behind = sum(end[windows.episode == e].max(initial=0.0) for e in range(windows.episode[first]))
+    within = float(windows.time[first])
+    return {
+        "onset_s": float(behind) + within,
+        "onset_episode": int(windows.number[first]),
+        "onset_in_episode_s": within,
+    }

@@ -197,6 +197,16 @@ def test_the_scenario_brings_back_what_was_found(diagnosis, paper):
     assert float(scenario.vehicle_at(paper).gain[3]) == pytest.approx(0.552)
 
 
+def test_the_scenario_sets_in_when_the_vehicle_changed(diagnosis, paper):
+    """An onset that was found becomes start_s: nominal before it, changed behind it."""
+    where = replace(diagnosis.where, onset_s=72.0, onset_episode=2, onset_in_episode_s=12.0)
+    text = scenario_yaml(replace(diagnosis, where=where), paper)
+    scenario = read_scenario("found", yaml.safe_load(text), paper)
+    assert scenario.switching_times() == [12.0]
+    assert float(scenario.vehicle_at(paper, 11.9).gain[3]) == 1.0
+    assert float(scenario.vehicle_at(paper, 12.0).gain[3]) == pytest.approx(0.552)
+
+
 def test_ranges_around_it_can_be_randomized(diagnosis, paper):
     """randomization.yaml is a randomization over the intervals."""
     ranges = read_ranges(paper, yaml.safe_load(randomization_yaml(diagnosis, paper)))
