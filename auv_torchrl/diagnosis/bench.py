@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.evidence import Prior, volume
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.force import force_changes, marks, measured_motion
 from auv_torchrl.diagnosis.hypotheses import Settings, Values, batch, make_atoms, slack_parameters
-from auv_torchrl.diagnosis.reduce import Quadratic, local_precision, reduce
+from auv_torchrl.diagnosis.reduce import Freedom, Quadratic, chi_square, reduce, settle
 from auv_torchrl.diagnosis.rollout import DIVERGING
 from auv_torchrl.diagnosis.rough import rough_force
 from auv_torchrl.diagnosis.smooth import (
@@ -23,9 +23,7 @@ from auv_torchrl.diagnosis.smooth import (
     follow,
     local_slopes,
     misfit,
-    residual_at,
     sensor_noise,
-    settle,
 )
 from auv_torchrl.diagnosis.windows import Floats, Windows
 from auv_torchrl.effects import EFFECTS
@@ -103,6 +101,9 @@ class Bench:
         self.frozen = {} if known is None else {n: size for n, size in known.noise.items() if n not in self.noisier}
         self.sigma = self._noise(self.rough_noise)
         self.slack_size = 0.0
+        self._freedoms: list[
+            tuple[Floats, dict[str, float], Floats, Freedom]
+        ] = []  # the latest, with what they are for
         self.followed = np.ones(len(windows), bool)  # windows in which the motion is known
 
     def _noise(self, measured: dict[str, float]) -> dict[str, float]:
@@ -156,13 +157,38 @@ class Bench:
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""
         vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
-        residual = residual_at(self.windows, vehicle, self.layout, start.state.start, start.state.bins)
-        return self._settled(explanation, vehicle, replace(start.state, residual=residual))
+        return self._settled(explanation, vehicle, start.state)
+
+    def nudged_chi2(self, explanations: list[Explanation], start: Base) -> Floats:
+        """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
+        vehicles = batch(self.vehicle, [explanation.values(self.vehicle) for explanation in explanations])
+        freedom = self.freedom(start.state.slope)
+        starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)
+        bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
+        settled = settle(self.windows, vehicles, self.layout, freedom, starts, bins)
+        slack = np.stack([self.slack_now(explanation) for explanation in explanations])
+        return chi_square(self.windows, self.layout, freedom, *settled) + ((slack @ self.slack_precision) * slack).sum(
+            -1
+        )
+
+    def freedom(self, slope: Floats, prior: Floats | None = None) -> Freedom:
+        """What the free numbers of windows with these slopes absorb; kept, because many explanations share slopes."""
+        prior = self.floor if prior is None else prior
+        for known, with_noise, with_prior, freedom in self._freedoms:
+            if known is slope and with_noise is self.sigma and with_prior is prior:
+                return freedom
+        freedom = Freedom.of(self.windows, self.layout, slope, self.sigma, prior)
+        self._freedoms = [*self._freedoms[-3:], (slope, self.sigma, prior, freedom)]
+        return freedom
 
     def _settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
-        precision = local_precision(self.layout, self.windows.dt, self.floor)
-        state = settle(self.windows, vehicle, self.layout, self.sigma, precision, state)
-        return Base(explanation, vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+        settled = self._settle(vehicle, state, self.freedom(state.slope))
+        return Base(explanation, vehicle, settled, measured_motion(self.windows, vehicle, self.layout, settled))
+
+    def _settle(self, vehicle: Vehicle, state: Smoothed, freedom: Freedom) -> Smoothed:
+        fresh = settle(self.windows, vehicle, self.layout, freedom, state.start[:, None], state.bins[:, None])
+        start, bins, residual = (field[:, 0] for field in fresh)
+        return replace(state, start=start, bins=bins, residual=residual)
 
     def quadratic(self, base: Base, changes: list[Explanation]) -> Quadratic:
         """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation)."""
@@ -176,7 +202,7 @@ class Bench:
         rows += [change.values(self.vehicle) for change in changes]
         forces = force_changes(self.windows, base.vehicle, batch(self.vehicle, rows), base.motion)
         columns = marks(self.windows, base.vehicle, self.layout, base.state, forces) / steps
-        return reduce(self.windows, self.layout, base.state, columns, self.sigma, self.floor)
+        return reduce(self.windows, self.layout, self.freedom(base.state.slope), base.state, columns)
 
     def without_slack(self, q: Quadratic, explanation: Explanation) -> tuple[float, Floats, Floats, Floats, Floats]:
         """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
@@ -243,23 +269,16 @@ class Bench:
             for reach in THRESHOLD_REACH:
                 width = reach * self.prior.width(knob.effect, knob.members[0])
                 values = np.clip(best.explanation.knobs[place].value + width * np.linspace(-1, 1, 9), p.low, p.high)
-                trials = [self.nudge(best.explanation.moved({place: float(value)}), best.base) for value in values]
-                nearest = min(trials, key=self._chi2)
-                if self._chi2(nearest) < best.chi2 - 0.1:
-                    best = self._judge(nearest)[0]
+                trials = [best.explanation.moved({place: float(value)}) for value in values]
+                chi2 = self.nudged_chi2(trials, best.base)
+                if chi2.min() < best.chi2 - 0.1:
+                    best = self._judge(self.nudge(trials[int(chi2.argmin())], best.base))[0]
         return best
-
-    def _chi2(self, base: Base) -> float:
-        none = np.zeros((*base.state.residual.shape, 0))
-        q = reduce(self.windows, self.layout, base.state, none, self.sigma, self.floor)
-        at = self.slack_now(base.explanation)
-        return q.constant + float(at @ self.slack_precision @ at)
 
     def measure_noise(self, judged: Judged) -> bool:
         """Measure the sensor noise again under a better vehicle; tells whether it is another."""
-        precision = local_precision(self.layout, self.windows.dt, self.wide)
         state = judged.base.state
-        free = settle(self.windows, judged.base.vehicle, self.layout, self.sigma, precision, state)
+        free = self._settle(judged.base.vehicle, state, self.freedom(state.slope, self.wide))
         measured = sensor_noise(self.windows, free, self.sigma, self.wide)
         sigma = self._noise({name: min(measured[name], self.rough_noise[name]) for name in measured})
         changed = any(abs(sigma[name] / self.sigma[name] - 1) > NOISE_MATTERS for name in sigma)

@@ -9,8 +9,9 @@ from typing import cast
 
 import numpy as np
 
-from auv_torchrl.diagnosis.rollout import DIVERGING, Actuation, actuate, path, simulate
-from auv_torchrl.diagnosis.smooth import Layout, Smoothed
+from auv_torchrl.diagnosis.rollout import DIVERGING, Actuation, actuate, grid_thrust, path
+from auv_torchrl.diagnosis.smooth import Layout, Smoothed, pose_late
+from auv_torchrl.diagnosis.tangent import Tangent, respond
 from auv_torchrl.diagnosis.windows import Floats, Windows
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import (
@@ -20,12 +21,10 @@ from auv_torchrl.physics.kinematics import (
     quaternion_product,
     rotation_matrix,
 )
-from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_target
+from auv_torchrl.physics.thrusters import body_wrench, thrust_after
 from auv_torchrl.vehicle import Vehicle
 
 CANDIDATES_AT_ONCE = 16
-SMALL_FORCE = 1e-3  # N, root mean square of what is tried: first order, yet far above float64 rounding
-ARM = 0.1  # m, that makes moments comparable to forces
 
 
 @DIVERGING
@@ -61,12 +60,8 @@ def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: 
 def accelerations(windows: Windows, actuation: Actuation, motion: Floats) -> Floats:
     """(W, R, S, 6) of the vehicles of ``actuation`` along ``motion`` (W, S, 13)."""
     c, terms = actuation.c, actuation.terms
-    grid = windows.start[:, None] + np.arange(windows.steps)
-    grid = np.minimum(grid, actuation.reaching.shape[2] - 1)
-    commands = actuation.reaching[:, windows.episode[:, None], grid]  # (U, W, S, n)
-    commands = commands[actuation.which].swapaxes(0, 1)  # (W, R, S, n)
     by_step = type(c)(*(field[:, None] for field in c))  # (R, 1, ...) so that steps are a batch axis
-    target = thrust_target(by_step, terms, commands)
+    target = np.stack([grid_thrust(windows, actuation, windows.start + step) for step in range(windows.steps)], axis=2)
     thrust = target
     if terms.lag:
         left = actuation.thrust
@@ -89,14 +84,10 @@ def accelerations(windows: Windows, actuation: Actuation, motion: Floats) -> Flo
     return matvec(to_true.mT, rate)
 
 
-@DIVERGING
 def marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
     """How forces (W, R, S, 6) along the measured motion would show in the samples, to first order: (W, K, R)."""
-    size = np.sqrt((forces[..., :3] ** 2).mean((0, 2, 3)) + (forces[..., 3:] ** 2).mean((0, 2, 3)) / ARM**2)
-    share = np.where(size > 0, SMALL_FORCE / np.where(size > 0, size, 1.0), 1.0)[:, None, None]
-    base = layout.force(state.bins[:, None], windows.steps)
-    rows = np.concatenate([base, base + share * forces], axis=1)
-    residual = windows.residual(simulate(windows, vehicle, state.start[:, None], rows))
-    change = residual[:, :1] - residual[:, 1:]
-    change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
-    return (change / share).reshape(len(windows), forces.shape[1], -1).swapaxes(1, 2)
+    moves = layout.start[: len(layout.start) // 2]
+    pushed = forces[..., moves].transpose(0, 2, 3, 1)
+    nothing = np.zeros((1, len(layout.start), forces.shape[1]))
+    tangent = Tangent(state.transition, state.push)
+    return respond(windows, layout.start, tangent, nothing, pushed, pose_late(windows, vehicle))

@@ -19,7 +19,7 @@ def input_mappable(bench: Bench, follow: Base) -> float | None:
     for column, (j, d) in enumerate(np.ndindex(inputs.shape[-1], len(layout.dof))):
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
     columns = marks(windows, follow.vehicle, layout, follow.state, forces)
-    q = reduce(windows, layout, follow.state, columns, bench.sigma, bench.floor).windows(bench.followed)
+    q = reduce(windows, layout, bench.freedom(follow.state.slope), follow.state, columns).windows(bench.followed)
     if q.constant < NO_GAP * q.numbers:
         return None
     best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.diagnosis.rollout import DIVERGING
-from auv_torchrl.diagnosis.smooth import LOOSE_START, Layout, Smoothed, noise_per_sample
+from auv_torchrl.diagnosis.smooth import LOOSE_START, Layout, Smoothed, noise_per_sample, residual_at
 from auv_torchrl.diagnosis.windows import Floats, Windows
+from auv_torchrl.vehicle import Vehicle
 
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
+SETTLE_STEPS = 2
 OU_TIME = 1.0  # s, correlation time of the disturbance force
 
 
@@ -51,41 +53,87 @@ def local_precision(layout: Layout, dt: float, floor: Floats) -> Floats:
     return precision
 
 
+@dataclass(frozen=True)
+class Freedom:
+    """What the free start and the disturbance of every window can absorb; many explanations share one."""
+
+    weight: Floats  # (K,) one over the noise of each number of a window
+    slope: Floats  # (W, K, L) of the prediction in the free numbers, in units of the noise
+    precision: Floats  # (L, L) prior of the free numbers
+    inverse: Floats  # (W, L, L) posterior covariance of the free numbers
+
+    @staticmethod
+    @DIVERGING
+    def of(windows: Windows, layout: Layout, slope: Floats, sigma: dict[str, float], prior: Floats) -> "Freedom":
+        """Work it out for slopes (W, K, L), sensor noise by channel and a disturbance of ``prior`` (D,)."""
+        weight = 1.0 / noise_per_sample(windows, sigma)
+        scaled = slope * weight[:, None]
+        precision = local_precision(layout, windows.dt, prior)
+        return Freedom(weight, scaled, precision, np.linalg.inv(scaled.swapaxes(1, 2) @ scaled + precision))
+
+    def away(self, windows: Windows, layout: Layout, start: Floats, bins: Floats) -> Floats:
+        """Free numbers (W, R, L) of starts (W, R, 12) and bins (W, R, B, D), less what the prior expects."""
+        moved = (start - windows.guess[:, None])[..., layout.start]
+        return np.concatenate([moved, bins.reshape(*bins.shape[:2], -1)], axis=-1)
+
+
 @DIVERGING
-def reduce(
-    windows: Windows,
-    layout: Layout,
-    state: Smoothed,
-    columns: Floats,
-    sigma: dict[str, float],
-    floor: Floats,
-) -> Quadratic:
+def settle(
+    windows: Windows, vehicle: Vehicle, layout: Layout, freedom: Freedom, start: Floats, bins: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Gauss-Newton steps of the free numbers with slopes that are known: starts, bins and residuals (W, R, K).
+
+    ``vehicle`` is a batch (R,), ``start`` (W, R, 12), ``bins`` (W, R, B, D). One rollout per step: slopes hardly change
+    where a small change of the vehicle moves the windows a little.
+    """
+    residual = residual_at(windows, vehicle, layout, start, bins)
+    for _ in range(SETTLE_STEPS):
+        pull = (residual * freedom.weight) @ freedom.slope
+        pull -= freedom.away(windows, layout, start, bins) @ freedom.precision
+        move = pull @ freedom.inverse  # symmetric
+        start = start.copy()
+        start[..., layout.start] += move[..., : len(layout.start)]
+        bins = bins + move[..., len(layout.start) :].reshape(bins.shape)
+        residual = residual_at(windows, vehicle, layout, start, bins)
+    return start, bins, residual
+
+
+@DIVERGING
+def chi_square(
+    windows: Windows, layout: Layout, freedom: Freedom, start: Floats, bins: Floats, residual: Floats
+) -> Floats:
+    """Chi-square (R,) of what :func:`settle` returned, the free numbers paid for."""
+    away = freedom.away(windows, layout, start, bins)
+    scaled = residual * freedom.weight
+    pull = scaled @ freedom.slope - away @ freedom.precision
+    parts = (
+        (scaled**2).sum(-1) + ((away @ freedom.precision) * away).sum(-1) - ((pull @ freedom.inverse) * pull).sum(-1)
+    )
+    return np.where(np.isfinite(parts), parts, DIVERGED).sum(0)
+
+
+@DIVERGING
+def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, columns: Floats) -> Quadratic:
     """Eliminate the start and the disturbance of every window.
 
     Args:
         windows: the data.
         layout: of the free numbers of ``state``.
+        freedom: what they can absorb.
         state: where the slopes were taken; its force is part of the gap, not of the disturbance.
         columns: (W, K, N) marks of the changes.
-        sigma: sensor noise by channel.
-        floor: (D,) standard deviation of the disturbance force.
     """
-    weight = 1.0 / noise_per_sample(windows, sigma)
-    slope = state.slope * weight[:, None]
-    starts = len(layout.start)
-    precision = local_precision(layout, windows.dt, floor)
-    away = np.concatenate([(state.start - windows.guess)[:, layout.start], state.bins.reshape(len(windows), -1)], 1)
-    right = np.concatenate([(state.residual * weight)[..., None], columns * weight[:, None]], axis=2)  # (W, K, 1 + N)
-    gram = slope.swapaxes(1, 2) @ slope + precision
-    cross = slope.swapaxes(1, 2) @ right
-    cross[..., 0] -= away @ precision
-    inner = right.swapaxes(1, 2) @ right - cross.swapaxes(1, 2) @ np.linalg.solve(gram, cross)
-    inner[:, 0, 0] += np.einsum("wl,lm,wm->w", away, precision, away)
+    away = freedom.away(windows, layout, state.start[:, None], state.bins[:, None])[:, 0]
+    right = np.concatenate([state.residual[..., None], columns], axis=2) * freedom.weight[:, None]  # (W, K, 1 + N)
+    cross = freedom.slope.swapaxes(1, 2) @ right
+    cross[..., 0] -= away @ freedom.precision
+    inner = right.swapaxes(1, 2) @ right - cross.swapaxes(1, 2) @ (freedom.inverse @ cross)
+    inner[:, 0, 0] += ((away @ freedom.precision) * away).sum(-1)
     diverged = ~np.isfinite(inner).all((1, 2))
     inner[diverged] = 0.0
     inner[diverged, 0, 0] = DIVERGED
     whole = inner.sum(0)
-    numbers = int(windows.present.sum()) * len(windows.channels) - len(windows) * starts
+    numbers = int(windows.present.sum()) * len(windows.channels) - len(windows) * len(layout.start)
     return Quadratic(
         float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], inner[:, 0, 0], inner[:, 0, 1:], inner[:, 1:, 1:], numbers
     )

@@ -6,7 +6,8 @@ freedom, so that the equations of motion stay those of :mod:`auv_torchrl.physics
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,8 +15,7 @@ from auv_torchrl.diagnosis.windows import CHANNELS, Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step, prepare
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
 from auv_torchrl.physics.sensors import measured_pose
-from auv_torchrl.physics.step import memory_length
-from auv_torchrl.physics.thrusters import delayed, thrust_after, thrust_target
+from auv_torchrl.physics.thrusters import thrust_after, thrust_targets
 from auv_torchrl.vehicle import Vehicle
 
 VIRTUAL_FULL = 1e5  # N and N m at a virtual command of 1, far above any force on these vehicles
@@ -30,42 +30,55 @@ DIVERGING = np.errstate(over="ignore", invalid="ignore", divide="ignore")  # suc
 class Actuation:
     """What ``R`` vehicles do with the logged commands, before any motion."""
 
-    c: Coefficients  # (R, ...)
+    c: Coefficients  # (R, ...); their delay is what is left of it behind whole grid steps
     terms: ActiveTerms
-    reaching: Floats  # (U, E, T, n) commands behind the delay, for each different delay
+    late: bool  # whether any delay is left
+    reaching: Floats  # (U, E, T, n) commands behind whole grid steps of delay, for each different number of them
     which: np.ndarray  # (R,) row of reaching
     thrust: Floats  # (W, R, n) N, at the start of each window
+    substeps: int  # Runge-Kutta steps per grid step
+
+    @cached_property
+    def pushed(self) -> Coefficients:
+        """The coefficients with virtual thrusters."""
+        return with_virtual_thrusters(self.c)
+
+    def memory(self, episode: np.ndarray, grid: np.ndarray) -> Floats:
+        """Commands (w, R, L, n) for grid steps (w,) of episodes (w,), the newest first, as the physics takes them."""
+        grid = np.clip(grid, 0, self.reaching.shape[2] - 1)
+        ages = (0, 1) if self.late else (0,)
+        held = np.stack([self.reaching[:, episode, np.maximum(grid - age, 0)] for age in ages], axis=-2)
+        return held[self.which].swapaxes(0, 1)
 
 
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
     """Delay the commands and let the lag run up to the start of each window; ``vehicle`` is a batch (R,)."""
     c = prepare(vehicle).numpy()
     terms = ActiveTerms.of(c)
-    total = c.delay + c.pose_delay  # a late pose sees the motion that older commands made
-    different, which = np.unique(np.maximum(total, 0.0), return_inverse=True)
-    length = memory_length(float(different[-1]), windows.dt) + 1
-    held = np.concatenate([np.repeat(windows.commands[:, :1], length - 1, axis=1), windows.commands], axis=1)
-    memory = np.lib.stride_tricks.sliding_window_view(held, length, axis=1).swapaxes(-1, -2)[..., ::-1, :]
-    reaching = np.stack(
-        [windows.commands if d == 0 else delayed(memory, np.full(memory.shape[:2], d), windows.dt) for d in different]
-    )
-    thrust = np.zeros((len(windows), len(total), c.full_thrust.shape[-1]))
+    total = np.maximum(c.delay + c.pose_delay, 0.0)  # a late pose sees the motion that older commands made
+    whole = np.floor(total / windows.dt + 1e-6)
+    c = c._replace(delay=np.maximum(total - whole * windows.dt, 0.0))
+    different, which = np.unique(whole.astype(int), return_inverse=True)
+    steps = np.arange(windows.commands.shape[1])
+    reaching = np.stack([windows.commands[:, np.maximum(steps - shift, 0)] for shift in different])
+    late = bool((c.delay > 1e-6 * windows.dt).any())
+    silent = np.zeros((len(windows), len(total), c.full_thrust.shape[-1]))
+    number = max(_substeps(windows, c), 2 if late else 1)  # some commands arrive within a grid step
+    actuation = Actuation(c, terms, late, reaching, which, silent, number)
     if terms.lag:
+        thrust = actuation.thrust
         back = int(np.ceil(LAG_MEMORY * c.lag.max() / windows.dt))
         for ago in range(back, 0, -1):
-            at = windows.start - ago
-            command = reaching[:, windows.episode, np.maximum(at, 0)][which].swapaxes(0, 1)
-            target = thrust_target(c, terms, command)
+            target = grid_thrust(windows, actuation, windows.start - ago)
             thrust = target if ago == back else thrust_after(c, terms, thrust, target, windows.dt)
-    return Actuation(c, terms, reaching, which, thrust)
+        actuation = replace(actuation, thrust=thrust)
+    return actuation
 
 
-def substeps(windows: Windows, c: Coefficients) -> int:
-    """Runge-Kutta steps per grid step that keep order 4 accurate at the speeds that were flown."""
-    speed = np.quantile(np.abs(windows.guess[:, 6:]), 0.99, axis=0)
-    linear = np.diagonal(c.linear_drag, axis1=-2, axis2=-1)
-    rate = (linear + 2 * c.quadratic_drag * speed) * np.diagonal(c.mass_inverse, axis1=-2, axis2=-1)
-    return max(1, int(np.ceil(windows.dt * rate.max() / 1.6)))
+def grid_thrust(windows: Windows, actuation: Actuation, grid: np.ndarray) -> Floats:
+    """Mean thrust target (W, R, n) in N of every window during a grid step (W,) of its episode."""
+    memory = actuation.memory(windows.episode, grid)
+    return thrust_targets(actuation.c, actuation.terms, memory, windows.dt, 1)[0]
 
 
 @DIVERGING
@@ -81,14 +94,21 @@ def simulate(windows: Windows, vehicle: Vehicle, start: Floats, force: Floats | 
     Any of the three may have one row for all the others'.
     """
     actuation = actuate(windows, vehicle)
-    late = actuation.c.pose_delay.max() if any(channel in CHANNELS[6:] for channel in windows.channels) else 0.0
-    steps = windows.steps + int(np.ceil(late / windows.dt - 1e-9))
+    steps = windows.steps + late_steps(windows, actuation.c)
     rows = max(len(actuation.which), start.shape[1], 1 if force is None else force.shape[1])
     pieces = [
         sample(windows, chunk, actuation.c, path(windows, chunk, actuation, start, force, steps, rows))
         for chunk in _chunks(len(windows), rows)
     ]
     return np.concatenate(pieces)
+
+
+def _substeps(windows: Windows, c: Coefficients) -> int:
+    """Runge-Kutta steps per grid step that keep order 4 accurate at the speeds that were flown."""
+    speed = np.quantile(np.abs(windows.guess[:, 6:]), 0.99, axis=0)
+    linear = np.diagonal(c.linear_drag, axis1=-2, axis2=-1)
+    rate = (linear + 2 * c.quadratic_drag * speed) * np.diagonal(c.mass_inverse, axis1=-2, axis2=-1)
+    return max(1, int(np.ceil(windows.dt * rate.max() / 1.6)))
 
 
 def _chunks(windows: int, rows: int) -> Iterator[slice]:
@@ -102,33 +122,50 @@ def path(
     windows: Windows, chunk: slice, actuation: Actuation, start: Floats, force: Floats | None, steps: int, rows: int
 ) -> Floats:
     """True states (w, R, steps + 1, 13) on the grid: position, quaternion, body velocity."""
-    c, terms = actuation.c, actuation.terms
-    first = np.broadcast_to(start[chunk], (chunk.stop - chunk.start, rows, 12))
-    yaw = first[..., 5] - c.heading_bias
-    quaternion = quaternion_from_euler(first[..., 3], first[..., 4], yaw)
-    thrust = np.broadcast_to(actuation.thrust[chunk], (*first.shape[:2], actuation.thrust.shape[-1]))
-    if force is not None:
-        c = with_virtual_thrusters(c)
-        thrust = np.concatenate([thrust, np.zeros((*thrust.shape[:-1], 6))], axis=-1)
-    time = windows.time[chunk, None] - c.pose_delay
-    state = State(
-        first[..., :3], quaternion, first[..., 6:], thrust, np.zeros((*first.shape[:2], 1, thrust.shape[-1])), time
-    )
-    grid = windows.start[chunk, None] + np.arange(steps)
-    grid = np.minimum(grid, actuation.reaching.shape[2] - 1)
-    commands = actuation.reaching[:, windows.episode[chunk, None], grid]  # (U, w, steps, n)
-    number = substeps(windows, c)
-    states = np.empty((*first.shape[:2], steps + 1, 13))
+    state = begin(windows, chunk, actuation, start, rows, force is not None)
+    states = np.empty((*state.position.shape[:2], steps + 1, 13))
     states[:, :, 0] = np.concatenate([state.position, state.quaternion, state.velocity], axis=-1)
-    for step in range(steps):
-        command = commands[:, :, step][actuation.which].swapaxes(0, 1)
-        command = np.broadcast_to(command, (*first.shape[:2], command.shape[-1]))
-        if force is not None:
-            pushed = force[chunk, :, min(step, force.shape[2] - 1)] / VIRTUAL_FULL
-            command = np.concatenate([command, np.broadcast_to(pushed, (*first.shape[:2], 6))], axis=-1)
-        state = control_step(c, terms, state, command, windows.dt, number)
-        states[:, :, step + 1] = np.concatenate([state.position, state.quaternion, state.velocity], axis=-1)
+    for k in range(steps):
+        pushed = None if force is None else force[chunk, :, min(k, force.shape[2] - 1)]
+        state = step(windows, chunk, actuation, state, k, pushed)
+        states[:, :, k + 1] = np.concatenate([state.position, state.quaternion, state.velocity], axis=-1)
     return states
+
+
+def late_steps(windows: Windows, c: Coefficients) -> int:
+    """Grid steps behind the end of a window in which its last velocities are measured, where poses are late."""
+    late = c.pose_delay.max() if any(channel in CHANNELS[6:] for channel in windows.channels) else 0.0
+    return int(np.ceil(late / windows.dt - 1e-9))
+
+
+def begin(windows: Windows, chunk: slice, actuation: Actuation, start: Floats, rows: int, forced: bool) -> State:
+    """State (w, R, ...) at the start of some windows, with virtual thrusters where a force will act."""
+    c = actuation.c
+    first = np.broadcast_to(start[chunk], (chunk.stop - chunk.start, rows, 12))
+    quaternion = quaternion_from_euler(first[..., 3], first[..., 4], first[..., 5] - c.heading_bias)
+    thrust = np.broadcast_to(actuation.thrust[chunk], (*first.shape[:2], actuation.thrust.shape[-1]))
+    if forced:
+        thrust = np.concatenate([thrust, np.zeros((*thrust.shape[:-1], 6))], axis=-1)
+    commands = np.zeros((*first.shape[:2], 1, thrust.shape[-1]))
+    time = windows.time[chunk, None] - c.pose_delay
+    return State(first[..., :3], quaternion, first[..., 6:], thrust, commands, time)
+
+
+def step(
+    windows: Windows, chunk: slice, actuation: Actuation, state: State, k: int, force: Floats | None = None
+) -> State:
+    """The state one grid step later than step ``k`` of some windows, pushed by a force (w, R, 6) if one is given."""
+    shape = state.position.shape[:2]
+    memory = actuation.memory(windows.episode[chunk], windows.start[chunk] + k)
+    memory = np.broadcast_to(memory, (*shape, *memory.shape[-2:]))
+    c = actuation.c
+    if force is not None:
+        c = actuation.pushed
+        pushed = np.broadcast_to(force[:, :, None] / VIRTUAL_FULL, (*shape, memory.shape[-2], 6))
+        memory = np.concatenate([memory, pushed], axis=-1)
+    if actuation.late:
+        state = state._replace(commands=memory[..., [1, 1], :])  # the physics puts the newest before them
+    return control_step(c, actuation.terms, state, memory[..., 0, :], windows.dt, actuation.substeps)
 
 
 def with_virtual_thrusters(c: Coefficients) -> Coefficients:

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.diagnosis.rollout import DIVERGING, simulate
+from auv_torchrl.diagnosis.tangent import linearise, respond
 from auv_torchrl.diagnosis.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.vehicle import Vehicle
 
-STEP_START = np.array([1e-3] * 3 + [1e-3] * 3 + [1e-3] * 3 + [1e-3] * 3)  # m, rad, m/s, rad/s: central in float64
-STEP_FORCE = np.array([0.1] * 3 + [0.01] * 3)  # N, N m
-SETTLE_STEPS = 2
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 
@@ -63,6 +61,8 @@ class Smoothed:
     bins: Floats  # (W, B, D) N, N m
     residual: Floats  # (W, K) measured less predicted, K = m C
     slope: Floats  # (W, K, L) of the prediction in the L free numbers
+    transition: Floats  # (W, S, n, n), of the tangent that the slope comes from
+    push: Floats  # (W, S, n, n / 2), likewise
 
 
 def noise_per_sample(windows: Windows, sigma: dict[str, float]) -> Floats:
@@ -72,30 +72,21 @@ def noise_per_sample(windows: Windows, sigma: dict[str, float]) -> Floats:
 
 @DIVERGING
 def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Smoothed:
-    """Residual and slopes at given starts and forces; ``vehicle`` is a batch (1,)."""
-    rows = 1 + layout.size
-    starts = np.repeat(start[:, None], rows, axis=1)
-    forces = np.repeat(bins[:, None], rows, axis=1)
-    steps = np.empty(layout.size)
-    for column, entry in enumerate(layout.start):
-        steps[column] = STEP_START[entry]
-        starts[:, 1 + column, entry] += steps[column]
-    for column in range(layout.bins * len(layout.dof)):
-        bin_, d = divmod(column, len(layout.dof))
-        at = len(layout.start) + column
-        steps[at] = STEP_FORCE[layout.dof[d]]
-        forces[:, 1 + at, bin_, d] += steps[at]
-    predicted = simulate(windows, vehicle, starts, layout.force(forces, windows.steps))
-    return Smoothed(start, bins, *_slopes(windows, predicted, steps))
+    """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
+    residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
+    n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
+    starts = np.eye(n, layout.size)[None]
+    forces = np.zeros((1, windows.steps, len(moves), layout.size))
+    for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
+        during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
+        forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
+    slope = respond(windows, layout.start, tangent, starts, forces, pose_late(windows, vehicle))
+    return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push)
 
 
-def _slopes(windows: Windows, predicted: Floats, steps: Floats) -> tuple[Floats, Floats]:
-    """Residual (W, K) of row 0 and slopes (W, K, rows - 1) from finite differences."""
-    residual = windows.residual(predicted)
-    change = residual[:, :1] - residual[:, 1:]
-    change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
-    slope = change.reshape(len(windows), len(steps), -1).swapaxes(1, 2) / steps
-    return residual[:, 0].reshape(len(windows), -1), slope
+def pose_late(windows: Windows, vehicle: Vehicle) -> float:
+    """Grid steps by which poses of one vehicle are reported late."""
+    return float(vehicle.pose_delay.reshape(-1)[0]) / windows.dt
 
 
 @DIVERGING
@@ -145,40 +136,15 @@ def smooth(
     return state
 
 
-@DIVERGING
-def settle(
-    windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], precision: Floats, state: Smoothed
-) -> Smoothed:
-    """Gauss-Newton steps with the slopes that ``state`` has; ``precision`` (L, L) is that of the free numbers.
-
-    One rollout per step: slopes hardly change where a small change of the vehicle moves the windows a little.
-    """
-    weight = 1.0 / noise_per_sample(windows, sigma)
-    slope = state.slope * weight[:, None]
-    gram = slope.swapaxes(1, 2) @ slope + precision
-    inverse = np.linalg.inv(gram)
-    start, bins = state.start, state.bins
-    residual = state.residual
-    for _ in range(SETTLE_STEPS):
-        away = np.concatenate([(start - windows.guess)[:, layout.start], bins.reshape(len(windows), -1)], axis=1)
-        pull = np.einsum("wkl,wk->wl", slope, residual * weight) - away @ precision
-        move = np.einsum("wlm,wm->wl", inverse, pull)
-        start, bins = start.copy(), bins.copy()
-        start[:, layout.start] += move[:, : len(layout.start)]
-        bins += move[:, len(layout.start) :].reshape(bins.shape)
-        residual = residual_at(windows, vehicle, layout, start, bins)
-    return Smoothed(start, bins, residual, state.slope)
-
-
 def residual_at(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Floats:
-    """Measured less predicted (W, K) at given starts and forces; ``vehicle`` is a batch (1,)."""
-    force = layout.force(bins[:, None], windows.steps)
-    return windows.residual(simulate(windows, vehicle, start[:, None], force))[:, 0].reshape(len(windows), -1)
+    """Measured less predicted (W, R, K) at starts (W, R, 12) and bins (W, R, B, D); ``vehicle`` is a batch (R,)."""
+    predicted = simulate(windows, vehicle, start, layout.force(bins, windows.steps))
+    return windows.residual(predicted).reshape(*start.shape[:2], -1)
 
 
 def fields(state: Smoothed) -> tuple[Floats, ...]:
     """The arrays of a smoothed state, in order."""
-    return state.start, state.bins, state.residual, state.slope
+    return state.start, state.bins, state.residual, state.slope, state.transition, state.push
 
 
 def follow(

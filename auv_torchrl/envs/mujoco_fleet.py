@@ -15,7 +15,7 @@ from auv_torchrl.physics import SUBSTEPS, State
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import cross, matvec, rotation_matrix
 from auv_torchrl.physics.step import push
-from auv_torchrl.physics.thrusters import body_wrench, delayed, thrust_after, thrust_target
+from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.vehicle import Vehicle
 
@@ -79,33 +79,38 @@ class MujocoFleet(FleetEnv):
     def _advance(self, command: Any) -> State:
         c, terms, state, dt = self._coefficients, self._terms, self._state, self.task.control_dt
         commands = push(state.commands, command)
-        reaching = delayed(commands, c.delay, dt) if commands.shape[-2] > 1 else command
-        target = thrust_target(c, terms, reaching)
-        constant = None if terms.lag or terms.battery_sag else body_wrench(c, terms, target, state.time)
-        data, began = self._data, self._data.time
+        stretches = SUBSTEPS if commands.shape[-2] > 1 else 1  # a late command may arrive within a control step
+        thrust, time = state.thrust, state.time
+        if state is not self._moved:
+            self._write_bodies(state)
+        for target in thrust_targets(c, terms, commands, dt, stretches):
+            self._step_bodies(thrust, target, time, SUBSTEPS // stretches)
+            thrust = thrust_after(c, terms, thrust, target, dt / stretches)
+            time = time + dt / stretches
+        position, quaternion, velocity = self._read_bodies()
+        if self._runaway.any():
+            velocity[self._runaway] = np.nan
+            self._runaway[:] = False
+        self._moved = State(position, quaternion, velocity, thrust, commands, state.time + dt)
+        return self._moved
+
+    def _step_bodies(self, thrust: Any, target: Any, time: Any, substeps: int) -> None:
+        """Let MuJoCo take some of its steps while the thrust goes from ``thrust`` towards ``target``."""
+        c, terms, data, began = self._coefficients, self._terms, self._data, self._data.time
+        constant = None if terms.lag or terms.battery_sag else body_wrench(c, terms, target, time)
 
         def apply_physics(*_: Any) -> None:
             elapsed = data.time - began
             wrench = constant
             if wrench is None:
-                thrust = thrust_after(c, terms, state.thrust, target, elapsed)
-                wrench = body_wrench(c, terms, thrust, state.time + elapsed)
+                wrench = body_wrench(c, terms, thrust_after(c, terms, thrust, target, elapsed), time + elapsed)
             self._passive[:] = self._force(wrench)
 
-        if state is not self._moved:
-            self._write_bodies(state)
         mujoco.set_mjcb_passive(apply_physics)  # pyright: ignore[reportAttributeAccessIssue]
         try:
-            mujoco.mj_step(self._model, data, SUBSTEPS)  # pyright: ignore[reportAttributeAccessIssue]
+            mujoco.mj_step(self._model, data, substeps)  # pyright: ignore[reportAttributeAccessIssue]
         finally:
             mujoco.set_mjcb_passive(None)  # pyright: ignore[reportAttributeAccessIssue]
-        position, quaternion, velocity = self._read_bodies()
-        if self._runaway.any():
-            velocity[self._runaway] = np.nan
-            self._runaway[:] = False
-        thrust = thrust_after(c, terms, state.thrust, target, dt)
-        self._moved = State(position, quaternion, velocity, thrust, commands, state.time + dt)
-        return self._moved
 
     def _force(self, wrench: np.ndarray) -> np.ndarray:
         """Generalized force (N, 6) that gives MuJoCo's bodies the Fossen acceleration at this stage."""

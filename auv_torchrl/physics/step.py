@@ -8,7 +8,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_factors
-from auv_torchrl.physics.thrusters import body_wrench, delayed, thrust_after, thrust_target
+from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
 
 Array = Any
 
@@ -66,12 +66,10 @@ def control_step(
     advance = advance or runge_kutta_step
     xp = array_namespace(command)
     commands = push(state.commands, command) if state.commands.shape[-2] > 1 else command[..., None, :]
-    reaching = delayed(commands, c.delay, control_dt) if commands.shape[-2] > 1 else command
-    target = thrust_target(c, terms, reaching)
     h = control_dt / substeps
     body = xp.concat((state.position, state.quaternion, state.velocity), axis=-1)
     thrust, time = state.thrust, state.time
-    for _ in range(substeps):
+    for target in thrust_targets(c, terms, commands, control_dt, substeps):
         body, thrust = advance(c, terms, body, thrust, target, time, h)
         time = time + h
     position, quaternion, velocity = body[..., :3], body[..., 3:7], body[..., 7:]

@@ -11,10 +11,10 @@ Array = Any
 
 
 def delayed(memory: Array, delay: Array, control_dt: float) -> Array:
-    """Mean over one control step of a signal held between control steps and delayed by ``delay`` seconds.
+    """A signal known once per control step, ``delay`` seconds ago, linear between control steps.
 
     ``memory`` (..., L, k) holds the newest value first; delays beyond (L - 1) steps give the oldest value.
-    Exact for the impulse of a zero-order-hold command, and differentiable in the delay.
+    Differentiable in the delay.
     """
     xp = array_namespace(memory, delay)
     length = memory.shape[-2]
@@ -38,6 +38,26 @@ def thrust_target(c: Coefficients, terms: ActiveTerms, command: Array) -> Array:
         force = c.full_thrust * command
     force = xp.minimum(xp.maximum(force, -c.limit), c.limit)
     return xp.where(xp.abs(force) < c.dead_band, xp.zeros_like(force), force)
+
+
+def thrust_targets(
+    c: Coefficients, terms: ActiveTerms, commands: Array, control_dt: float, stretches: int
+) -> list[Array]:
+    """Mean thrust target in N, (..., n), over each of ``stretches`` equal parts of a control step.
+
+    ``commands`` (..., L, n) were held for one control step each, the newest first, and arrive ``c.delay`` late: a delay
+    that is no whole number of control steps changes the target within one. Thrusts are averaged, not commands, because
+    the dead band is not linear. Differentiable in the delay.
+    """
+    if commands.shape[-2] == 1:
+        return [thrust_target(c, terms, commands[..., 0, :])] * stretches
+    xp = array_namespace(commands)
+    whole = xp.floor(c.delay / control_dt + 1e-6)
+    late = xp.clip(c.delay / control_dt - whole, 0.0, 1.0)  # share of the step before the newer command arrives
+    newer = thrust_target(c, terms, delayed(commands, whole * control_dt, control_dt))
+    older = thrust_target(c, terms, delayed(commands, (whole + 1.0) * control_dt, control_dt))
+    shares = [xp.clip(late * stretches - part, 0.0, 1.0)[..., None] for part in range(stretches)]
+    return [newer + share * (older - newer) for share in shares]
 
 
 def thrust_after(c: Coefficients, terms: ActiveTerms, thrust: Array, target: Array, elapsed: float) -> Array:

@@ -247,3 +247,26 @@ def test_wrapped_angles_are_the_same_angle(angle):
     assert -math.pi < wrapped <= math.pi
     assert math.isclose(math.cos(wrapped), math.cos(angle), abs_tol=1e-9)
     assert math.isclose(math.sin(wrapped), math.sin(angle), abs_tol=1e-9)
+
+
+@given(seed=seeds, quarters=st.integers(1, 11))
+@by_seed
+def test_a_delayed_command_arrives_within_the_control_step(seed, quarters):
+    """A delay of any number of quarter steps is exact: as if the fourfold finer step had sent each command later."""
+    vehicle = get_effect("dead_band").apply(load_vehicle("paper"), {"width": 15.0}).expand(4).clone()
+    vehicle.lag = vehicle.lag + 0.1
+    at_once = ActiveTerms.of(prepare(vehicle))
+    coarse, _ = random_state(vehicle[0], 4, seed)
+    fine = coarse
+    coarse = coarse._replace(commands=torch.zeros(4, 5, vehicle.gain.shape[-1], dtype=torch.float64))
+    late = vehicle.clone()
+    late.delay = late.delay + 0.0125 * quarters
+    rng = np.random.default_rng(seed)
+    sent = torch.as_tensor(rng.uniform(-1, 1, (12, 4, vehicle.gain.shape[-1])))
+    arriving = torch.cat((torch.zeros(quarters, *sent.shape[1:]), sent.repeat_interleave(4, dim=0)))
+    for command in sent:
+        coarse = control_step(prepare(late), at_once, coarse, command, 0.05, 4)
+    for command in arriving[:48]:
+        fine = control_step(prepare(vehicle), at_once, fine, command, 0.0125, 1)
+    torch.testing.assert_close(coarse.position, fine.position, rtol=0, atol=1e-9)
+    torch.testing.assert_close(coarse.velocity, fine.velocity, rtol=0, atol=1e-9)

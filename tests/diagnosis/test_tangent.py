@@ -1,0 +1,37 @@
+"""Small changes of windows against simulations of them."""
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold
+
+from auv_torchrl.diagnosis.hypotheses import batch
+from auv_torchrl.diagnosis.rollout import simulate
+from auv_torchrl.diagnosis.smooth import Layout, local_slopes
+from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.vehicle import load_vehicle
+
+EFFECTS = {
+    "nominal": {},
+    "late commands and lag": {"command_delay": {"delay": 0.13}, "thruster_lag": {"time_constant": 0.1}},
+    "late poses, biased heading": {"pose_delay": {"delay": 0.12}, "heading_bias": {"angle": 0.3}},
+}
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["level", "free"])
+@pytest.mark.parametrize("name", EFFECTS)
+def test_slopes_are_those_of_the_simulation(name, held):
+    """Moving the starts and forces of windows moves their samples as the tangent says, to second order."""
+    vehicle = hold(load_vehicle("paper")) if held else load_vehicle("paper")
+    windows = cut_windows(fly(vehicle, EFFECTS[name], episodes=1, seconds=12.0), 2.0, 0.5, 0.2)
+    layout = Layout.of(windows, vehicle, 0.2)
+    one = batch(vehicle, [EFFECTS[name]])
+    rng = np.random.default_rng(0)
+    bins = rng.normal(0, 1, (len(windows), layout.bins, len(layout.dof)))
+    state = local_slopes(windows, one, layout, windows.guess, bins)
+    move = 1e-4 * rng.normal(size=(len(windows), layout.size))
+    start, n = windows.guess.copy(), len(layout.start)
+    start[:, layout.start] += move[:, :n]
+    pushed = bins + move[:, n:].reshape(bins.shape)
+    force = layout.force(pushed[:, None], windows.steps)
+    simulated = windows.residual(simulate(windows, one, start[:, None], force))[:, 0].reshape(len(windows), -1)
+    np.testing.assert_allclose(simulated, state.residual - (state.slope @ move[..., None])[..., 0], atol=2e-6)
