@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import expit
 
 from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_hidden, log_likelihood
+from auv_torchrl.diagnosis.axes import followable, restricted, unseen
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.calibration import Calibration, calibrate, noise_findings, stated_floor
 from auv_torchrl.diagnosis.confirm import confirm
@@ -17,6 +18,7 @@ from auv_torchrl.diagnosis.how_far import closed_share, held_out_windows, measur
 from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.mappable import input_mappable
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
+from auv_torchrl.diagnosis.noise import noise_finding
 from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.search import Found, Progress, search
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Estimate, FoundEffect, Verdict
@@ -56,10 +58,12 @@ def diagnose(
         settings: how to diagnose; None reads ``conf/diagnosis/default.yaml``.
 
     Raises:
-        ValueError: if the log holds no window to look at.
+        FlightLogError: if the log holds no window to look at, or no axis that can be followed.
     """
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
+    log, healthy = followable(log), [followable(sound) for sound in healthy]
+    test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
     training, testing, numbers = split(log, test)
     looked = look_both_ways(training, vehicle, healthy, settings, report)
     bench, found, own = looked.bench, looked.found, looked.bench.vehicle
@@ -89,7 +93,7 @@ def diagnose(
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),
-        findings=(*log.findings, *rests_on(looked)),
+        findings=(*log.findings, *rests_on(looked), noise_finding(bench)),
         windows=held_out_windows(predictions, testing),
     )
 
@@ -203,7 +207,7 @@ def cannot_tell(bench: Bench, found: Found) -> tuple[str, ...]:
     """What this log is silent about: effects without a mark, and values at a bound."""
     seen = {bench.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
     blind = sorted({atom.effect for atom in bench.atoms} - seen)
-    sentences = [f"{name} would leave no mark on this log" for name in blind]
+    sentences = [*unseen(bench), *(f"{name} would leave no mark on this log" for name in blind)]
     for knob in found.best.explanation.fitted:
         p = EFFECTS[knob.effect].member_parameters(bench.vehicle)[knob.members[0]]
         nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]

@@ -110,11 +110,12 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
         sentence = f"{', '.join(names)} are left out because not every log measures them"
         findings.append(Finding(Severity.WARNING, "axes_left_out", sentence, columns=names))
     episodes = [episode for log in logs for episode in log.episodes]
-    episodes = [replace(_with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]
+    episodes = [replace(with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]
     return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings))
 
 
-def _with_axes(episode: Episode, axes: tuple[str, ...]) -> Episode:
+def with_axes(episode: Episode, axes: tuple[str, ...]) -> Episode:
+    """The episode with all other axes unmeasured."""
     pose = np.where([axis in axes for axis in POSE], episode.pose, np.nan)
     velocity = np.where([axis in axes for axis in VELOCITY], episode.velocity, np.nan)
     return replace(episode, pose=pose, velocity=velocity)

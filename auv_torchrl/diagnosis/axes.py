@@ -1,0 +1,64 @@
+"""Which measured axes can be followed, and what stays unseen without the others."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.flightlog import POSE, VELOCITY, Finding, FlightLog, FlightLogError, Severity
+from auv_torchrl.flightlog.log import with_axes
+from auv_torchrl.physics import prepare
+from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
+
+TOGETHER = ("x", "y", "yaw")  # a horizontal position says nothing of the body without the other one and the heading
+REMEDY = {"surge": "x, y and yaw, or u", "sway": "x, y and yaw, or v", "heave": "z or w", "roll": "roll or p",
+          "pitch": "pitch or q", "yaw": "yaw or r"}  # fmt: skip
+
+
+def followable(log: FlightLog) -> FlightLog:
+    """The log without horizontal positions whose partner or heading is missing; a finding says so.
+
+    Raises:
+        FlightLogError: if no axis is left.
+    """
+    lost = tuple(axis for axis in ("x", "y") if axis in log.axes and not set(TOGETHER) <= set(log.axes))
+    if not lost:
+        return log
+    missing = ", ".join(axis for axis in TOGETHER if axis not in log.axes)
+    axes = tuple(axis for axis in log.axes if axis not in lost)
+    remedy = f"Log {missing} too, or body velocities u, v, r"
+    sentence = f"{' and '.join(lost)} cannot be used without {missing}: forces act along the body, wherever it points"
+    if not axes:
+        raise FlightLogError(f"{log.name}: {sentence}, and nothing else is measured. {remedy}")
+    finding = Finding(Severity.WARNING, "axes_not_followed", f"{sentence}; left out", remedy, lost)
+    return restricted(replace(log, findings=(*log.findings, finding)), axes)
+
+
+def restricted(log: FlightLog, axes: tuple[str, ...]) -> FlightLog:
+    """The log with those of its axes alone.
+
+    Raises:
+        FlightLogError: if it has none of them.
+    """
+    kept = tuple(axis for axis in POSE + VELOCITY if axis in axes and axis in log.axes)
+    if not kept:
+        raise FlightLogError(f"{log.name} measures {', '.join(log.axes)}, the log to explain {', '.join(axes)}: "
+                             "give logs with axes in common")  # fmt: skip
+    return replace(log, axes=kept, episodes=tuple(with_axes(episode, kept) for episode in log.episodes))
+
+
+def unseen(bench: Bench) -> list[str]:
+    """Sentences about the degrees of freedom in which the vehicle moves and that the log does not measure."""
+    moves = np.flatnonzero(bench.vehicle.free.numpy() > 0)
+    hidden = [DEGREES_OF_FREEDOM[d] for d in moves if d not in bench.layout.dof]
+    if not hidden:
+        return []
+    remedies = dict.fromkeys(REMEDY[name] for name in hidden)
+    sentence = f"{', '.join(hidden)} {'is' if len(hidden) == 1 else 'are'} not measured: no gap there can be seen"
+    push = np.abs(prepare(bench.vehicle.expand(1)).numpy().allocation[0])
+    dark = [str(i + 1) for i in np.flatnonzero(push[bench.layout.dof].max(0) < 1e-3 * push.max())]
+    if dark:
+        sentence += (
+            f", nor what thruster{'s' if len(dark) > 1 else ''} {', '.join(dark)} {'do' if dark[1:] else 'does'}"
+        )
+    return [f"{sentence}; log {'; '.join(remedies)}"]

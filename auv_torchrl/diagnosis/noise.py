@@ -1,0 +1,36 @@
+"""White noise of the sensors: what of the effect ``sensor_noise`` a log shows.
+
+Noise widens the floor of every prediction and closes no gap. So it is measured beside the explanation, from what is left
+when a free force follows everything slower, and not weighed against it.
+"""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.flightlog.log import ANGLES
+
+STATED = 1.3  # times the noise that the vehicle file states, from which the sensors are worse than that
+UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad", "u": "m/s", "v": "m/s", "w": "m/s",
+         "p": "rad/s", "q": "rad/s", "r": "rad/s"}  # fmt: skip
+
+
+def noise_finding(bench: Bench) -> Finding:
+    """The noise of each channel, a warning where the vehicle states less, with the effect that reproduces it."""
+    sizes = ", ".join(f"{name} {size:.2g} {UNITS[name]}" for name, size in bench.sigma.items())
+    values = measured_noise(bench.sigma)
+    stated = {"position": float(bench.vehicle.position_noise), "attitude": float(bench.vehicle.attitude_noise)}
+    worse = [name for name, value in values.items() if 0 < STATED * stated[name] < value]
+    simulate = ", ".join(f"{name}: {value:.2g}" for name, value in values.items())
+    remedy = f"To simulate it, add the effect sensor_noise: {{{simulate}}}" if values else ""
+    if not worse:
+        sentence = f"white noise of the sensors, the floor of all predictions: {sizes}"
+        return Finding(Severity.INFO, "sensor_noise", sentence, remedy)
+    sentence = f"the sensors are noisier than the vehicle states ({', '.join(worse)}): {sizes}"
+    return Finding(Severity.WARNING, "sensor_noise", sentence, remedy)
+
+
+def measured_noise(sigma: dict[str, float]) -> dict[str, float]:
+    """Parameters of the effect ``sensor_noise`` from the noise of the channels of a pose."""
+    groups = {"position": [sigma[a] for a in "xyz" if a in sigma], "attitude": [sigma[a] for a in ANGLES if a in sigma]}
+    return {name: float(np.sqrt(np.mean(np.square(sizes)))) for name, sizes in groups.items() if sizes}

@@ -1,0 +1,76 @@
+"""Logs that measure little, and the noise of what they measure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold
+
+from auv_torchrl.diagnosis.axes import followable, restricted, unseen
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.hypotheses import load_settings
+from auv_torchrl.diagnosis.noise import noise_finding
+from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.flightlog import FlightLogError, Severity
+from auv_torchrl.vehicle import load_vehicle
+
+HELD = hold(load_vehicle("paper"))
+SETTINGS = load_settings()
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A sound vehicle, pose alone."""
+    return fly(HELD, {}, seed=1, episodes=2, seconds=10.0)
+
+
+def bench_of(log, vehicle=HELD):
+    """A bench for a log."""
+    return Bench(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+
+
+@pytest.mark.parametrize("axes", [("x", "y"), ("x", "y", "z"), ("x", "z", "yaw"), ("y", "yaw"), ("x", "w", "r")])
+def test_positions_without_their_heading_are_left_out(log, axes):
+    """X and y are used together with yaw or not at all; nothing left is an error that names what to log."""
+    given = replace(log, axes=axes)
+    if not set(axes) - {"x", "y"}:
+        with pytest.raises(FlightLogError, match="yaw"):
+            followable(given)
+        return
+    left = followable(given)
+    assert set(left.axes) == set(axes) - {"x", "y"}
+    assert np.isnan(left.episodes[0].pose[:, :2]).all()
+    assert left.findings[-1].columns == tuple(axis for axis in ("x", "y") if axis in axes)
+
+
+def test_a_full_pose_is_kept(log):
+    """Nothing is left out of x, y, z, yaw."""
+    assert followable(log) is log
+    assert unseen(bench_of(log)) == []
+
+
+def test_unseen_degrees_of_freedom_are_named_with_their_thrusters(log):
+    """Without depth heave is unseen, and with it the vertical thrusters; the remedy names the column."""
+    (sentence,) = unseen(bench_of(restricted(log, ("x", "y", "yaw"))))
+    for words in ("heave is not measured", "thrusters 5, 6 do", "z or w"):
+        assert words in sentence
+
+
+def test_logs_without_a_common_axis_are_refused(log):
+    """A test log that measures none of the axes of the log is an error that names both."""
+    with pytest.raises(FlightLogError, match="x, y, z, yaw"):
+        restricted(log, ("u", "v"))
+
+
+def test_the_noise_of_the_sensors_is_measured(log):
+    """2 mm and 0.004 rad are measured, and a vehicle that states less noise gets a warning."""
+    bench = bench_of(log)
+    bench.follow()
+    finding = noise_finding(bench)
+    assert finding.severity is Severity.INFO
+    assert bench.sigma["x"] == pytest.approx(0.002, rel=0.15)
+    assert bench.sigma["yaw"] == pytest.approx(0.004, rel=0.15)
+    assert "sensor_noise: {position: 0.002" in finding.remedy
+    bench.vehicle = changed(HELD, position_noise=HELD.position_noise + 0.0005)
+    assert noise_finding(bench).severity is Severity.WARNING
