@@ -10,77 +10,64 @@ from matplotlib.patches import Patch
 from torch import Tensor
 
 from auv_torchrl.experiment.figures import FLOOR_M, bare
-from auv_torchrl.experiment.in_flight import InFlight
-from auv_torchrl.experiment.moments import Happening, Moment, moments
 from auv_torchrl.online import PHASES, Phase
+from auv_torchrl.online.moments import Happening
 from auv_torchrl.online.recovery import BACK_M
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T
+from auv_torchrl.recording import OneFlight
 
 BEFORE_S, AFTER_S = 0.7, 1.3  # s of the close-up before the change and after the last of its moments
 LEAST_S = 3.0  # s of the close-up after the change
 CHANGED = 0.05  # a gain that differs from 1 by this much is worth a colour
-_LABELS = {
-    Happening.FELT: "felt",
-    Happening.NOTICED: "noticed",
-    Happening.SETTLED: "map settled",
-    Happening.RECOVERED: "recovered",
-}
 
 
-def flight_figure(flown: InFlight, nominal: Tensor, scenario: str) -> Figure:
-    """The shown flight, whole on the left, from close up around the first change on the right.
-
-    Args:
-        flown: the flights; :attr:`InFlight.shown` is drawn.
-        nominal: (4, n) effectiveness of the healthy vehicle.
-        scenario: its name.
-    """
-    start = flown.shown
-    happened = moments(flown, start)
+def flight_figure(one: OneFlight, title: str) -> Figure:
+    """One flight, whole on the left, from close up around the first change on the right."""
     figure = Figure(figsize=(11, 8), layout="constrained")
-    figure.suptitle(f"One flight in which {scenario} sets in: start {start + 1} of {len(flown.alone)}", fontsize=12)
+    figure.suptitle(title, fontsize=12)
     grid = figure.subplots(3, 2, sharex="col", sharey="row", width_ratios=[1, 1.25])
-    close = _close_up(flown, happened)
+    close = _close_up(one)
     for column in range(2):
         error, gain, statistic = grid[:, column]
-        _draw_error(error, flown, start)
-        _draw_gains(gain, *flown.gains_of(start, nominal), _time(flown, start))
-        _draw_statistic(statistic, flown, start)
+        _draw_error(error, one)
+        _draw_gains(gain, one)
+        _draw_statistic(statistic, one)
         for axes in grid[:, column]:
-            _mark(axes, flown, start, happened)
+            _mark(axes, one)
             bare(axes)
         statistic.set_xlabel("time in s")
-    grid[0, 0].set(title="whole flight", ylabel="distance to the target in m", xlim=(0, _time(flown, start)[-1]))
+    grid[0, 0].set(title="whole flight", ylabel="distance to the target in m", xlim=(0, _time(one)[-1]))
     grid[0, 1].set_xlim(*close)
     grid[0, 1].set_title("from close up", pad=44)
-    _name(grid[0, 1], happened, close)
+    _name(grid[0, 1], one, close)
     grid[1, 0].set_ylabel("gain of a thruster")
     grid[2, 0].set_ylabel("detector's sum / threshold")
-    figure.legend(handles=_keys(flown, start, nominal), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles=_keys(one), loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
-def _time(flown: InFlight, start: int) -> np.ndarray:
-    return flown.adapted.flight.time[start].double().numpy()
+def _time(one: OneFlight) -> np.ndarray:
+    return one.adapted.flight.time.double().numpy()
 
 
-def _close_up(flown: InFlight, happened: list[Moment]) -> tuple[float, float]:
+def _close_up(one: OneFlight) -> tuple[float, float]:
     """From shortly before the first change to shortly after it was dealt with."""
-    changes = [moment.time_s for moment in happened if moment.happening is Happening.CHANGE]
-    end = changes[1] if len(changes) > 1 else float(flown.adapted.flight.time[0, -1])
-    dealt = [moment.time_s for moment in happened if changes[0] <= moment.time_s < end]
+    changes = [moment.time_s for moment in one.moments if moment.happening is Happening.CHANGE]
+    end = changes[1] if len(changes) > 1 else float(_time(one)[-1])
+    dealt = [moment.time_s for moment in one.moments if changes[0] <= moment.time_s < end]
     return changes[0] - BEFORE_S, min(end, max(changes[0] + LEAST_S, dealt[-1] + AFTER_S))
 
 
-def _draw_error(axes: Axes, flown: InFlight, start: int) -> None:
-    for flight, colour, dash, width in ((flown.alone, U_S, "--", 1.4), (flown.adapted.flight, U_T, "-", 2.0)):
-        error = flight.of_start(start).position_error.double().clamp(FLOOR_M, 1e3).numpy()
-        axes.plot(_time(flown, start), error, dash, color=colour, linewidth=width)
+def _draw_error(axes: Axes, one: OneFlight) -> None:
+    for flight, colour, dash, width in ((one.alone, U_S, "--", 1.4), (one.adapted.flight, U_T, "-", 2.0)):
+        error = flight.position_error.double().clamp(FLOOR_M, 1e3).numpy()
+        axes.plot(_time(one), error, dash, color=colour, linewidth=width)
     axes.axhline(BACK_M, color=NEUTRAL, linewidth=1.0, linestyle=":")
     axes.set_yscale("log")
 
 
-def _draw_gains(axes: Axes, estimated: Tensor, true: Tensor, time: np.ndarray) -> None:
+def _draw_gains(axes: Axes, one: OneFlight) -> None:
+    time, estimated, true = _time(one), one.gains, one.true_gains
     changed = _changed(true)
     for thruster in sorted(range(true.shape[-1]), key=lambda i: i in changed):  # what matters most comes last
         coloured = thruster in changed
@@ -96,39 +83,38 @@ def _changed(true: Tensor) -> list[int]:
     return ((true - 1.0).abs() > CHANGED).any(0).nonzero()[:, 0].tolist()
 
 
-def _draw_statistic(axes: Axes, flown: InFlight, start: int) -> None:
-    axes.plot(_time(flown, start), flown.adapted.statistic[start].numpy(), color="black", linewidth=1.4)
+def _draw_statistic(axes: Axes, one: OneFlight) -> None:
+    axes.plot(_time(one), one.adapted.statistic.numpy(), color="black", linewidth=1.4)
     axes.axhline(1.0, color=NEUTRAL, linewidth=1.0, linestyle="--")
 
 
-def _mark(axes: Axes, flown: InFlight, start: int, happened: list[Moment]) -> None:
+def _mark(axes: Axes, one: OneFlight) -> None:
     """A vertical line at every moment, and a band wherever the adaptation searches."""
-    for moment in happened:
+    for moment in one.moments:
         axes.axvline(moment.time_s, color=MOMENT[moment.happening.name], linewidth=1.6, alpha=0.9, zorder=0.5)
-    searching = (flown.adapted.phase[start] == PHASES.index(Phase.SEARCHING)).numpy()
+    searching = (one.adapted.phase == PHASES.index(Phase.SEARCHING)).numpy()
     edges = np.flatnonzero(np.diff(searching.astype(int), prepend=0, append=0))
-    time = _time(flown, start)
+    time = _time(one)
     for begin, end in edges.reshape(-1, 2):
         band = float(time[begin]), float(time[min(end, len(time) - 1)])
         axes.axvspan(*band, color=MOMENT["NOTICED"], alpha=0.12, linewidth=0, zorder=0)
 
 
-def _name(axes: Axes, happened: list[Moment], close: tuple[float, float]) -> None:
+def _name(axes: Axes, one: OneFlight, close: tuple[float, float]) -> None:
     """Names of the moments above the close-up, in three rows so that neighbours stay apart, with seconds since."""
-    begun = next(moment for moment in happened if moment.happening is Happening.CHANGE)
-    within = [moment for moment in happened if close[0] <= moment.time_s <= close[1]]
+    begun = next(moment for moment in one.moments if moment.happening is Happening.CHANGE)
+    within = [moment for moment in one.moments if close[0] <= moment.time_s <= close[1]]
     for number, moment in enumerate(within):
         since = moment.time_s - begun.time_s
-        text = moment.text if moment is begun else f"{_LABELS.get(moment.happening, moment.text)} +{since:.2f} s"
+        text = moment.text if moment is begun else f"{moment.happening.value} +{since:.2f} s"
         axes.annotate(
             text, (moment.time_s, 1.0), xytext=(0, 3 + 12 * (number % 3)), xycoords=axes.get_xaxis_transform(),
             textcoords="offset points", ha="left", va="bottom", fontsize=9, color=MOMENT[moment.happening.name],
         )  # fmt: skip
 
 
-def _keys(flown: InFlight, start: int, nominal: Tensor) -> list[Any]:
-    _, true = flown.gains_of(start, nominal)
-    changed = _changed(true)
+def _keys(one: OneFlight) -> list[Any]:
+    changed = _changed(one.true_gains)
     keys: list[Any] = [
         Line2D([], [], color=U_T, linewidth=2, label="u_s with the adaptation"),
         Line2D([], [], color=U_S, linestyle="--", label="u_s alone"),

@@ -18,7 +18,10 @@ from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.online import OnlineAdapter
 from auv_torchrl.online.cost import cost_per_step
 from auv_torchrl.online.flight import AdaptedFlight, fly_online, gains
+from auv_torchrl.online.moments import Moment, moments
 from auv_torchrl.online.recovery import BACK_M, SETTLED_S, Recovery, recoveries
+from auv_torchrl.recording import OneFlight
+from auv_torchrl.vehicle import Vehicle
 
 TIMED_STEPS = 120  # control steps in which the adapter's cost is measured
 
@@ -46,6 +49,11 @@ class InFlight:
         order = first.largest_m[rows].argsort(stable=True)
         return int(rows[order[(len(rows) - 1) // 2]])
 
+    def moments_of(self, start: int) -> list[Moment]:
+        """What happened in one flight, in order."""
+        changes = {change.what: float(change.at_s[start]) for change in self.schedule.changes}
+        return moments(self.adapted, start, changes, self.recovered)
+
     def gains_of(self, start: int, nominal: Tensor) -> tuple[Tensor, Tensor]:
         """Estimated and true gains (T + 1, n) of the thrusters of one flight, 1 when healthy.
 
@@ -60,6 +68,14 @@ class InFlight:
             since = flown.flight.time.double() > change.at_s[start]
             true[since] = gains(controlled_allocation(change.after).double(), nominal.double())
         return estimated, true
+
+    def one_flight(self, vehicle: Vehicle) -> OneFlight:
+        """The shown flight for a recording; ``vehicle`` is the nominal one."""
+        estimated, true = self.gains_of(self.shown, controlled_allocation(vehicle))
+        return OneFlight(
+            vehicle, self.adapted.of_start(self.shown), self.alone.of_start(self.shown), estimated, true,
+            self.moments_of(self.shown), self.summary(),
+        )  # fmt: skip
 
     def alone_steady_m(self, number: int) -> Tensor:
         """Mean error (N,) of u_s alone from 10 s after a change until the next; NaN where there is no such time."""

@@ -10,7 +10,7 @@ from torchrl.envs import TransformedEnv
 from auv_torchrl.agents.checkpoint import CheckpointError
 from auv_torchrl.agents.policy import PolicyError, SourcePolicy
 from auv_torchrl.agents.train_source import locked, train_source
-from auv_torchrl.authority import Recovery, authority, controlled_allocation
+from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.command import checking_input
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
@@ -47,11 +47,13 @@ def run(experiment: Experiment, folder: Path) -> Results:
         results.save(folder)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
         save_figures(folder, flights, vehicles, scenario)
+        one_flight = None
         if outcome.in_flight is not None:
-            healthy = controlled_allocation(experiment.vehicle)
-            flight_figure(outcome.in_flight, healthy, scenario).savefig(folder / "flight.png", dpi=DPI)
+            one_flight = outcome.in_flight.one_flight(experiment.vehicle)
+            title = f"{scenario} in flight: start {outcome.in_flight.shown + 1} of {results.starts}"
+            flight_figure(one_flight, title).savefig(folder / "flight.png", dpi=DPI)
         control_map = linear_map(outcome.adaptation.adapter) if outcome.adaptation is not None else None
-        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map)
+        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map, one_flight)
     return results
 
 

@@ -1,5 +1,6 @@
 """When the vehicle changes during the one flight that shows fault, detection, refit and recovery."""
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -31,7 +32,7 @@ class FlightConfig:
 
     def check_end(self, last_change_s: float, what: str) -> None:
         """Refuse a flight that ends less than 10 s after ``last_change_s``; ``what`` says what comes then."""
-        if self.length_s < last_change_s + SETTLED_S:
+        if not last_change_s + SETTLED_S <= self.length_s < math.inf:
             raise ValueError(
                 f"flight: {what} at {last_change_s:g} s and flight.length_s is {self.length_s:g}: "
                 f"give {last_change_s + SETTLED_S:g} or more, or flight.fly=false"

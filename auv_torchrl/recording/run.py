@@ -11,6 +11,8 @@ from auv_torchrl.evaluation import Flight
 from auv_torchrl.palette import CONTROLLER, SERIES, rgb
 from auv_torchrl.recording.blueprint import run_blueprint
 from auv_torchrl.recording.body import record_vehicle
+from auv_torchrl.recording.flight import OneFlight, record_flight
+from auv_torchrl.recording.series import record_series
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 PATHS = 24  # starts whose path is drawn
@@ -42,6 +44,7 @@ def record_run(
     vehicles: Mapping[str, Vehicle],
     about: str,
     control_map: ControlMap | None = None,
+    one_flight: OneFlight | None = None,
 ) -> None:
     """Write the flights to ``path`` with a blueprint, so that the viewer opens arranged.
 
@@ -51,6 +54,7 @@ def record_run(
         vehicles: the vehicle (no batch) that each of them flew.
         about: markdown with the result, shown beside the scene.
         control_map: the map, where one was learnt.
+        one_flight: in which the vehicle changes, where one was flown.
 
     Raises:
         FileExistsError: if there is such a file.
@@ -64,7 +68,7 @@ def record_run(
     commands = _command_names(flights[driven])
     partial = path.with_suffix(".rrd.partial")
     with rr.RecordingStream("auv_torchrl train") as recording:
-        recording.save(partial, default_blueprint=run_blueprint(list(flights), commands, reach))
+        recording.save(partial, default_blueprint=run_blueprint(list(flights), commands, reach, one_flight is not None))
         recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
         recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
         _record_target(recording)
@@ -78,6 +82,8 @@ def record_run(
         _record_commands(recording, flights[driven].of_start(shown[0]), vehicles[driven], commands)
         if control_map is not None:
             _record_map(recording, control_map)
+        if one_flight is not None:
+            record_flight(recording, one_flight)
     partial.replace(path)
 
 
@@ -114,18 +120,6 @@ def _record_paths(recording: rr.RecordingStream, name: str, flight: Flight, show
     )  # fmt: skip
 
 
-def _record_series(
-    recording: rr.RecordingStream, entity: str, time: rr.TimeColumn, values: np.ndarray, names: list[str],
-    colours: list[tuple[int, int, int, int]], width: float = 1.5,
-) -> None:  # fmt: skip
-    """Log (T + 1, k) numbers as k curves of one entity."""
-    style = rr.SeriesLines(names=names, colors=colours, widths=[width] * len(names))
-    recording.log(entity, style, static=True)
-    samples, count = values.shape
-    columns = rr.Scalars.columns(scalars=values.reshape(-1))
-    recording.send_columns(entity, [time], columns.partition([count] * samples) if count > 1 else columns)
-
-
 def _record_error(recording: rr.RecordingStream, name: str, flight: Flight, start: int) -> None:
     error = flight.position_error.double()
     curves = {"start 1": error[start], "worst": error.amax(dim=0)}
@@ -134,7 +128,7 @@ def _record_error(recording: rr.RecordingStream, name: str, flight: Flight, star
         entity = f"error/{name}/{curve.replace(' ', '_')}"
         colour = rgb(CONTROLLER[name], 140 if curve == "worst" else 255)
         series = values.numpy()[:, None]
-        _record_series(
+        record_series(
             recording, entity, _time(flight.of_start(start)), series, [f"{name}, {curve}"], [colour], width[curve]
         )
 
@@ -143,7 +137,7 @@ def _record_thrust(recording: rr.RecordingStream, name: str, flight: Flight) -> 
     count = flight.thrust.shape[-1]
     names = [f"thruster {i + 1}" for i in range(count)]
     colours = [rgb(SERIES[i % len(SERIES)]) for i in range(count)]
-    _record_series(recording, f"thrust/{name}", _time(flight), flight.thrust.double().numpy(), names, colours)
+    record_series(recording, f"thrust/{name}", _time(flight), flight.thrust.double().numpy(), names, colours)
 
 
 def _command_names(flight: Flight) -> tuple[str, ...]:
@@ -163,7 +157,7 @@ def _record_commands(recording: rr.RecordingStream, flight: Flight, vehicle: Veh
         for when, (command, colour) in both.items():
             values = command[:, i : i + 1].numpy()
             entity = f"commands/{name}/{when}"
-            _record_series(recording, entity, _time(flight), values, [f"{when} the map"], [rgb(colour)])
+            record_series(recording, entity, _time(flight), values, [f"{when} the map"], [rgb(colour)])
 
 
 def _record_map(recording: rr.RecordingStream, control_map: ControlMap) -> None:

@@ -21,7 +21,7 @@ def policies(tmp_path_factory):
     return tmp_path_factory.mktemp("policies")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def experiment(policies):
     """Reads a tiny experiment with some scenario."""
 
