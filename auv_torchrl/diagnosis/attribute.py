@@ -41,7 +41,7 @@ def attribute(bench: Bench, base: Base) -> tuple[dict[str, float], dict[str, flo
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
     shown = marks(bench.windows, base.vehicle, bench.layout, base.state, columns)
-    q = reduce(bench.windows, bench.layout, base.state, shown, bench.sigma, bench.floor)
+    q = reduce(bench.windows, bench.layout, bench.freedom(base.state.slope), base.state, shown)
     folds = _folds(q, bench.followed)
 
     def predicted(players: Sequence[int]) -> float:
