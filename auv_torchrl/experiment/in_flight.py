@@ -176,8 +176,8 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
     """
     config, starts = experiment.flight, experiment.starts
     count = len(starts)
-    plan = schedule(experiment.scenario, experiment.vehicle, config, count, experiment.starts_seed)
     task = replace(experiment.exam, episode_s=config.length_s, thruster_commands=True)
+    plan = schedule(experiment.scenario, experiment.vehicle, config, count, experiment.starts_seed, task.control_dt)
     adapter = OnlineAdapter(experiment.vehicle, task, experiment.online, count)
     fleet = experiment.fleet(count, plan.scenario, thruster_commands=True, episode_s=config.length_s)
     fleet.delay_scenario(plan.delay_s)

@@ -58,7 +58,9 @@ class Schedule:
     changes: tuple[ScheduledChange, ...]
 
 
-def schedule(scenario: Scenario, nominal: Vehicle, config: FlightConfig, count: int, seed: int) -> Schedule:
+def schedule(
+    scenario: Scenario, nominal: Vehicle, config: FlightConfig, count: int, seed: int, control_dt: float
+) -> Schedule:
     """A scenario with times of its own as it is written, any other from a random time on.
 
     Args:
@@ -67,6 +69,7 @@ def schedule(scenario: Scenario, nominal: Vehicle, config: FlightConfig, count: 
         config: says between which times a fault comes.
         count: number of vehicles N.
         seed: of these times.
+        control_dt: s; a vehicle changes at the beginning of a control step.
 
     Raises:
         ValueError: if the flight ends less than 10 s after the last change.
@@ -78,7 +81,8 @@ def schedule(scenario: Scenario, nominal: Vehicle, config: FlightConfig, count: 
         earliest, latest = config.fault_s
         scenario = Scenario(scenario.name, tuple(replace(c, start_s=earliest) for c in scenario.changes))
         generator = torch.Generator().manual_seed(seed)
-        delay = (latest - earliest) * torch.rand(count, generator=generator, dtype=torch.float64)
+        draws = torch.rand(count, generator=generator, dtype=torch.float64)
+        delay = ((latest - earliest) * draws / control_dt).floor() * control_dt
     return Schedule(scenario, delay, _changes(scenario, nominal, delay))
 
 

@@ -86,7 +86,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     scenario = read_scenario(scenario_name, _plain(config.scenario), vehicle)
     flight = FlightConfig(**_with_tuples(_plain(config.flight)))
     if flight.fly and scenario.changes:
-        schedule(scenario, vehicle, flight, config.starts, config.starts_seed)
+        schedule(scenario, vehicle, flight, config.starts, config.starts_seed, task.control_dt)
     return Experiment(
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
         vehicle=vehicle,

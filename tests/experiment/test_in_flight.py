@@ -24,19 +24,19 @@ def weed(start_s: float, stop_s: float) -> dict:
 
 
 def test_a_scenario_without_times_begins_at_a_random_time_for_each_vehicle():
-    """Between the two times, different for each, the same for the same seed, healthy before and reversed after."""
+    """Between the two times, hardly ever the same, the same for the same seed, healthy before and reversed after."""
     reversed_1 = read_scenario("reversed", REVERSED, VEHICLE)
-    plan = schedule(reversed_1, VEHICLE, SETTINGS, 50, seed=7)
+    plan = schedule(reversed_1, VEHICLE, SETTINGS, 50, 7, 0.05)
     (change,) = plan.changes
     assert change.what == "thruster_gain begins"
-    assert float(change.at_s.min()) >= 5.0 and float(change.at_s.max()) <= 15.0 and len(change.at_s.unique()) == 50
-    torch.testing.assert_close(schedule(reversed_1, VEHICLE, SETTINGS, 50, seed=7).delay_s, plan.delay_s)
+    assert float(change.at_s.min()) >= 5.0 and float(change.at_s.max()) <= 15.0 and len(change.at_s.unique()) > 40
+    torch.testing.assert_close(schedule(reversed_1, VEHICLE, SETTINGS, 50, 7, 0.05).delay_s, plan.delay_s)
     assert float(change.before.gain[0]) == 1.0 and float(change.after.gain[0]) == -1.0
 
 
 def test_a_scenario_with_times_is_flown_as_it_is_written():
     """Weed gets in at 4 s and falls off at 9 s, for all vehicles, and the vehicle is healthy again."""
-    plan = schedule(read_scenario("weed", weed(4.0, 9.0), VEHICLE), VEHICLE, SETTINGS, 3, seed=0)
+    plan = schedule(read_scenario("weed", weed(4.0, 9.0), VEHICLE), VEHICLE, SETTINGS, 3, 0, 0.05)
     assert [(change.what, change.at_s.tolist()) for change in plan.changes] == [
         ("thruster_gain begins", [4.0] * 3),
         ("thruster_gain ends", [9.0] * 3),
@@ -47,7 +47,7 @@ def test_a_scenario_with_times_is_flown_as_it_is_written():
 def test_what_acts_from_the_start_is_a_change_at_0():
     """So that it does not count as a false alarm if it is noticed."""
     config = {"effects": {"current": {"north": 0.1}, **weed(4.0, 9.0)["effects"]}}
-    plan = schedule(read_scenario("both", config, VEHICLE), VEHICLE, SETTINGS, 1, seed=0)
+    plan = schedule(read_scenario("both", config, VEHICLE), VEHICLE, SETTINGS, 1, 0, 0.05)
     assert [change.what for change in plan.changes][0] == "current begins" and float(plan.changes[0].at_s) == 0.0
 
 
