@@ -76,6 +76,12 @@ class Freedom:
         moved = (start - windows.guess[:, None])[..., layout.start]
         return np.concatenate([moved, bins.reshape(*bins.shape[:2], -1)], axis=-1)
 
+    def determined(self, layout: Layout) -> float:
+        """How many entries of all starts the samples tell; an axis that nobody measured costs no number."""
+        at = np.arange(len(layout.start))
+        told = 1.0 - self.inverse[:, at, at] * self.precision[at, at]
+        return float(np.where(np.isfinite(told), told, 1.0).sum())
+
 
 @DIVERGING
 def settle(
@@ -133,7 +139,7 @@ def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, 
     inner[diverged] = 0.0
     inner[diverged, 0, 0] = DIVERGED
     whole = inner.sum(0)
-    numbers = int(windows.present.sum()) * len(windows.channels) - len(windows) * len(layout.start)
+    numbers = int(windows.present.sum()) * len(windows.channels) - round(freedom.determined(layout))
     return Quadratic(
         float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], inner[:, 0, 0], inner[:, 0, 1:], inner[:, 1:, 1:], numbers
     )
