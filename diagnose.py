@@ -36,6 +36,7 @@ def main(config: DictConfig) -> None:
             progress=progress,
             vehicle_name=request.vehicle_name,
             settings=request.settings,
+            uncertainty=request.uncertainty,
         )
     folder = Path(HydraConfig.get().runtime.output_dir)
     write_files(diagnosis, request.vehicle, folder)

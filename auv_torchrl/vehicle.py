@@ -82,6 +82,25 @@ _POSITIVE = {"mass", "inertia", "buoyancy", "full_thrust", "exponent", "limit"}
 _NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "asymmetry", "dead_band", "lag", "delay"}
 
 
+def read_vehicle_file(vehicle: str | Path | Mapping[str, Any]) -> Mapping[str, Any]:
+    """The sections of a vehicle from a name in ``conf/vehicle`` or a YAML file; a mapping is what it is.
+
+    Raises:
+        FileNotFoundError: for an unknown name.
+        ValueError: for a file that is no YAML or no mapping.
+    """
+    if isinstance(vehicle, Mapping):
+        return vehicle
+    path = Path(vehicle) if str(vehicle).endswith((".yaml", ".yml")) else config_path("vehicle", str(vehicle))
+    try:
+        loaded = yaml.safe_load(path.read_text())
+    except yaml.YAMLError as error:
+        raise ValueError(f"vehicle file {path} is no YAML: {error}") from error
+    if not isinstance(loaded, Mapping):
+        raise ValueError(f"vehicle file {path}: expected a mapping of sections, got {type(loaded).__name__}")
+    return loaded
+
+
 def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = torch.float64) -> Vehicle:
     """One nominal vehicle (empty batch) from a name in ``conf/vehicle``, a YAML file or a mapping.
 
@@ -89,15 +108,7 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
         FileNotFoundError: for an unknown name.
         ValueError: for a missing, unknown, misshapen or unphysical entry, naming it.
     """
-    if not isinstance(vehicle, Mapping):
-        path = Path(vehicle) if str(vehicle).endswith((".yaml", ".yml")) else config_path("vehicle", str(vehicle))
-        try:
-            loaded = yaml.safe_load(path.read_text())
-        except yaml.YAMLError as error:
-            raise ValueError(f"vehicle file {path} is no YAML: {error}") from error
-        if not isinstance(loaded, Mapping):
-            raise ValueError(f"vehicle file {path}: expected a mapping of sections, got {type(loaded).__name__}")
-        vehicle = loaded
+    vehicle = read_vehicle_file(vehicle)
     fields: dict[str, Any] = _read_fields(vehicle)
     rows = vehicle["thrusters"]
     position = _matrix("thrusters.position", rows.get("position"), 3)
@@ -144,7 +155,7 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
 
 
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
-    known = {"name", "rigid_body", "thrusters", "mixer", *_VECTORS[""]}
+    known = {"name", "uncertainty", "rigid_body", "thrusters", "mixer", *_VECTORS[""]}
     if unknown := set(vehicle) - known:
         raise ValueError(f"vehicle: unknown entries {sorted(unknown)}: there are {', '.join(sorted(known))}")
     fields = {}

@@ -10,6 +10,7 @@ from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_h
 from auv_torchrl.diagnosis.axes import followable, restricted, unseen
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.calibration import Calibration, calibrate, noise_findings, stated_floor
+from auv_torchrl.diagnosis.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.confirm import confirm
 from auv_torchrl.diagnosis.detectable import detectable_sizes
 from auv_torchrl.diagnosis.equivalence import indistinguishable
@@ -21,12 +22,14 @@ from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding
 from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.search import Found, Progress, search
+from auv_torchrl.diagnosis.uncertainty import Coefficient
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Estimate, FoundEffect, Verdict
+from auv_torchrl.diagnosis.veto import is_worse, only
 from auv_torchrl.diagnosis.where import locate
 from auv_torchrl.diagnosis.windows import cut_windows
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import Finding, FlightLog, join
+from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 Z95 = 1.96
@@ -43,6 +46,7 @@ def diagnose(
     progress: Callable[[str, float], None] | None = None,
     vehicle_name: str = "",
     settings: Settings | None = None,
+    uncertainty: Sequence[Coefficient] = (),
 ) -> Diagnosis:
     """Tell where a vehicle differs from its simulator, by which effects, and how far they close the gap.
 
@@ -56,6 +60,8 @@ def diagnose(
         progress: called with what is done and the share of the work behind it.
         vehicle_name: for the report.
         settings: how to diagnose; None reads ``conf/diagnosis/default.yaml``.
+        uncertainty: coefficients of the vehicle that are guesses: they are calibrated on the healthy logs, else on the
+            log itself, before effects are looked for.
 
     Raises:
         FlightLogError: if the log holds no window to look at, or no axis that can be followed.
@@ -65,16 +71,24 @@ def diagnose(
     log, healthy = followable(log), [followable(sound) for sound in healthy]
     test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
     training, testing, numbers = split(log, test)
-    looked = look_both_ways(training, vehicle, healthy, settings, report)
+    corrected = calibrate_coefficients(join(healthy or [training]), vehicle, uncertainty, settings)
+    searched = settings if healthy else corrected.settings(settings)
+    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report)
     bench, found, own = looked.bench, looked.found, looked.bench.vehicle
     before = changed(vehicle, free=own.free)
+    base = changed(corrected.vehicle, free=own.free)
     after = apply_values(own, found.best.explanation.values(own))
-    predictions = predict(testing, [before, after], settings, bench.sigma, 4 * bench.floor)
-    verdict = judge(bench, found)
+    stages = [before, base, after] if corrected.effects else [before, after]
+    predictions = predict(testing, stages, settings, bench.sigma, 4 * bench.floor)
+    if vetoed := bool(found.best.explanation.effects) and is_worse(predictions, len(stages) - 2, len(stages) - 1):
+        found, after = replace(found, best=found.none), base
+    predictions = only(predictions, 0, len(stages) - 1 - vetoed)
+    verdict = judge(bench, found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
-    probability = effect_probabilities(bench, found, unknown)
+    probability = effect_probabilities(bench, found, 1.0 if vetoed else unknown)
     effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
+    effects = (*corrected.effects, *effects)
     same = indistinguishable(bench, found)
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, [before, after]) if effects else None
@@ -83,7 +97,7 @@ def diagnose(
         log=log.name,
         vehicle=vehicle_name,
         verdict=verdict,
-        summary=summarise(verdict, effects),
+        summary=summarise(verdict, effects, corrected.sentences),
         where=locate(bench, found, effects, verdict),
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
@@ -93,7 +107,7 @@ def diagnose(
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),
-        findings=(*log.findings, *rests_on(looked), noise_finding(bench)),
+        findings=(*log.findings, *corrected.findings, *rests_on(looked), *vetoes(vetoed), noise_finding(bench)),
         windows=held_out_windows(predictions, testing),
     )
 
@@ -156,10 +170,21 @@ def excess(found: Found) -> float:
     return found.best.chi2 / found.best.quadratic.numbers
 
 
-def judge(bench: Bench, found: Found) -> Verdict:
-    """The outcome: is there a gap, and does the best explanation leave anything?"""
+def vetoes(vetoed: bool) -> tuple[Finding, ...]:
+    """What was thrown away because held-out flight speaks against it."""
+    if not vetoed:
+        return ()
+    sentence = "the effects that fit this log best predict held-out flight worse than without them: none is named"
+    return (Finding(Severity.WARNING, "vetoed", sentence, "Give a longer log, or one that moves in more ways"),)
+
+
+def judge(bench: Bench, found: Found, corrected: bool = False) -> Verdict:
+    """The outcome: is there a gap, and does the best explanation leave anything?
+
+    ``corrected`` tells that coefficients of the vehicle's file were corrected, so that there was a gap in any case.
+    """
     explained = excess(found) < bench.settings.excess
-    if not found.best.explanation.effects:
+    if not found.best.explanation.effects and not corrected:
         return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED
 
@@ -245,9 +270,11 @@ def _found_effect(
     return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))
 
 
-def summarise(verdict: Verdict, effects: tuple[FoundEffect, ...]) -> str:
-    """One sentence for a pilot."""
+def summarise(verdict: Verdict, effects: tuple[FoundEffect, ...], corrected: tuple[str, ...] = ()) -> str:
+    """One sentence for a pilot; ``corrected`` is what the coefficients that were wrong mean to him."""
     if not effects:
         return verdict.value
-    sentence = "; ".join(effect.sentence for effect in effects)
+    sentence = "; ".join((*corrected, *(effect.sentence for effect in effects if not effect.calibrates)))
+    if corrected:
+        sentence = f"the vehicle's file is off in many coefficients at once: {sentence}"
     return sentence[0].upper() + sentence[1:] + "."

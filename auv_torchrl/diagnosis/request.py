@@ -9,6 +9,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from auv_torchrl.diagnosis.hypotheses import Settings
+from auv_torchrl.diagnosis.uncertainty import Coefficient, read_uncertainty
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, join, read_flightlog
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
@@ -40,6 +41,7 @@ class Request:
 
     vehicle_name: str
     vehicle: Vehicle  # nominal, no batch
+    uncertainty: tuple[Coefficient, ...]  # of the vehicle's coefficients
     settings: Settings
     log: FlightLog
     healthy: tuple[FlightLog, ...] = field(default=())
@@ -68,6 +70,7 @@ def read_request(config: DictConfig) -> Request:
     return Request(
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
         vehicle=vehicle,
+        uncertainty=read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle),
         settings=read_settings(_plain(config.diagnosis)),
         log=join(kinds["log"]),
         healthy=kinds["healthy"],

@@ -73,6 +73,7 @@ class FoundEffect:
     thrusters: tuple[int, ...]  # at fault, from 1
     gap_closed: float | None  # share lost when this effect alone is taken out again
     sentence: str
+    calibrates: bool = False  # it corrects what the vehicle's file says, rather than naming a fault
 
 
 @dataclass(frozen=True)
