@@ -34,7 +34,8 @@ class OnlineAdapter(ThrusterTransform):
     ``effectiveness`` (N, 4, n), the estimated wrench in N and N m per share of full thrust. Learning runs on the
     CPU in float64 for each vehicle on its own; what has been learnt stays when an episode ends, a new adapter
     knows only the source vehicle. All of it is in ``state_dict``. Where thrust has been found to come late, the
-    ``observation`` is the one expected at the time at which the next command acts.
+    ``observation`` is the one expected at the time at which the next command acts; where only the pose is sensed, its
+    velocities are estimates.
 
     Args:
         vehicle: one vehicle (empty batch), the source.
@@ -81,7 +82,8 @@ class OnlineAdapter(ThrusterTransform):
                 log.log(self._declared_at, "%s", judged)
         observation = after.get(OBSERVATION)
         learner = self.learner
-        ahead = self.lookahead(array(observation), learner.raw, learner.timing, *learner.filter.map_of(learner.belief))
+        seen = learner.sensing.shown(array(observation), learner.velocity)
+        ahead = self.lookahead(seen, learner.raw, learner.timing, *learner.filter.map_of(learner.belief))
         after.set(OBSERVATION, torch.from_numpy(ahead).to(observation))
 
     def authority(self, row: int) -> Authority:
@@ -98,6 +100,8 @@ class OnlineAdapter(ThrusterTransform):
         mask = None if tensordict is None else tensordict.get("_reset", None)
         rows = np.arange(len(observation)) if mask is None else mask.reshape(-1).cpu().numpy().nonzero()[0]
         self.learner.begin(rows, array(observation))
+        seen = self.learner.sensing.shown(array(observation), self.learner.velocity)
+        tensordict_reset.set(OBSERVATION, torch.from_numpy(seen).to(observation))
         return self._report(tensordict_reset, torch.zeros((len(observation), 1), dtype=torch.bool))
 
     def _report(self, tensordict: TensorDictBase, alarm: Tensor) -> TensorDictBase:

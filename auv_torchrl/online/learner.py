@@ -12,7 +12,7 @@ from torch import Tensor
 from auv_torchrl.online.allocation import Allocation
 from auv_torchrl.online.config import OnlineConfig
 from auv_torchrl.online.detector import ChangeDetector
-from auv_torchrl.online.filter import Belief, EffectivenessFilter
+from auv_torchrl.online.filter import VELOCITY, Belief, EffectivenessFilter
 from auv_torchrl.online.guard import MeasurementGuard, Verdict
 from auv_torchrl.online.motion import SourceMotion, Step
 from auv_torchrl.online.sensing import Reading, Sensing
@@ -25,11 +25,14 @@ _D = len(CONTROLLED)
 _NOISE_RATE = 0.02  # per step, how fast the noise grows that the map cannot explain
 _LATE_NOISE = 10.0  # least of it where thrust comes late: within a step it is no constant
 _LARGEST_NOISE = 1e4  # times the variance of the config
-_FIELDS = ("phase", "total", "noise_scale", "lost_s", "search_s", "stalled_s", "alarms", "carried", "raw", "sign")
+_FIELDS = (
+    "phase", "total", "noise_scale", "lost_s", "search_s", "stalled_s", "alarms", "carried", "raw", "sign", "beginning",
+)  # fmt: skip
 _STILL = 0.05  # m/s
 _STALLED_S = 1.5  # s at a limit without moving; a healthy vehicle reaches full speed in less
 _IMPLAUSIBLE = 4.0  # standard deviations of the prior
 _IMPOSSIBLE_SPEED = 20.0  # m/s and rad/s
+_ROUGH = 0.5  # m/s and rad/s, standard error of a velocity from two poses: it changes between them
 
 
 class Phase(Enum):
@@ -98,14 +101,15 @@ class OnlineLearner:
         self.carry_limit = (np.abs(motion.per_share) * edge).max(-1)
         self.column_power = (self.weight[:, None] * np.square(motion.per_share)).sum(0)
         self.sign = np.ones((count, motion.per_share.shape[1]))  # of the dither
-        self.raw = np.full((count, 8), np.nan)  # of the last measurement
+        self.raw = np.full((count, 8), np.nan)  # of the last measurement; velocity estimated where it is not measured
+        self.beginning = np.zeros(count, dtype=bool)  # of one pose only: a second one gives the velocity
         self.generator = torch.Generator().manual_seed(config.seed)
 
     def begin(self, rows: Array, observation: Array) -> None:
         """A new episode of some vehicles (rows of the observations (N, d)); what has been learnt of them is kept."""
         reading = self.sensing.read(observation)
         self._place(rows, reading)
-        self.raw = reading.raw
+        self.raw = self._known(reading)
         self.guard.begin(rows)
         self.timing.begin(rows)
         self.total[rows] = self.lost_s[rows] = self.search_s[rows] = 0.0
@@ -113,14 +117,29 @@ class OnlineLearner:
         self.carried[rows] = 0.0
 
     def _place(self, rows: Array, reading: Reading) -> None:
-        velocity = reading.velocity[rows]
+        velocity = reading.raw[rows, :4]
         known = np.isfinite(velocity).all(-1) & (np.abs(velocity) < _IMPOSSIBLE_SPEED).all(-1)
-        self.filter.place(self.belief, rows, np.where(known[:, None], velocity, 0.0), self._start_spread)
+        self.filter.place(self.belief, rows, np.where(known[:, None], velocity, 0.0), self.config.velocity_noise)
         self.sensing.restart(reading, rows)
+        self.beginning[rows] = self.config.sensed == "pose"
+
+    def _begin_motion(self, rows: Array, reading: Reading) -> None:
+        """Start from the mean velocity between the first two poses of some vehicles."""
+        speed = np.clip(reading.measured[rows] / self.motion.control_dt, -_IMPOSSIBLE_SPEED, _IMPOSSIBLE_SPEED)
+        self.filter.place(self.belief, rows, speed, _ROUGH)
+        self.sensing.restart(reading, rows)
+        self.beginning[rows] = False
+
+    def _known(self, reading: Reading) -> Array:
+        """What is known of velocity, position and heading, (N, 8): estimated velocities where none are measured."""
+        if self.config.sensed == "velocity":
+            return reading.raw
+        return np.concatenate((self.velocity, reading.raw[:, 4:]), axis=-1)
 
     @property
-    def _start_spread(self) -> float:
-        return self.config.velocity_noise if self.config.sensed == "velocity" else 0.3  # m/s, a vehicle's own speed
+    def velocity(self) -> Array:
+        """Estimated velocity (N, 4) in the body frame."""
+        return self.belief.mean[:, VELOCITY]
 
     def uncertainty(self) -> Array:
         """Standard error of each thruster's effect as a share of its nominal effect, (N, n)."""
@@ -203,11 +222,16 @@ class OnlineLearner:
         arriving = self.timing.arriving(share)
         step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale)
         difference = reading.measured - self.belief.mean[:, self.entries]
+        difference[self.beginning] = np.where(np.isfinite(difference[self.beginning]), 0.0, np.nan)
         verdict = self.guard.judge(reading.raw, time, difference, np.abs(share).max(-1) > 0)
         usable = verdict.usable & (self.phase != FROZEN)
+        second = usable & self.beginning
+        usable &= ~second
         innovation = self.filter.update(self.belief, self.entries, reading.measured, reading.variance, usable)
         self.sensing.accept(reading, usable)
-        self.raw = reading.raw
+        if second.any():
+            self._begin_motion(second.nonzero()[0], reading)
+        self.raw = self._known(reading)
         self._explain(step, wrench, reading, usable)
         self.total = self.detector.advance(self.total, innovation.square, usable & (self.phase == FOLLOWING))
         self.statistic = self.total / self.detector.threshold
@@ -215,7 +239,7 @@ class OnlineLearner:
         least = np.where(self.timing.late_s() > 0, _LATE_NOISE, 1.0)
         scaled = self.noise_scale * np.exp(_NOISE_RATE * excess)
         self.noise_scale = np.where(usable, np.clip(scaled, least, _LARGEST_NOISE), self.noise_scale)
-        stalled = self._stalled(share, reading.velocity)
+        stalled = self._stalled(share, self.raw[:, :4])
         alarm = ((self.total > self.detector.threshold) | self._implausible() | stalled) & (self.phase == FOLLOWING)
         if alarm.any():
             self.search(alarm.nonzero()[0])
@@ -232,7 +256,7 @@ class OnlineLearner:
         """Remember the wrench that would have brought the source vehicle to the measured velocity."""
         if self.config.sensed != "velocity":
             return  # one step of noisy positions says nothing about its wrench
-        surprise = np.where(usable[:, None], reading.velocity - step.velocity, 0.0)
+        surprise = np.where(usable[:, None], reading.raw[:, :4] - step.velocity, 0.0)
         missing = np.linalg.solve(step.by_wrench[:, _D:], surprise[..., None])[..., 0]
         self.timing.learn(np.where(usable[:, None], wrench + missing, np.nan))
 

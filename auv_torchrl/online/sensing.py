@@ -12,19 +12,15 @@ Array = Any
 _VELOCITY = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate")
 _ERROR = ("error_x", "error_y", "error_z")
 _HEADING = ("heading_error_sin", "heading_error_cos")
+_TILT_RATES = ("roll_rate", "pitch_rate")
 
 
 class Reading(NamedTuple):
     """One measurement of N vehicles, float64."""
 
-    raw: Array  # (N, 8) velocity, position, heading, as measured
+    raw: Array  # (N, 8) velocity, position, heading, as measured; velocity 0 where only the pose is
     measured: Array  # (N, 4) speed, or displacement since the motion began
     variance: Array  # (N, 4)
-
-    @property
-    def velocity(self) -> Array:
-        """Measured body velocity (N, 4)."""
-        return self.raw[:, :4]
 
 
 class Sensing:
@@ -45,6 +41,7 @@ class Sensing:
         self._velocity, self._error, self._heading = (
             [observation_names.index(name) for name in names] for names in (_VELOCITY, _ERROR, _HEADING)
         )
+        self._rates = [i for i, name in enumerate(observation_names) if name in _TILT_RATES]
         self.pose = np.zeros((count, 4))
         self.travelled = np.zeros((count, 4))
 
@@ -56,6 +53,8 @@ class Sensing:
         velocity, error = observation[:, self._velocity], observation[:, self._error]
         heading = -np.arctan2(*observation[:, self._heading].T)
         position = -_turned(error, heading)
+        if config.sensed == "pose":
+            velocity = 0.0 * velocity
         raw = np.concatenate((velocity, position, heading[:, None]), axis=-1)
         if config.sensed == "velocity":
             return Reading(raw, velocity, np.full(velocity.shape, config.velocity_noise**2))
@@ -66,6 +65,15 @@ class Sensing:
         position_variance = (config.position_noise**2 + tilt)[:, None].repeat(3, axis=1)
         heading_variance = np.full((len(raw), 1), config.heading_noise**2)
         return Reading(raw, measured, np.concatenate((position_variance, heading_variance), axis=-1))
+
+    def shown(self, observation: Array, velocity: Array) -> Array:
+        """Observations (N, d) that a policy may see: where only the pose is measured, estimated velocities (N, 4)."""
+        if self.config.sensed == "velocity":
+            return observation
+        observation = observation.copy()
+        observation[:, self._velocity] = velocity
+        observation[:, self._rates] = 0.0  # of a vehicle that its weight holds level
+        return observation
 
     def accept(self, reading: Reading, rows: Array) -> None:
         """The next displacement counts from this reading in these rows, (N,) bool."""
