@@ -22,6 +22,7 @@ from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding
 from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.search import Found, Progress, search
+from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.uncertainty import Coefficient
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.veto import is_worse, only
@@ -92,18 +93,20 @@ def diagnose(
     same = indistinguishable(bench, found)
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, [before, after]) if effects else None
+    gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
+    where = locate(bench, found, effects, verdict)
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
         vehicle=vehicle_name,
         verdict=verdict,
-        summary=summarise(verdict, effects, corrected.sentences),
-        where=locate(bench, found, effects, verdict),
+        summary=summarise(verdict, effects, where, gap, corrected.sentences),
+        where=where,
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
         indistinguishable=same,
         next_experiment=choose_experiment(own, rivals(found), bench.sigma),
-        gap=replace(measure_gap(predictions, numbers, closed), confirmed=confirmed),
+        gap=gap,
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),
@@ -266,15 +269,6 @@ def _found_effect(
         (members,) = knob_members
         if len(members) > 1:
             p = declared[members[0]]
-            sentences = [p.sentence.format(value=parameters[members[0]].value, which="s 1 to " + members[-1][-1])]
+            which = f"s 1 to {len(members)}" if p.over == "thruster" else "all directions"
+            sentences = [p.sentence.format(value=parameters[members[0]].value, which=which)]
     return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))
-
-
-def summarise(verdict: Verdict, effects: tuple[FoundEffect, ...], corrected: tuple[str, ...] = ()) -> str:
-    """One sentence for a pilot; ``corrected`` is what the coefficients that were wrong mean to him."""
-    if not effects:
-        return verdict.value
-    sentence = "; ".join((*corrected, *(effect.sentence for effect in effects if not effect.calibrates)))
-    if corrected:
-        sentence = f"the vehicle's file is off in many coefficients at once: {sentence}"
-    return sentence[0].upper() + sentence[1:] + "."

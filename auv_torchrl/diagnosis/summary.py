@@ -1,0 +1,74 @@
+"""The verdict in one sentence for a pilot."""
+
+from auv_torchrl.diagnosis.verdict import FoundEffect, Gap, Verdict, Where
+from auv_torchrl.effects import Origin
+
+NEAR_FLOOR = 1.5  # times the floor, below which a prediction is as good as the sensors allow
+MAINLY = 0.5  # share of the gap
+SUSPECT = 0.3  # share of the gap, from which a thruster is worth a look
+SLACK = "No fault: this vehicle differs from the simulator by no more than the few per cent that every vehicle does."
+GOES_WITH = {
+    Origin.BODY: "its acceleration",
+    Origin.FLOW: "its speed through the water",
+    Origin.EXTERNAL: "where it is and where it points",
+}
+
+
+def summarise(
+    verdict: Verdict,
+    effects: tuple[FoundEffect, ...],
+    where: Where,
+    gap: Gap,
+    corrected: tuple[str, ...] = (),
+) -> str:
+    """What was found and how much of the gap that is; where to look for what was not found.
+
+    ``corrected`` is what the coefficients that were wrong mean to a pilot.
+    """
+    if verdict is Verdict.NO_GAP and not effects:
+        return verdict.value if within_floor(gap) else SLACK
+    named = "; ".join((*corrected, *(effect.sentence.rstrip(".") for effect in effects if not effect.calibrates)))
+    if corrected:
+        named = f"the vehicle's file is off in many coefficients at once: {named}"
+    elif effects and not named:
+        named = "the vehicle's file is off in many coefficients at once"
+    if verdict is Verdict.UNEXPLAINED:
+        known = f"{named}; beyond that the" if named else "The"
+        return _begun(f"{known} simulator misses this vehicle{mainly(where)}, and no known effect explains it")
+    closed = "" if gap.closed is None else f"{100 * gap.closed:.0f} % of the gap"
+    if verdict is Verdict.PARTLY_EXPLAINED:
+        share = f"that explains {closed}, and" if closed else "besides,"
+        return _begun(f"{named}; {share} something unknown acts too{mainly(where)}")
+    return _begun(f"{named}; with that in the simulator, {closed} is gone" if closed else named)
+
+
+def mainly(where: Where) -> str:
+    """Where most of a gap shows and what it goes with, as the end of a clause; empty where nothing stands out."""
+    shown = [name for name, share in where.dof.items() if share > MAINLY]
+    parts = [f", mostly in {shown[0]}"] if shown else []
+    goes_with = next(
+        (GOES_WITH[Origin(n)] for n, share in where.origin.items() if share > MAINLY and n in GOES_WITH), ""
+    )
+    if thrusters := suspects(where):
+        one = "thruster" if len(thrusters) == 1 else "thrusters"
+        goes_with = f"the commands of {one} {' and '.join(map(str, thrusters))}"
+    elif where.origin.get(Origin.ACTUATION, 0.0) > MAINLY:
+        goes_with = "the commands"
+    if goes_with:
+        parts.append(f", in step with {goes_with}")
+    return "".join(parts)
+
+
+def suspects(where: Where) -> list[int]:
+    """Thrusters, from 1, whose commands a large share of the gap goes with."""
+    return [int(name) for name, share in where.thruster.items() if share > SUSPECT]
+
+
+def within_floor(gap: Gap) -> bool:
+    """Whether the simulator as it was predicts as well as sensors allow."""
+    kinds = [errors for errors in (gap.position_m, gap.yaw_rad, gap.velocity) if errors is not None]
+    return all(e.before[-1] < NEAR_FLOOR * e.floor[-1] for e in kinds if e.before)
+
+
+def _begun(clause: str) -> str:
+    return f"{clause[0].upper()}{clause[1:]}."

@@ -1,0 +1,51 @@
+"""The verdict in one sentence."""
+
+from dataclasses import replace
+
+import pytest
+
+from auv_torchrl.diagnosis.summary import SLACK, summarise
+from auv_torchrl.diagnosis.verdict import Verdict, Where
+from tests.diagnosis.example import example
+
+FOUND = example()
+HEAVE = Where(dof={"heave": 0.7, "yaw": 0.3}, origin={"actuation": 0.8}, thruster={"4": 0.1, "5": 0.45, "6": 0.45})
+
+
+def test_an_explained_gap_says_what_is_gained():
+    """What was found and the share that is gone."""
+    said = summarise(Verdict.EXPLAINED, FOUND.effects, FOUND.where, FOUND.gap)
+    assert (
+        said == "Thruster 4 gives 0.55 times its nominal thrust; with that in the simulator, 97 % of the gap is gone."
+    )
+
+
+def test_an_unexplained_gap_says_where_to_look():
+    """The degree of freedom and the thrusters it goes with, but no effect."""
+    said = summarise(Verdict.UNEXPLAINED, (), HEAVE, FOUND.gap)
+    for words in ("mostly in heave", "commands of thrusters 5 and 6", "no known effect explains it"):
+        assert words in said
+
+
+def test_a_part_explained_says_that_something_else_acts():
+    """What was found, its share, and that there is more."""
+    said = summarise(Verdict.PARTLY_EXPLAINED, FOUND.effects, HEAVE, replace(FOUND.gap, closed=0.6))
+    assert "that explains 60 % of the gap, and something unknown acts too, mostly in heave" in said
+
+
+@pytest.mark.parametrize(("factor", "sentence"), [(1.2, Verdict.NO_GAP.value), (5.0, SLACK)])
+def test_no_gap_is_told_from_slack(factor, sentence):
+    """A vehicle within the floor is predicted; one beyond it, without an effect, has the slack that all have."""
+    position = replace(FOUND.gap.position_m, before=tuple(factor * f for f in FOUND.gap.position_m.floor))
+    gap = replace(FOUND.gap, position_m=position, yaw_rad=None, closed=None)
+    assert summarise(Verdict.NO_GAP, (), Where(), gap) == sentence
+
+
+@pytest.mark.parametrize("verdict", Verdict)
+def test_every_verdict_is_a_sentence(verdict):
+    """With as little as there may be to say, a sentence with a capital and one full stop comes out."""
+    gap = replace(FOUND.gap, position_m=None, yaw_rad=None, closed=None)
+    calibrating = tuple(replace(effect, calibrates=True) for effect in FOUND.effects)
+    effects = () if verdict in (Verdict.NO_GAP, Verdict.UNEXPLAINED) else calibrating
+    said = summarise(verdict, effects, Where(), gap)
+    assert said[0].isupper() and said.endswith(".") and not said.endswith("..")
