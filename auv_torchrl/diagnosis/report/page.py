@@ -12,8 +12,9 @@ from auv_torchrl import __version__
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.svg import between, number
+from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Gap, Verdict, Window
-from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
@@ -25,6 +26,13 @@ _TITLES: dict[str, str] = {
     "x": "north", "y": "east", "z": "depth", "roll": "roll", "pitch": "pitch", "yaw": "heading", "u": "surge speed",
     "v": "sway speed", "w": "heave speed", "p": "roll rate", "q": "pitch rate", "r": "yaw rate",
 }  # fmt: skip
+LOOKS_LIKE = {
+    Origin.ACTUATION: "the commands: thrusters, propellers, motor controllers, battery",
+    Origin.BODY: "acceleration: mass, trapped water, payload",
+    Origin.FLOW: "speed through the water: drag, fouling, current",
+    Origin.EXTERNAL: "place, heading or time: tether, waves, contact, compass",
+    Origin.SENSING: "the sensors: delay, bias, noise",
+}
 _FIRST_CANDIDATES = 8
 _CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are marked where no thruster is at fault
 _GLYPH = {Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○"}
@@ -52,7 +60,13 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
     environment.globals |= {"interval": interval, "between": between}
     thrusters = sorted({i for effect in diagnosis.effects for i in effect.thrusters})
-    axes = [] if thrusters or diagnosis.verdict is Verdict.NO_GAP else _clear_axes(diagnosis)
+    shown = diagnosis.verdict is not Verdict.NO_GAP
+    axes = _clear_axes(diagnosis) if shown and not thrusters else []
+    suspected = suspects(diagnosis.where) if shown and not diagnosis.effects else []
+    marked = [_numbered(thrusters)] if thrusters else []
+    marked += [f"{', '.join(axes)}, where the gap shows"] if axes else []
+    marked += [f"{_numbered(suspected)}, whose commands it goes with"] if suspected else []
+    thrusters = thrusters or suspected
     candidates = [candidate for candidate in diagnosis.candidates if np.isfinite(candidate.probability)]
     return environment.get_template("page.html.j2").render(
         d=diagnosis,
@@ -61,8 +75,9 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         version=__version__,
         style=Markup((_HERE / "style.css").read_text()),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
-        thrusters=thrusters,
-        axes=axes,
+        marked=marked,
+        leads=_leads(diagnosis),
+        after=_after(diagnosis),
         figures=_figures(diagnosis.windows),
         gap_charts=_gap_charts(diagnosis),
         confirmed=_kinds(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],
@@ -75,6 +90,26 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         further=candidates[_FIRST_CANDIDATES:],
         meaning={name: effect.meaning for name, effect in EFFECTS.items()},
     )
+
+
+def _numbered(thrusters: Sequence[int]) -> str:
+    return f"thruster{'s' if len(thrusters) > 1 else ''} {', '.join(map(str, thrusters))}"
+
+
+def _after(diagnosis: Diagnosis) -> str:
+    """What the simulator after the diagnosis has that it had not before."""
+    if diagnosis.effects:
+        return f"with the effect{'s' if len(diagnosis.effects) > 1 else ''} in it"
+    return "with its coefficients calibrated"
+
+
+def _leads(diagnosis: Diagnosis) -> list[str]:
+    """Where to look for what no effect explains."""
+    where = diagnosis.where
+    found = [f"{percent(s)} of it shows in {name}" for name, s in where.dof.items() if s > _CLEAR_SHARE]
+    found += [f"{percent(s)} goes with {LOOKS_LIKE[Origin(n)]}" for n, s in where.origin.items() if s > _CLEAR_SHARE]
+    found += [f"{percent(where.thruster[str(i)])} of that with thruster {i}" for i in suspects(where)]
+    return found + [f"it is {number(r.gap, 2)} times as large with {r.when}" for r in where.regime[:2]]
 
 
 def words(name: str) -> str:
@@ -110,7 +145,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if diagnosis.effects:
         first = diagnosis.effects[0]
         facts.append((f"probability of {words(first.name)}", percent(first.probability)))
-    if diagnosis.input_mappable is not None:
+    if diagnosis.input_mappable is not None and diagnosis.verdict is not Verdict.NO_GAP:
         facts.append(("of the gap that remapping the commands could close", percent(diagnosis.input_mappable)))
     return facts
 
