@@ -14,7 +14,6 @@ from auv_torchrl.diagnosis.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.confirm import confirm
 from auv_torchrl.diagnosis.detectable import detectable_sizes
 from auv_torchrl.diagnosis.equivalence import indistinguishable
-from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.how_far import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.mappable import input_mappable
@@ -35,7 +34,6 @@ from auv_torchrl.vehicle import Vehicle
 
 Z95 = 1.96
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
-OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
 MODEL_ERROR = 0.005  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 
 
@@ -105,7 +103,7 @@ def diagnose(
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
         indistinguishable=same,
-        next_experiment=choose_experiment(own, rivals(found), bench.sigma),
+        next_experiment=choose_experiment(bench, found, verdict, where),
         gap=gap,
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
@@ -218,17 +216,6 @@ def leave_one_out(found: Found) -> dict[str, float]:
         worse = min(others, default=nothing)
         shares[name] = float(np.clip((worse - best.chi2) / (nothing - best.chi2), 0.0, 1.0))
     return shares
-
-
-def rivals(found: Found) -> list[Explanation]:
-    """The best explanation and the next one that fits nearly as well with other effects."""
-    best = found.best
-    close = [
-        judged.explanation
-        for judged in found.polished
-        if judged.explanation.effects != best.explanation.effects and judged.evidence > best.evidence - OPEN
-    ]
-    return [best.explanation, *close]
 
 
 def cannot_tell(bench: Bench, found: Found) -> tuple[str, ...]:

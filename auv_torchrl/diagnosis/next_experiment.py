@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.equivalence import alternatives
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.hypotheses import batch
-from auv_torchrl.diagnosis.verdict import NextExperiment
+from auv_torchrl.diagnosis.search import Found
+from auv_torchrl.diagnosis.summary import suspects
+from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
 from auv_torchrl.diagnosis.windows import Floats
 from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles
@@ -14,6 +18,7 @@ from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 SECONDS = 12.0
 SIZE = 0.4  # of the full command: a tank leaves no room for more
+OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
 SEPARATES = 3.0  # noise standard deviations, root mean square, below which flying it is no use
 
 
@@ -38,12 +43,33 @@ def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
     return {name: np.clip(commands, -1.0, 1.0) for name, commands in found.items()}
 
 
-def choose_experiment(vehicle: Vehicle, rivals: list[Explanation], sigma: dict[str, float]) -> NextExperiment | None:
-    """The manoeuvre under which the two closest rivals differ most; None where nothing is open or nothing helps."""
-    if len(rivals) < 2:
-        return None
-    names = [" and ".join(rival.effects) or "no effect" for rival in rivals[:2]]
-    pair = batch(vehicle, [rival.values(vehicle) for rival in rivals[:2]])
+def choose_experiment(bench: Bench, found: Found, verdict: Verdict, where: Where) -> NextExperiment | None:
+    """What to fly next; None where nothing is open or nothing helps.
+
+    The manoeuvre under which the two closest rivals differ most, or one that shows alone what no effect explains.
+    """
+    for name, other, explanation in rivals(bench, found):
+        separates = separate(bench, (name, found.best.explanation), (other, explanation))
+        if separates is not None:
+            return separates
+    return explore(bench.vehicle, where) if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED) else None
+
+
+def rivals(bench: Bench, found: Found) -> list[tuple[str, str, Explanation]]:
+    """What the best explanation could be instead: explanations that fit nearly as well, and others of the same mark."""
+    best = found.best
+    close = [
+        (_called(best.explanation), _called(judged.explanation), judged.explanation)
+        for judged in found.polished
+        if judged.explanation.effects != best.explanation.effects and judged.evidence > best.evidence - OPEN
+    ]
+    return [*close, *alternatives(bench, found)]
+
+
+def separate(bench: Bench, one: tuple[str, Explanation], other: tuple[str, Explanation]) -> NextExperiment | None:
+    """The manoeuvre under which two named explanations differ most; None where that is too little."""
+    vehicle, sigma = bench.vehicle, bench.sigma
+    pair = batch(vehicle, [explanation.values(vehicle) for _, explanation in (one, other)])
     noise = np.array([sigma.get(axis, np.inf) for axis in ("x", "y", "z", "roll", "pitch", "yaw")])
     distance = {}
     plans = manoeuvres(vehicle)
@@ -55,10 +81,29 @@ def choose_experiment(vehicle: Vehicle, rivals: list[Explanation], sigma: dict[s
     best = max(distance, key=lambda name: distance[name])
     if not distance[best] > SEPARATES:
         return None
-    why = f"{best} tells {names[0]} from {names[1]}: they would end up {distance[best]:.0f} times the noise apart"
-    return NextExperiment(
-        why, t=CONTROL_DT * np.arange(len(plans[best]), dtype=np.float64), thruster_commands=plans[best]
-    )
+    names = " from ".join(name.replace("_", " ") for name, _ in (one, other))
+    why = f"{best} tells {names}: they would end up {distance[best]:.0f} times the noise apart"
+    return _planned(why, plans[best])
+
+
+def explore(vehicle: Vehicle, where: Where) -> NextExperiment | None:
+    """A manoeuvre that shows alone what no effect explains: the suspected thruster, or where the gap is largest."""
+    plans = manoeuvres(vehicle)
+    suspected = [f"pulse thruster {i} alone" for i in suspects(where)]
+    largest = [f"steps of {name} at two sizes" for name, _ in sorted(where.dof.items(), key=lambda item: -item[1])]
+    plan = next((name for name in (*suspected, *largest) if name in plans), None)
+    if plan is None:
+        return None
+    why = f"{plan}: the gap is largest there and no known effect explains it; alone, it shows what the gap follows"
+    return _planned(why, plans[plan])
+
+
+def _called(explanation: Explanation) -> str:
+    return " and ".join(explanation.effects) or "no effect"
+
+
+def _planned(why: str, commands: Floats) -> NextExperiment:
+    return NextExperiment(why, t=CONTROL_DT * np.arange(len(commands), dtype=np.float64), thruster_commands=commands)
 
 
 def _fly(vehicle: Vehicle, commands: Floats) -> Floats:

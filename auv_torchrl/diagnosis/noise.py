@@ -1,7 +1,7 @@
 """White noise of the sensors: what of the effect ``sensor_noise`` a log shows.
 
-Noise widens the floor of every prediction and closes no gap. So it is measured beside the explanation, from what is left
-when a free force follows everything slower, and not weighed against it.
+Noise widens the floor of every prediction and closes no gap. So it is measured beside the explanation, from what is
+left when a free force follows everything slower, and not weighed against it.
 """
 
 import numpy as np

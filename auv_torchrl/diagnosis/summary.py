@@ -6,6 +6,7 @@ from auv_torchrl.effects import Origin
 NEAR_FLOOR = 1.5  # times the floor, below which a prediction is as good as the sensors allow
 MAINLY = 0.5  # share of the gap
 SUSPECT = 0.3  # share of the gap, from which a thruster is worth a look
+SOUND = "No gap: the simulator predicts this vehicle as well as its sensors allow."
 SLACK = "No fault: this vehicle differs from the simulator by no more than the few per cent that every vehicle does."
 GOES_WITH = {
     Origin.BODY: "its acceleration",
@@ -26,7 +27,7 @@ def summarise(
     ``corrected`` is what the coefficients that were wrong mean to a pilot.
     """
     if verdict is Verdict.NO_GAP and not effects:
-        return verdict.value if within_floor(gap) else SLACK
+        return SOUND if within_floor(gap) else SLACK
     named = "; ".join((*corrected, *(effect.sentence.rstrip(".") for effect in effects if not effect.calibrates)))
     if corrected:
         named = f"the vehicle's file is off in many coefficients at once: {named}"

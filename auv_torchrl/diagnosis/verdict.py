@@ -20,7 +20,7 @@ VERSION = 1
 class Verdict(Enum):
     """Outcome of a diagnosis; the value is the sentence that its reader sees, the name goes to the file."""
 
-    NO_GAP = "The simulator predicts this vehicle as well as its sensors allow."
+    NO_GAP = "The simulator misses no more than sensors, water and a few per cent of calibration account for."
     EXPLAINED = "The simulator misses this vehicle, and the effects named below explain it."
     PARTLY_EXPLAINED = "The effects named below explain a part of the gap; something else acts that is not known."
     UNEXPLAINED = "The simulator misses this vehicle, and none of the known effects explains it."

@@ -1,0 +1,81 @@
+"""What a log cannot tell apart is declared, and the next experiment tells it apart."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold
+
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.equivalence import alternatives, indistinguishable
+from auv_torchrl.diagnosis.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.hypotheses import load_settings
+from auv_torchrl.diagnosis.next_experiment import choose_experiment, explore, manoeuvres
+from auv_torchrl.diagnosis.screen import Field
+from auv_torchrl.diagnosis.verdict import Verdict, Where
+from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.vehicle import load_vehicle
+
+PAPER = load_vehicle("paper")
+SETTINGS = load_settings()
+
+
+@pytest.fixture(scope="module")
+def marked():
+    """A bench with the marks of all changes on a short log."""
+    log = fly(hold(PAPER), {}, seed=2, episodes=2, seconds=12.0)
+    bench = Bench(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), hold(PAPER), SETTINGS)
+    return bench, Field.of(bench, bench.follow())
+
+
+def found(field, *knobs):
+    """As much of a search's outcome as is looked at: one explanation without rivals."""
+    judged = SimpleNamespace(explanation=Explanation(knobs), evidence=0.0, chi2=100.0)
+    return SimpleNamespace(best=judged, polished=[judged], field=field)
+
+
+def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
+    """A weak thruster 5 could be a weak 6 where both get the same command; turning about the long axis tells."""
+    bench, field = marked
+    weak = found(field, Knob("thruster_gain", ("gain_5",), 0.4))
+    assert ("gain_5", "gain_6") in indistinguishable(bench, weak)
+    (mine, theirs, other), *_ = [a for a in alternatives(bench, weak) if "gain_6" in a[1]]
+    assert (mine, theirs) == ("gain_5", "gain_6")
+    assert other.values(bench.vehicle)["thruster_gain"] == {"gain_6": pytest.approx(0.4, abs=0.02)}
+    plan = choose_experiment(bench, weak, Verdict.EXPLAINED, Where())
+    assert plan is not None
+    assert "thruster" in plan.why and "gain 5 from gain 6" in plan.why
+
+
+def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(marked):
+    """Commands 2 and 3 exchanged look like nothing else, although 2 and 5 look like 2 and 6."""
+    bench, field = marked
+    knobs = [Knob("thruster_swap", (f"command_{i}",), j, discrete=True) for i, j in ((2, 3.0), (3, 2.0))]
+    assert not indistinguishable(bench, found(field, *knobs))
+    assert choose_experiment(bench, found(field, *knobs), Verdict.EXPLAINED, Where()) is None
+
+
+@pytest.mark.parametrize(
+    ("where", "plan"),
+    [
+        (Where(dof={"heave": 0.7, "yaw": 0.3}), "steps of heave"),
+        (Where(dof={"surge": 1.0}, thruster={"1": 0.9, "2": 0.1}), "pulse thruster 1"),
+    ],
+)
+def test_an_unexplained_gap_is_looked_at_alone(where, plan):
+    """The suspected thruster is pulsed, else the degree of freedom with the largest gap is stepped."""
+    planned = explore(PAPER, where)
+    assert planned is not None and planned.why.startswith(plan)
+    assert np.abs(planned.thruster_commands).max() <= 1
+
+
+def test_nothing_is_planned_without_a_lead():
+    """Without any share there is nothing to look at."""
+    assert explore(PAPER, Where()) is None
+
+
+def test_manoeuvres_are_gentle_and_come_to_an_end():
+    """All commands are within half of the full one, and no manoeuvre is longer than 15 s."""
+    for name, commands in manoeuvres(PAPER).items():
+        assert np.abs(commands).max() <= 0.5, name
+        assert len(commands) * 0.05 <= 15.0
