@@ -21,6 +21,7 @@ PARTS = {  # module: what it measures
     "time_to_error": "Training time to an error",
     "table2": "The paper's Table 2",
     "fault_recovery": "Recovery from a fault in flight",
+    "tank_run": "The paper's tank run",
 }
 PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy", "stable-baselines3")
 

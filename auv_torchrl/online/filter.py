@@ -78,13 +78,14 @@ class EffectivenessFilter:
 
     def start(self, count: int) -> Belief:
         """Belief about ``count`` vehicles that are healthy as far as is known."""
-        mean = np.zeros((count, self.size))
-        covariance = np.zeros((count, self.size, self.size))
-        belief = Belief(mean, covariance)
-        rows = np.arange(count)
-        self.forget(belief, rows)
-        covariance[:, self._learnt, self._learnt] = np.diag(self.drift_limit)
+        belief = Belief(np.zeros((count, self.size)), np.zeros((count, self.size, self.size)))
+        self.trust(belief, np.arange(count))
         return belief
+
+    def trust(self, belief: Belief, rows: Array) -> None:
+        """Take some vehicles for the nominal one, but for a little drift."""
+        self.forget(belief, rows)
+        belief.covariance[rows, self._learnt, self._learnt] = np.diag(self.drift_limit)
 
     def place(self, belief: Belief, rows: Array, velocity: Array, spread: float) -> None:
         """Begin the motion of some vehicles anew at velocities (k, 4), keeping what has been learnt."""

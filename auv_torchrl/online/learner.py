@@ -28,6 +28,10 @@ _LARGEST_NOISE = 1e4  # times the variance of the config
 _FIELDS = (
     "phase", "total", "noise_scale", "lost_s", "search_s", "stalled_s", "alarms", "carried", "raw", "sign", "beginning",
 )  # fmt: skip
+_LARGEST_GAIN = 3.0  # no thruster does more than this times what it should: such a map explains nothing
+_LEAST_SEARCH_S = 0.25  # s before that is judged
+_SURPRISED = 3.0  # times the variance of the config: so much noise says that the map does not describe the vehicle
+_UNEXPLAINED_NOISE = 1000.0  # times the variance of the config, at least, where no map explains the motion
 _STILL = 0.05  # m/s
 _STALLED_S = 1.5  # s at a limit without moving; a healthy vehicle reaches full speed in less
 _IMPLAUSIBLE = 4.0  # standard deviations of the prior
@@ -293,9 +297,29 @@ class OnlineLearner:
                 )
                 self.search(np.array([row]))
                 done[row] = False
+        surprised = (self.noise_scale > _SURPRISED) & (self.search_s > _LEAST_SEARCH_S)
+        hopeless = searching & surprised & self._impossible_map()
+        self._give_up(hopeless.nonzero()[0])
+        done |= hopeless
         self.phase[done] = FOLLOWING
         self.total[done] = 0.0
         self.settled = done
+
+    def _impossible_map(self) -> Array:
+        """Vehicles with a thruster that does more than any thruster can, (N,) bool: the hull must have changed."""
+        effectiveness, _ = self.filter.map_of(self.belief)
+        power = (self.weight[:, None] * np.square(effectiveness)).sum(1)
+        return (power > _LARGEST_GAIN**2 * self.column_power).any(-1)
+
+    def _give_up(self, rows: Array) -> None:
+        """Go back to the source vehicle's map where none was found that explains the motion."""
+        if not len(rows):
+            return
+        log.debug("vehicles %s: no map of the thrusters explains the motion: the source's is kept", rows.tolist())
+        velocity = self.velocity[rows].copy()
+        self.filter.trust(self.belief, rows)
+        self.belief.mean[rows, VELOCITY] = velocity
+        self.noise_scale[rows] = np.maximum(self.noise_scale[rows], _UNEXPLAINED_NOISE)
 
     def _note_losses(self, verdict: Verdict, reading: Reading) -> None:
         """Freeze after a long loss, and take up again where measurements have come back."""

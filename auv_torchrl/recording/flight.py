@@ -19,6 +19,7 @@ from auv_torchrl.vehicle import Vehicle
 
 NEAR, FAR = f"within {BACK_M:g} m", f"beyond {BACK_M:g} m"
 _HEALTHY = "nominal"
+_COLOUR = {**MOMENT, "CHANGE": "#999999"}  # black is not seen on a dark background
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def record_flight(recording: rr.RecordingStream, one: OneFlight) -> None:
     record_series(recording, "flight/gain/true", time, one.true_gains.numpy(), true, [rgb(NEUTRAL)] * thrusters, 0.8)
     statistic = one.adapted.statistic.double().numpy()
     both = np.stack((statistic, np.ones_like(statistic)), axis=-1)
-    record_series(recording, "flight/statistic", time, both, ["sum", "threshold"], [rgb("#000000"), rgb(NEUTRAL)])
+    record_series(recording, "flight/statistic", time, both, ["sum", "threshold"], [rgb(U_T), rgb(NEUTRAL)])
     recording.log("flight/summary", rr.TextDocument(one.summary, media_type=rr.MediaType.MARKDOWN), static=True)
     _record_states(recording, one, error)
     _record_moments(recording, one, error)
@@ -75,7 +76,7 @@ def _record_states(recording: rr.RecordingStream, one: OneFlight, error: np.ndar
     near = [NEAR if value < BACK_M else FAR for value in error]
     quiet, busy = rgb(MOMENT["RECOVERED"]), rgb(MOMENT["NOTICED"])
     lanes = {
-        "vehicle": (vehicle, {_HEALTHY: quiet, **{change.text: rgb(U_S) for change in changes}}),
+        "vehicle": (vehicle, {_HEALTHY: quiet, **{change.text: busy for change in changes}}),
         "adaptation": (
             [*zip(time, phases, strict=True)],
             {"following": quiet, "searching": busy, "frozen": rgb(MOMENT["FROZEN"])},
@@ -99,12 +100,12 @@ def _record_moments(recording: rr.RecordingStream, one: OneFlight, error: np.nda
     """A line of text and a point on the curve of the error at each moment."""
     time = one.adapted.flight.time.double().numpy()
     for happening in {moment.happening for moment in one.moments}:
-        colour = rgb(MOMENT[happening.name])
+        colour = rgb(_COLOUR[happening.name])
         points = rr.SeriesPoints(names=happening.value, colors=[colour], markers="diamond", marker_sizes=7.0)
         recording.log(_marker(happening), points, static=True)
     for moment in one.moments:
         recording.set_time("time", duration=moment.time_s)
-        colour = rgb(MOMENT[moment.happening.name])
+        colour = rgb(_COLOUR[moment.happening.name])
         text = f"{moment.happening.value}: {moment.text}"
         recording.log("flight/moments", rr.TextLog(text, level=rr.TextLogLevel.INFO, color=colour))
         height = float(np.interp(moment.time_s, time, np.nan_to_num(error, posinf=0.0)))

@@ -10,8 +10,10 @@ from torchrl.envs.utils import check_env_specs
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.authority import controlled_allocation
 from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.vehicle import load_vehicle
 
 FAULTS = ("swap", "thruster_gain", "reversed", "reversed_and_dead", "cycle", "two_reversed", "triple_fault")
 
@@ -79,6 +81,17 @@ class Wandering(PID):
         tensordict = super().forward(tensordict)
         phase = 2 * torch.pi * tensordict["time"].float() * torch.tensor((0.5, 0.4, 0.6, 0.3))
         return tensordict.set("action", (tensordict["action"] + 0.4 * torch.sin(phase)).clamp(-1, 1))
+
+
+def test_a_hull_that_no_map_explains_does_not_spoil_the_map():
+    """A vehicle of a tenth of the drag, seen by pose alone: no thruster is believed to do three times what it can."""
+    flown = task(15.0)
+    adapter = OnlineAdapter(VEHICLE, flown, load_online_config(overrides={"sensed": "pose"}), 3)
+    hull = TorchFleet(load_vehicle("bluerov2"), flown, 3, scenario=scenario("sensor_noise"), seed=0)
+    flight = fly(TransformedEnv(hull, adapter), PID(flown, integral=INTEGRAL), draw_starts(flown, 3, 1), 299)
+    found, _ = adapter.learner.filter.map_of(adapter.learner.belief)
+    assert np.abs(found / adapter.learner.motion.full_wrench[:, None]).max() < 1.0
+    assert float(flight.position_error[:, flight.time[0] >= 13.0].mean()) < 0.1
 
 
 def test_a_flight_goes_on_after_loading_its_state():
