@@ -1,37 +1,48 @@
-"""Every method on every scenario, from the same starts: python -m bench.comparison [--train] [--scenarios NAME ...].
+"""Every method on every scenario, from the same starts: python -m bench.comparison [--scenarios NAME ...].
 
-Methods that train a policy for each scenario (particle weights, the oracle) and the robust policy take minutes each:
-they run with --train.
+What has been flown lies in outputs/comparison and is not flown again, so that a killed run goes on; --fresh flies all
+again. Tables and picture: comparison_tables.py.
 """
 
 import argparse
+import json
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
-import numpy as np
 import torch
 import yaml
 from torchrl.envs import TransformedEnv
 
-from auv_torchrl.agents.config import load_agent_config
+from auv_torchrl.agents.config import AgentConfig, load_agent_config
+from auv_torchrl.agents.fine_tune import FineTuning
 from auv_torchrl.agents.pid import PID
+from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
-from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, TrueMap, pulse_test, weigh_particles
+from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, pulse_test, weigh_particles
+from auv_torchrl.closing.close import Closed, close
+from auv_torchrl.closing.diagnosed import Diagnosed
+from auv_torchrl.closing.target_log import Excitation, fly_target_log
 from auv_torchrl.ddr import AdapterConfig, DDRAdapter, adapt
 from auv_torchrl.ddr.store import load_or_pretrain
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.envs import FleetEnv, RegulationTask, make_fleet
 from auv_torchrl.evaluation import Flight, Metrics, draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.paths import PROJECT, config_names, config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from bench.comparison_tables import Cell, draw, report
 
-BUDGET_S = 4.0  # of target data before the judged flight, for methods that collect any
+BACKEND = "mujoco"
+BUDGET_S = 4.0  # of target data before the judged flight, for methods that map commands or weigh particles
+EXCITATION = Excitation(episodes=4, episode_s=15.0)  # of target data, for the diagnosis
+RETRAINING_FRAMES = 51_200  # transitions of a training for one scenario, a third of the source policy's
 INTEGRAL = (0.5, 0.5, 0.5, 0.2)  # 1/(m s) and 1/(rad s)
+CELLS = PROJECT / "outputs" / "comparison"
 PICTURE = PROJECT / "docs" / "comparison.png"
 
 
@@ -40,8 +51,9 @@ class Attempt:
     """What a method did in a scenario."""
 
     flight: Flight
-    target_data_s: float  # flown on the target before the judged flight
-    compute_s: float  # CPU time before the judged flight
+    target_data_s: float = 0.0  # flown on the target before the judged flight
+    compute_s: float = 0.0  # CPU time before the judged flight
+    notes: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -52,7 +64,12 @@ class Bench:
     scenario: Scenario
     policies: Path
     count: int
-    policy: Any  # u_s
+    source: SourcePolicy
+
+    @property
+    def policy(self) -> Any:
+        """u_s."""
+        return self.source.module
 
     @property
     def target(self) -> Vehicle:
@@ -63,9 +80,10 @@ class Bench:
         """The judged task: 20 s from starts in ±1 m."""
         return replace(RegulationTask().for_evaluation(1.0), thruster_commands=thruster_commands)
 
-    def fleet(self, count: int, thruster_commands: bool = False) -> TorchFleet:
+    def fleet(self, count: int, thruster_commands: bool = False, task: RegulationTask | None = None) -> FleetEnv:
         """Target vehicles."""
-        return TorchFleet(self.vehicle, self.task(thruster_commands), count, scenario=self.scenario, seed=0)
+        task = task or self.task(thruster_commands)
+        return make_fleet(BACKEND, self.vehicle, task, count, scenario=self.scenario, seed=0)
 
     def fly(self, policy: Any, transform: Any = None, thruster_commands: bool = False) -> Flight:
         """The judged flight."""
@@ -75,10 +93,20 @@ class Bench:
         task = self.task()
         return fly(fleet, policy, draw_starts(task, self.count, seed=2023), task.steps)
 
-    def train(self, vehicle: Vehicle, randomization: dict[str, Any]) -> Any:
-        """A policy trained on this vehicle, from the store if it was trained before."""
-        task = RegulationTask()
-        return train_source(vehicle, task, load_agent_config(), randomization, 0, "mujoco", self.policies).module
+
+def train(vehicle: Vehicle, ranges: dict[str, Any], policies: Path, agent: AgentConfig | None = None) -> SourcePolicy:
+    """A policy trained on this vehicle, from the store if it was trained before."""
+    return train_source(vehicle, RegulationTask(), agent or load_agent_config(), ranges, 0, BACKEND, policies)
+
+
+def cpu_s(policy: SourcePolicy) -> float:
+    """What its training took, whenever that was."""
+    return policy.metadata["curve"][-1]["cpu_s"]
+
+
+def ranges(name: str) -> dict[str, Any]:
+    """What ``conf/randomization`` says."""
+    return yaml.safe_load(config_path("randomization", name).read_text())
 
 
 def ddr(bench: Bench, kind: str) -> Attempt:
@@ -107,108 +135,131 @@ def particles(bench: Bench) -> Attempt:
     began = time.process_time()
     task = bench.task()
     flight = fly(bench.fleet(1), bench.policy, draw_starts(task, 1, seed=1), round(BUDGET_S / task.control_dt))
-    ranges = {
-        **yaml.safe_load(config_path("randomization", "wide").read_text()),
-        "thruster_gain": {"gain": [-1.5, 1.7]},
-    }
-    weighed = weigh_particles(bench.vehicle, ranges, flight, task.control_dt)
-    policy = bench.train(bench.vehicle, weighed.ranges())
-    return Attempt(bench.fly(policy), BUDGET_S, time.process_time() - began)
+    prior = {**ranges("wide"), "thruster_gain": {"gain": [-1.5, 1.7]}}
+    weighed = weigh_particles(bench.vehicle, prior, flight, task.control_dt)
+    spent = time.process_time() - began
+    policy = train(bench.vehicle, weighed.ranges(), bench.policies, short())
+    return Attempt(bench.fly(policy.module), BUDGET_S, spent + cpu_s(policy))
 
 
-def trained(bench: Bench, vehicle: Vehicle, randomization: dict[str, Any]) -> Attempt:
-    """A policy trained without target data."""
+def diagnosed(bench: Bench) -> Attempt:
+    """Log the target, diagnose it, put what was found into simulator and controller."""
+    task = bench.task()
+    flown = fly_target_log(lambda task, count: bench.fleet(count, task=task), task, EXCITATION, bench.scenario.name)
     began = time.process_time()
-    policy = bench.train(vehicle, randomization)
-    return Attempt(bench.fly(policy), 0.0, time.process_time() - began)
+    found = Diagnosed.of(diagnose(flown, bench.vehicle, vehicle_name="paper"), bench.vehicle)
+    looked = time.process_time()
+    closed = closing(bench, found)
+    spent = time.process_time() - looked
+    said = found.diagnosis
+    assert said is not None
+    notes = {
+        "verdict": said.verdict.key,
+        "summary": said.summary,
+        "prediction_closed": said.gap.closed,
+        "input_mappable": said.input_mappable,
+        "tuned": closed.tuned,
+        "rehearsed_m": {"before": closed.before_m, "mapped": closed.mapped_m, "tuned": closed.tuned_m},
+    }
+    flight = bench.fly(closed.policy.module, closed.adapter(), True)
+    return Attempt(flight, EXCITATION.seconds, looked - began + max(spent, tuning_s(closed)), notes)
 
 
-def wide() -> dict[str, Any]:
-    """The ranges of the robust policy."""
-    return yaml.safe_load(config_path("randomization", "wide").read_text())
+def told(bench: Bench) -> Attempt:
+    """As if the diagnosis were the truth: its map, and training on the target where the map is not enough."""
+    truth = Scenario("told", tuple(replace(change, start_s=0.0) for change in bench.scenario.changes))
+    closed = closing(bench, Diagnosed(bench.vehicle, truth, {}))
+    notes = {"tuned": closed.tuned}
+    return Attempt(bench.fly(closed.policy.module, closed.adapter(), True), 0.0, tuning_s(closed), notes)
+
+
+def closing(bench: Bench, found: Diagnosed) -> Closed:
+    """What is believed, put into simulator and controller."""
+    agent = load_agent_config()
+    return close(found, bench.source, RegulationTask(), 1.0, agent, FineTuning(), 0, BACKEND, bench.policies)
+
+
+def tuning_s(closed: Closed) -> float:
+    """CPU seconds of its training, if there was any."""
+    return cpu_s(closed.policy) if closed.tuned else 0.0
+
+
+def robust(bench: Bench) -> Attempt:
+    """One policy trained over wide ranges of all effects that a vehicle may meet."""
+    policy = train(bench.vehicle, ranges("wide"), bench.policies)
+    return Attempt(bench.fly(policy.module), 0.0, cpu_s(policy))
+
+
+def short() -> AgentConfig:
+    """A training for one scenario."""
+    return load_agent_config(overrides={"total_frames": RETRAINING_FRAMES})
 
 
 METHODS: dict[str, Callable[[Bench], Attempt]] = {
-    "u_s": lambda b: Attempt(b.fly(b.policy), 0.0, 0.0),
-    "PID": lambda b: Attempt(b.fly(PID(b.task())), 0.0, 0.0),
-    "PID with integral": lambda b: Attempt(b.fly(PID(b.task(), integral=INTEGRAL)), 0.0, 0.0),
+    "u_s": lambda b: Attempt(b.fly(b.policy)),
+    "PID": lambda b: Attempt(b.fly(PID(b.task()))),
+    "PID with integral": lambda b: Attempt(b.fly(PID(b.task(), integral=INTEGRAL))),
     "pulse test, fixed signs": signs,
     "recursive least squares": lambda b: Attempt(
-        b.fly(b.policy, RecursiveLeastSquares(b.vehicle, b.task(), b.count), True), 0.0, 0.0
+        b.fly(b.policy, RecursiveLeastSquares(b.vehicle, b.task(), b.count), True)
     ),
     "DDR, 4 channels": lambda b: ddr(b, "affine"),
     "DDR to the thrusters": lambda b: ddr(b, "thrusters"),
     "online, in flight": lambda b: Attempt(
-        b.fly(b.policy, OnlineAdapter(b.vehicle, b.task(), load_online_config(), b.count), True), 0.0, 0.0
+        b.fly(b.policy, OnlineAdapter(b.vehicle, b.task(), load_online_config(), b.count), True)
     ),
-    "true map (oracle)": lambda b: Attempt(b.fly(b.policy, TrueMap(b.vehicle, b.target), True), 0.0, 0.0),
-}
-TRAINING: dict[str, Callable[[Bench], Attempt]] = {
-    "robust SAC": lambda b: trained(b, b.vehicle, wide()),
+    "diagnosed, then closed": diagnosed,
+    "told the target (oracle)": told,
+    "robust SAC": robust,
     "particle weights, trained again": particles,
-    "SAC trained on the target (oracle)": lambda b: trained(b, b.target, {}),
 }
 
 
-def line(method: str, results: dict[str, tuple[Metrics, Attempt]]) -> str:
-    """A method's row: worst mean over the scenarios it flew, and the mean of each scenario."""
-    data = max(attempt.target_data_s for _, attempt in results.values())
-    compute = float(np.median([attempt.compute_s for _, attempt in results.values()]))
-    cells = [f"{m.mean_m:.3f} / {m.p95_m:.3f} / {m.worst_m:.3f}" for m, _ in results.values()]
-    return f"| {method} | {data:.1f} | {compute:.2f} | " + " | ".join(cells) + " |"
-
-
-def draw(table: dict[str, dict[str, tuple[Metrics, Attempt]]], path: Path) -> None:
-    """Mean error of every method in every scenario as a heat map."""
-    methods, scenarios = list(table), list(next(iter(table.values())))
-    mean = np.array([[table[m][s][0].mean_m for s in scenarios] for m in methods])
-    figure, axes = plt.subplots(figsize=(2 + 0.7 * len(scenarios), 1.5 + 0.4 * len(methods)), layout="constrained")
-    shown = axes.imshow(np.log10(np.clip(mean, 1e-3, 10.0)), cmap="viridis_r", vmin=-3, vmax=1, aspect="auto")
-    axes.set_xticks(range(len(scenarios)), scenarios, rotation=60, ha="right")
-    axes.set_yticks(range(len(methods)), methods)
-    for (i, j), value in np.ndenumerate(mean):
-        text = f"{value:.3f}" if value < 0.995 else f"{value:.1f}"
-        axes.text(j, i, text, ha="center", va="center", fontsize=7, color="white" if value > 0.1 else "black")
-    bar = figure.colorbar(shown, ax=axes, ticks=range(-3, 2))
-    bar.ax.set_yticklabels(["1 mm", "1 cm", "10 cm", "1 m", "10 m"])
-    axes.set_title("Mean position error for t ≥ 10 s [m]")
+def cell(bench: Bench, method: str, folder: Path, fresh: bool) -> Cell:
+    """What a method did in a scenario, flown now or before with the same starts and source policy."""
+    key = {"policy": bench.source.metadata["hash"], "starts": bench.count, "scenario": repr(bench.scenario.changes)}
+    path = folder / bench.scenario.name / f"{method.replace(',', '').replace(' ', '_')}.json"
+    if path.exists() and not fresh:
+        kept = json.loads(path.read_text())
+        if kept.pop("key") == key:
+            return Cell(**kept)
+    torch.manual_seed(0)
+    attempt = METHODS[method](bench)
+    judged = Metrics.of(attempt.flight)
+    made = Cell(judged.mean_m, judged.p95_m, judged.worst_m, attempt.target_data_s, attempt.compute_s, attempt.notes)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps({"key": key, **made._asdict()}, indent=2) + "\n")
+    partial.replace(path)
+    print(f"{method}: {bench.scenario.name}: {made.mean_m:.4f} m", file=sys.stderr, flush=True)
+    return made
 
 
 def main() -> None:
-    """Fly everything, print Markdown, draw the picture."""
+    """Fly what has not been flown, print Markdown, draw the picture."""
     names = config_names("scenario")
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenarios", nargs="+", default=names, choices=names, help="default: all", metavar="NAME")
-    parser.add_argument("--count", type=int, default=100, help="starts per scenario")
-    parser.add_argument("--train", action="store_true", help="also the methods that train for each scenario")
+    parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=list(METHODS), metavar="METHOD")
+    parser.add_argument("--count", type=int, default=50, help="starts per scenario")
+    parser.add_argument("--fresh", action="store_true", help="fly again what was flown before")
     parser.add_argument("--policies", type=Path, default=PROJECT / "outputs" / "policies", help="store of policies")
+    parser.add_argument("--cells", type=Path, default=CELLS, help="where single results are kept")
     parser.add_argument("--picture", type=Path, default=PICTURE)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     vehicle = load_vehicle("paper")
-    blank = Bench(vehicle, Scenario("nominal"), arguments.policies, arguments.count, None)
-    policy = blank.train(vehicle, {})
-    methods = {**METHODS, **(TRAINING if arguments.train else {})}
-    table: dict[str, dict[str, tuple[Metrics, Attempt]]] = {method: {} for method in methods}
-    for name in arguments.scenarios:
-        config = yaml.safe_load(config_path("scenario", name).read_text())
-        bench = replace(blank, scenario=read_scenario(name, config, vehicle), policy=policy)
-        for method, attempt in methods.items():
-            torch.manual_seed(0)
-            done = attempt(bench)
-            table[method][name] = (Metrics.of(done.flight), done)
-    print(
-        f"{arguments.count} starts in ±1 m, vehicle paper, 20 s. Cells: mean / 95th percentile / worst start of the "
-        "mean position error for t ≥ 10 s, in m. Data: seconds flown on the target before the judged flight (methods "
-        "without any learn during it, or not at all). Compute: median CPU seconds before the judged flight.\n"
-    )
-    print("| method | data [s] | compute [s] | " + " | ".join(arguments.scenarios) + " |")
-    print("|" + "---|" * (3 + len(arguments.scenarios)))
-    for method, results in table.items():
-        print(line(method, results))
+    source = train(vehicle, ranges("paper"), arguments.policies)
+    blank = Bench(vehicle, Scenario("nominal"), arguments.policies, arguments.count, source)
+    nominal = Metrics.of(blank.fly(source.module)).mean_m
+    table: dict[str, dict[str, Cell]] = {}
+    for method in arguments.methods:
+        table[method] = {}
+        for name in arguments.scenarios:
+            config = yaml.safe_load(config_path("scenario", name).read_text())
+            bench = replace(blank, scenario=read_scenario(name, config, vehicle))
+            table[method][name] = cell(bench, method, arguments.cells, arguments.fresh)
+    print(report(table, arguments.count, nominal))
     draw(table, arguments.picture)
     print(f"\n![every method in every scenario]({arguments.picture.name})")
 

@@ -2,7 +2,7 @@
 
 import fcntl
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -57,28 +57,52 @@ def train_source(
         Diverged: if a loss is no finite number.
     """
     ingredients = describe(vehicle, task, agent_config, randomization, seed, backend)
+
+    def trainer(training: Path, key: str) -> Trainer:
+        return make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key)
+
+    return kept_or_trained(ingredients, trainer, folder, resume)
+
+
+def kept_or_trained(
+    ingredients: Mapping[str, Any],
+    make: Callable[[Path, str], Trainer],
+    folder: Path,
+    resume: Path | None = None,
+) -> SourcePolicy:
+    """The policy of these ingredients from the store ``folder``, or trained now and put there.
+
+    Args:
+        ingredients: everything that shapes the policy, as plain values.
+        make: the trainer, from the folder of its checkpoint and the hash of the ingredients.
+        folder: the store.
+        resume: a checkpoint to go on from instead of the one in the store.
+
+    Raises:
+        CheckpointError, Interrupted, Diverged: as :func:`train_source`.
+    """
     key = fingerprint(ingredients)
     finished, training = folder / key, folder / f"{key}.training"
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder / f"{key}.lock"), torch.random.fork_rng(devices=[]):
         if finished.exists():
             policy = load_policy(finished)
-            log.info("source policy %s: taken from %s, trained before", key, finished)
+            log.info("policy %s: taken from %s, trained before", key, finished)
             return policy
         training.mkdir(exist_ok=True)
-        trainer = make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key)
+        trainer = make(training, key)
         checkpoint = resume or training / CHECKPOINT
         if resume is not None or checkpoint.exists():
             trainer.resume(checkpoint)
-            log.info("source policy %s: going on from %s at %d transitions", key, checkpoint, trainer.frames)
+            log.info("policy %s: going on from %s at %d transitions", key, checkpoint, trainer.frames)
         else:
-            log.info("source policy %s: training", key)
+            log.info("policy %s: training", key)
         trainer.run()
         policy = SourcePolicy(
             trainer.best.eval(),
             {
                 "hash": key,
-                "ingredients": ingredients,
+                "ingredients": dict(ingredients),
                 "network": trainer.network,
                 "result": {"best_m": trainer.curve[-1]["best_m"], "train_s": trainer.curve[-1]["wall_s"]},
                 "curve": trainer.curve,
@@ -86,7 +110,7 @@ def train_source(
         )
         save_policy(policy, finished, training)
         (finished / CHECKPOINT).unlink()
-        log.info("source policy %s: kept in %s", key, finished)
+        log.info("policy %s: kept in %s", key, finished)
     return policy
 
 
@@ -132,15 +156,22 @@ def make_trainer(
     return Trainer(training_fleet, examiner, agent_config, seed, folder, key)
 
 
-def make_examiner(vehicle: Vehicle, task: RegulationTask, agent_config: AgentConfig, backend: str) -> Examiner:
-    """The nominal vehicle from the starts by which the best policy is chosen."""
+def make_examiner(
+    vehicle: Vehicle,
+    task: RegulationTask,
+    agent_config: AgentConfig,
+    backend: str,
+    around: Callable[[EnvBase], EnvBase] = lambda fleet: fleet,
+) -> Examiner:
+    """The vehicle, with ``around`` put around its fleet, from the starts by which the best policy is chosen."""
     exam = task.for_evaluation(agent_config.evaluation_box_m or task.box_m)
     count = agent_config.evaluation_starts
     position, quaternion, velocity = exam.draw_starts(count, torch.Generator().manual_seed(EVALUATION_SEED))
     starts = TensorDict(
         {"position": position, "quaternion": quaternion, "velocity": velocity}, batch_size=[count]
     ).float()
-    return Examiner(make_fleet(backend, vehicle, exam, count, seed=0), starts, exam.steps, exam.control_dt)
+    fleet = around(make_fleet(backend, vehicle, exam, count, seed=0))
+    return Examiner(fleet, starts, exam.steps, exam.control_dt)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from typing import Any
 
 import torch
 from tensordict import TensorDict
+from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
@@ -92,6 +93,22 @@ class Trainer:
         self.curve: list[CurvePoint] = []
         self.stretch = 0
         self.frames = 0
+        self.critic_frames = 0
+        self.start_m = math.inf
+
+    def start_from(self, policy: TensorDictModuleBase, critic_frames: int) -> None:
+        """Begin with the weights of a policy instead of random ones; it stays the best until a better one is found.
+
+        Args:
+            policy: of the same network.
+            critic_frames: transitions until the actor moves: critics that know nothing would spoil it.
+        """
+        self.critic_frames = critic_frames
+        for module in (self.averaged, self.best):
+            module.load_state_dict(policy.state_dict())
+        for weight, start in zip(self._actor, self.averaged.parameters(), strict=True):
+            weight.copy_(start.data)
+        self.start_m = self.examine(self.best).mean_m
 
     def run(self) -> None:
         """Train to the end, from the beginning or from where :meth:`resume` left off.
@@ -148,7 +165,7 @@ class Trainer:
             )
         self.stretch += 1
         score = self.examine(self.averaged)
-        best_m = min([score.mean_m, *(point["best_m"] for point in self.curve[-1:])])
+        best_m = min([score.mean_m, self.start_m, *(point["best_m"] for point in self.curve[-1:])])
         if score.mean_m == best_m:
             self.best.load_state_dict(self.averaged.state_dict())
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
@@ -193,8 +210,9 @@ class Trainer:
         fraction = self.frames / (config.stretches * config.stretch_frames)
         self.updater.scale_learning_rate(1 + (config.learning_rate_end - 1) * fraction)
         losses = []
+        moves = self.frames > self.critic_frames
         for batch in self.buffer.sample().split(config.batch_size):
-            losses.append(self.updater.step(batch))
+            losses.append(self.updater.step(batch, moves))
             torch._foreach_lerp_(self._average, self._actor, 1 - config.average)  # pyright: ignore[reportPrivateImportUsage]
         return {key: torch.stack([loss[key].detach() for loss in losses]).mean() for key in LOSS_KEYS}
 

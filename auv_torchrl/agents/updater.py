@@ -37,11 +37,14 @@ class Updater:
         ]
         self.optimiser = torch.optim.Adam(groups, fused=True)
 
-    def step(self, batch: TensorDictBase) -> TensorDictBase:
-        """Update once on a batch (B,); returns the losses, ``alpha`` and ``entropy``."""
+    def step(self, batch: TensorDictBase, actor: bool = True) -> TensorDictBase:
+        """Update once on a batch (B,), without ``actor`` the critics alone; returns losses, ``alpha``, ``entropy``."""
         losses = self.loss(batch)
         self.optimiser.zero_grad(set_to_none=True)
-        (losses["loss_actor"] + losses["loss_qvalue"] + losses["loss_alpha"]).backward()
+        total = losses["loss_qvalue"]
+        if actor:
+            total = losses["loss_actor"] + total + losses["loss_alpha"]
+        total.backward()
         self.optimiser.step()
         self.target_update.step()
         return losses

@@ -1,0 +1,99 @@
+"""Train a kept policy on, for a vehicle that is known to be different."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from torchrl.envs import EnvBase, TransformedEnv
+from torchrl.envs.transforms import Transform
+
+from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.agents.policy import SourcePolicy
+from auv_torchrl.agents.train_source import describe, kept_or_trained, make_examiner
+from auv_torchrl.agents.trainer import Trainer
+from auv_torchrl.envs import RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class FineTuning:
+    """How long a policy is trained on; ``conf/train.yaml`` explains the values."""
+
+    total_frames: int = 76800
+    critic_frames: int = 25600
+    learning_rate: float = 1.0e-3
+
+    def __post_init__(self) -> None:
+        """Refuse values that cannot work."""
+        for name in ("total_frames", "learning_rate"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"fine tuning: {name} is {getattr(self, name)!r}: give a number above 0")
+        if self.critic_frames < 0:
+            raise ValueError(f"fine tuning: critic_frames is {self.critic_frames!r}: give a number of 0 or more")
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Where a policy is trained on: vehicles around the one that is flown, behind an adapter."""
+
+    vehicle: Vehicle  # by which the best policy is chosen, no batch
+    base: Vehicle  # that the ranges are about, no batch
+    ranges: Mapping[str, Any]  # as in conf/randomization
+    adapter: Callable[[], Transform]  # what stands between policy and fleet
+    adapter_name: str  # and what that is: a part of the policy's hash
+
+
+def fine_tune(
+    policy: SourcePolicy,
+    ground: Ground,
+    task: RegulationTask,
+    agent: AgentConfig,
+    tuning: FineTuning,
+    seed: int,
+    backend: str,
+    folder: Path,
+) -> SourcePolicy:
+    """The best policy on ``ground`` that training on from ``policy`` finds, ``policy`` itself included.
+
+    Kept and found again as in :func:`auv_torchrl.agents.train_source.train_source`, whose exceptions it shares.
+
+    Args:
+        policy: where to start.
+        ground: what to train on.
+        task: of the fleets below the adapter.
+        agent: settings of the training that ``policy`` came from; length and learning rate are those of ``tuning``.
+        tuning: settings of the training on.
+        seed: of everything random.
+        backend: "mujoco" or "torch".
+        folder: the store.
+    """
+    agent = replace(
+        agent,
+        learning_rate=tuning.learning_rate,
+        total_frames=tuning.total_frames,
+        random_frames=0,
+        alpha_init=max(policy.metadata["curve"][-1]["alpha"], 1e-4),
+    )
+    ingredients = {
+        **describe(ground.base, task, agent, ground.ranges, seed, backend),
+        "from": policy.metadata["hash"],
+        "tuning": asdict(tuning),
+        "chosen_on": {name: value.tolist() for name, value in ground.vehicle.items()},
+        "adapter": ground.adapter_name,
+    }
+
+    def training_fleet(fleet_seed: int) -> EnvBase:
+        fleet = make_fleet(backend, ground.base, task, agent.num_envs, seed=fleet_seed)
+        drawn = RandomizeVehicle(ground.base, ground.ranges, seed=fleet_seed)
+        return TransformedEnv(fleet, drawn).append_transform(ground.adapter())
+
+    def trainer(training: Path, key: str) -> Trainer:
+        examiner = make_examiner(
+            ground.vehicle, task, agent, backend, lambda fleet: TransformedEnv(fleet, ground.adapter())
+        )
+        made = Trainer(training_fleet, examiner, agent, seed, training, key)
+        made.start_from(policy.module, tuning.critic_frames)
+        return made
+
+    return kept_or_trained(ingredients, trainer, folder)

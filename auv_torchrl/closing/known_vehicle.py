@@ -1,0 +1,195 @@
+"""The changes of a vehicle are known: command it so that it moves as the source vehicle would.
+
+Dynamic inversion with the simulator's own equations on both sides, and prediction over what comes late.
+"""
+
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+
+from auv_torchrl.closing.measured_state import MeasuredState
+from auv_torchrl.ddr.actuation import Actuation
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.envs import RegulationTask
+from auv_torchrl.envs.rows import with_rows
+from auv_torchrl.online.allocation import Allocation
+from auv_torchrl.online.transform import ACTION, OBSERVATION, ThrusterTransform, array
+from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step, prepare, rest_state
+from auv_torchrl.physics.hydrodynamics import acceleration
+from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix
+from auv_torchrl.physics.kinematics import wrap_angle as wrap
+from auv_torchrl.physics.step import memory_length, push
+from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+
+Array = Any
+_C = list(CONTROLLED_INDEX)
+_HEADING_WEIGHT = 0.3  # of the heading against position where the thrusters cannot give both
+_KEEP = 0.9  # per step, of what the dead band withholds, until it can be given
+TIME = "time"
+
+
+class Model(NamedTuple):
+    """A vehicle as the equations of motion read it, numpy."""
+
+    c: Coefficients
+    terms: ActiveTerms
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> Self:
+        """Of one vehicle (empty batch)."""
+        c = prepare(vehicle.double())
+        return cls(c.numpy(), ActiveTerms.of(c))
+
+    def rate(self, state: State, thrust: Array) -> Array:
+        """Acceleration (N, 4) in the controlled degrees of freedom under thrusts (N, n) in N, before gains."""
+        wrench = body_wrench(self.c, self.terms, thrust, state.time)
+        rotation = rotation_matrix(state.quaternion)
+        return acceleration(self.c, self.terms, rotation, state.position, state.velocity, wrench)[:, _C]
+
+    def rate_per_share(self, time: Array) -> Array:
+        """What full thrust of each thruster adds to it at times (N,), (N, 4, n)."""
+        each = np.broadcast_to(np.diag(self.c.full_thrust), (len(time), *self.c.routing.shape))
+        wrench = body_wrench(self.c, self.terms, each, time[:, None])
+        return self.c.mass_inverse[_C] @ wrench.swapaxes(-1, -2)
+
+
+def level(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with roll and pitch held: to invert its tilt as well would leave it swinging."""
+    held = torch.zeros_like(vehicle.free)
+    held[_C] = 1.0
+    return changed(vehicle, free=held * vehicle.free)
+
+
+class KnownVehicle(ThrusterTransform):
+    """Turns the policy's channels into the thruster commands that move a known vehicle as they would the source.
+
+    At every step the acceleration that the action gives the source vehicle is worked out, and the thrusts that give
+    the known vehicle the same one in the controlled degrees of freedom, within its limits: gains, routing, drag,
+    inertia, load, current and tether are undone where the thrusters can. Late commands and poses, lag and a heading
+    bias are undone by prediction: ``observation`` becomes the one expected, without delay and bias, when the next
+    command acts.
+
+    Args:
+        source: one vehicle (empty batch), the one that the policy was trained on.
+        known: one vehicle (empty batch), what the target is taken for.
+        task: of the environment.
+    """
+
+    def __init__(self, source: Vehicle, known: Vehicle, task: RegulationTask):
+        super().__init__(source)
+        self.task, self._measured = task, MeasuredState(task.observation_names)
+        self._source, self._known = Model.of(source), Model.of(known)
+        self._source_level, self._known_level = Model.of(level(source)), Model.of(level(known))
+        c, dt = self._known.c, task.control_dt
+        self._receiver = c.routing.argmax(0)  # (n,) the thruster that a command reaches
+        curve = ("exponent", "asymmetry", "dead_band", "limit")
+        self.actuation = Actuation(changed(source, **{name: getattr(known, name)[self._receiver] for name in curve}))
+        self._limits = [array(limit) for limit in self.actuation.share_limits]
+        start = np.zeros(1)
+        reach = np.abs(self._source.rate_per_share(start)[0])
+        self._weight = np.array((1.0, 1.0, 1.0, _HEADING_WEIGHT**2)) / np.square(reach.sum(-1))
+        edge = c.dead_band / c.full_thrust
+        self._carry_limit = (np.abs(self._known.rate_per_share(start)[0]) * edge).max(-1)
+        self._quickness = thrust_after(c, self._known.terms, np.zeros(self.thrusters), np.ones(self.thrusters), dt)
+        self._ahead_steps = max(0, round(float(c.delay - self._source.c.delay) / dt))
+        self._pose_age = max(0.0, float(c.pose_delay - self._source.c.pose_delay) / dt)  # control steps
+        self._bias = float(c.heading_bias - self._source.c.heading_bias)
+        self._corrects = self._ahead_steps > 0 or self._pose_age > 0 or self._bias != 0
+        self._state = self._ahead = rest_state(
+            np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 6)), self.thrusters, memory_length(float(c.delay), dt)
+        )  # now, and when the next command acts
+        self._moved = np.zeros((0, int(np.ceil(self._pose_age)) + 1, 4))  # x, y, z, yaw in each step, newest first
+        self._source_thrust = np.zeros((0, self.thrusters))  # N
+        self._effect = np.zeros((0, 4, self.thrusters))
+        self._carried = np.zeros((0, 4))  # acceleration that the dead band has withheld so far
+
+    # commands
+
+    def thrusts(self, nominal: Array) -> Array:
+        """Thrusts (N, n) to aim at, shares of full thrust by command, where the source would get ``nominal`` (N, n)."""
+        source, known, ahead = self._source_level, self._known_level, self._ahead
+        aim = nominal * source.c.full_thrust
+        self._source_thrust = thrust_after(source.c, source.terms, self._source_thrust, aim, self.task.control_dt)
+        self._effect = known.rate_per_share(ahead.time)[..., self._receiver]
+        wanted = source.rate(ahead, self._source_thrust) - known.rate(ahead, np.zeros_like(aim)) + self._carried
+        now, quickness = self._share_ahead, self._quickness[self._receiver]
+        low, high = (now + quickness * (limit - now) for limit in self._limits)
+        n = self.thrusters
+        allocation = Allocation(self._weight, low, high)
+        share = allocation(wanted, self._effect, np.zeros((len(nominal), n, n)), nominal)
+        return now + (share - now) / quickness
+
+    def withheld(self, wanted: Array, given: Array) -> None:
+        """Remember the acceleration between what was aimed at, ``wanted`` (N, n), and what the dead band leaves."""
+        command = self.actuation.command_for(torch.from_numpy(wanted.astype(np.float32)))
+        lost = (np.clip(wanted, *self._limits) - array(self.actuation.delivered(command))) * self._quickness[
+            self._receiver
+        ]
+        carried = _KEEP * self._carried + (self._effect @ lost[..., None])[..., 0]
+        self._carried = np.clip(np.nan_to_num(carried), -self._carry_limit, self._carry_limit)
+
+    @property
+    def _share_ahead(self) -> Array:
+        """Thrust (N, n) when the next command acts, shares of full thrust, by command."""
+        return (self._ahead.thrust / self._known.c.full_thrust)[:, self._receiver]
+
+    # the state
+
+    def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
+        """Follow the vehicle through the step, and let the policy see it as it is and will be."""
+        known = self._known
+        expected = control_step(known.c, known.terms, self._state, array(before.get(ACTION)), self.task.control_dt)
+        turned = wrap(euler_angles(expected.quaternion)[2] - euler_angles(self._state.quaternion)[2])
+        moved = np.concatenate((expected.position - self._state.position, turned[:, None]), axis=-1)
+        self._moved = push(self._moved, moved)
+        self._see(expected, after)
+
+    def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
+        tensordict_reset = super()._reset(tensordict, tensordict_reset)
+        count = len(tensordict_reset.get(OBSERVATION))
+        if len(self._moved) != count:
+            self._make_room(count)
+        mask = None if tensordict is None else tensordict.get("_reset", None)
+        rows = np.arange(count) if mask is None else mask.reshape(-1).cpu().numpy().nonzero()[0]
+        for name in ("_moved", "_source_thrust", "_carried"):
+            setattr(self, name, with_rows(getattr(self, name), rows, 0.0))
+        quiet = self._state._replace(
+            thrust=with_rows(self._state.thrust, rows, 0.0), commands=with_rows(self._state.commands, rows, 0.0)
+        )
+        self._see(quiet, tensordict_reset)
+        return tensordict_reset
+
+    def _make_room(self, count: int) -> None:
+        upright = np.tile((1.0, 0.0, 0.0, 0.0), (count, 1))
+        memory = self._state.commands.shape[1]
+        self._state = rest_state(np.zeros((count, 3)), upright, np.zeros((count, 6)), self.thrusters, memory)
+        self._moved = np.zeros((count, *self._moved.shape[1:]))
+        self._source_thrust = np.zeros((count, self.thrusters))
+        self._carried = np.zeros((count, 4))
+
+    def _see(self, expected: State, tensordict: TensorDictBase) -> None:
+        """Take in a measurement; where it is not a number, what was expected stands for it."""
+        observation = array(tensordict.get(OBSERVATION))
+        usable = np.isfinite(observation).all(-1)
+        position, quaternion, velocity = self._measured(observation[usable])
+        age = np.clip(self._pose_age - np.arange(self._moved.shape[1]), 0.0, 1.0)
+        since = np.einsum("j,bjk->bk", age, self._moved[usable])
+        level = np.zeros(len(since))
+        turn = quaternion_from_euler(level, level, since[:, 3] - self._bias)
+        self._state = expected._replace(
+            position=with_rows(expected.position, usable, position + since[:, :3]),
+            quaternion=with_rows(expected.quaternion, usable, quaternion_product(turn, quaternion)),
+            velocity=with_rows(expected.velocity, usable, velocity),
+            time=array(tensordict.get(TIME))[:, 0],
+        )
+        self._ahead = self._state
+        for _ in range(self._ahead_steps):
+            known, last = self._known, self._ahead.commands[:, 0]
+            self._ahead = control_step(known.c, known.terms, self._ahead, last, self.task.control_dt)
+        if self._corrects:
+            seen = self.task.observe(self._ahead.position, self._ahead.quaternion, self._ahead.velocity)
+            like = tensordict.get(OBSERVATION)
+            tensordict.set(OBSERVATION, torch.from_numpy(seen).to(like))
