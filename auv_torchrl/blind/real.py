@@ -29,7 +29,7 @@ VEHICLE = "bluerov2_heavy"
 RUNS = ("run_11_40_38", "run_12_09_45", "run_11_10_52_sync")
 TEST = "run_11_10_52_sync"  # yaw is never commanded in it
 TO_BEAT = {  # on it: the best published figures, m/s, and the share of the yaw rate's variance accounted for
-    "u": "0.049", "v": "0.044", "w": "0.042", "yaw": "0.60",
+    "u": 0.049, "v": 0.044, "w": 0.042, "yaw": 0.6,
 }  # fmt: skip
 COLUMNS = {"u": "surge", "v": "sway", "w": "heave", "yaw": "yaw rate VAF"}
 
@@ -94,11 +94,10 @@ def table(results: list[Tested]) -> Iterator[str]:
     yield f"| open loop on | vehicle | {' | '.join(COLUMNS.values())} |"
     yield "|---|---|" + "---|" * len(COLUMNS)
     for tested in results:
-        for label, values in (("published", tested.before), ("diagnosed", tested.after)):
+        rows = [("published", tested.before), ("diagnosed", tested.after)]
+        for label, values in [*rows, ("to beat", TO_BEAT)] if tested.test == TEST else rows:
             shown = (f"{values[key]:.2f}" if key == "yaw" else f"{values[key]:.3f}" for key in COLUMNS)
             yield f"| {tested.test} | {label} | {' | '.join(shown)} |"
-        if tested.test == TEST:
-            yield f"| {tested.test} | to beat | {' | '.join(TO_BEAT[key] for key in COLUMNS)} |"
 
 
 def words(diagnosis: Diagnosis) -> Iterator[str]:

@@ -29,6 +29,7 @@ SURE = 2.0  # standard errors by which unseen windows must be predicted better
 WORTH = 0.05  # of the error on unseen windows that must go
 CLEAR = 2.0  # standard deviations from which a coefficient is said to differ
 Z95 = 1.96
+MODEL_ERROR = 0.005  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 SAME_AS_HULL = ("linear_drag", "quadratic_drag", "added_mass")  # scale what the effect `hull` sets
 
 
@@ -151,7 +152,8 @@ def _effects(
         for c, value, sd in zip(coefficients, fitted.values, deviation, strict=True):
             if c.effect != name:
                 continue
-            low, high = max(c.low, value - Z95 * sd), min(c.high, value + Z95 * sd)
+            half = Z95 * float(np.hypot(sd, MODEL_ERROR * (value - c.nominal)))
+            low, high = max(c.low, value - half), min(c.high, value + half)
             parameters[c.member] = Estimate(float(value), float(low), float(high), c.nominal, c.unit)
             if abs(value - c.nominal) > CLEAR * sd:
                 moved.append(c)

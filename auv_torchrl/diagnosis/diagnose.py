@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_h
 from auv_torchrl.diagnosis.axes import followable, restricted, unseen
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.calibration import Calibration, calibrate, noise_findings, stated_floor
-from auv_torchrl.diagnosis.coefficients import calibrate_coefficients
+from auv_torchrl.diagnosis.coefficients import MODEL_ERROR, Z95, calibrate_coefficients
 from auv_torchrl.diagnosis.confirm import confirm
 from auv_torchrl.diagnosis.detectable import detectable_sizes
 from auv_torchrl.diagnosis.equivalence import indistinguishable
@@ -32,9 +32,7 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
-Z95 = 1.96
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
-MODEL_ERROR = 0.005  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 
 
 def diagnose(

@@ -1,0 +1,199 @@
+"""Vehicles whose file is a guess: what is calibrated, what stands, and what held-out flight forbids."""
+
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold
+
+from auv_torchrl.blind.real import TEST, TO_BEAT, VEHICLE, figures, read_runs
+from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.coefficients import calibrate_coefficients
+from auv_torchrl.diagnosis.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.how_far import predict
+from auv_torchrl.diagnosis.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.manoeuvres import differences, respond
+from auv_torchrl.diagnosis.uncertainty import load_uncertainty, read_uncertainty
+from auv_torchrl.diagnosis.veto import is_worse, only, scaled_errors
+from auv_torchrl.flightlog import join
+from auv_torchrl.paths import config_names
+from auv_torchrl.vehicle import load_vehicle
+
+REAL = os.environ.get("AUV_TORCHRL_BLUEROV2", "")  # folder of the runs of docs/diagnosis.md
+GIVEN = hold(load_vehicle("paper"))
+TRUTH = {  # 30 to 100 % off
+    "hull": {
+        "linear_surge": 60.0,
+        "linear_sway": 100.0,
+        "linear_heave": 60.0,
+        "linear_yaw": 0.6,
+        "quadratic_surge": 200.0,
+        "added_mass_sway": 40.0,
+        "added_mass_yaw": 0.25,
+    },
+    "buoyancy": {"force": 6.0},
+}
+GUESSED = {
+    "hull": {
+        "linear_surge": 30.0,
+        "linear_sway": 50.0,
+        "linear_heave": 80.0,
+        "linear_yaw": 0.3,
+        "quadratic_surge": 250.0,
+        "added_mass_sway": 20.0,
+        "added_mass_yaw": 0.15,
+    },
+    "buoyancy": {"force": 8.0},
+}
+UNCERTAIN = read_uncertainty(GUESSED, GIVEN)
+SETTINGS = load_settings()
+NOISE = {"x": 0.002, "y": 0.002, "z": 0.002, "yaw": 0.004}
+SHORT = {"episodes": 4, "seconds": 31.0}
+
+
+def held_out(vehicles):
+    unseen = fly(GIVEN, TRUTH, seed=9, episodes=2, seconds=20.0)
+    return predict(unseen, vehicles, SETTINGS, NOISE, np.full(4, 1.0))
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """A flight of the vehicle as it really is."""
+    return fly(GIVEN, TRUTH, seed=4, **SHORT)
+
+
+@pytest.fixture(scope="module")
+def calibrated(flown):
+    return calibrate_coefficients(flown, GIVEN, UNCERTAIN, SETTINGS)
+
+
+def test_eight_wrong_coefficients_are_calibrated_at_once(calibrated):
+    """With eight coefficients wrong by 30 to 100 %, held-out error falls near the floor of the true vehicle."""
+    errors = scaled_errors(held_out([GIVEN, calibrated.vehicle, apply_values(GIVEN, TRUTH)]))
+    assert errors[0] > 5 * errors[2]
+    assert errors[1] < 1.3 * errors[2]
+
+
+def test_their_intervals_hold_the_truth(calibrated):
+    """Most 95 % intervals hold the true value, and the large corrections are named with the words of their effect."""
+    inside, all_ = 0, 0
+    for effect in calibrated.effects:
+        assert effect.calibrates
+        for name, estimate in effect.parameters.items():
+            all_ += 1
+            inside += estimate.low <= TRUTH[effect.name][name] <= estimate.high
+    assert all_ == 8
+    assert inside >= 6
+    sentences = {effect.name: effect.sentence for effect in calibrated.effects}
+    assert "heavier in water" in sentences["buoyancy"]
+    assert any("idle it sinks" in sentence for sentence in calibrated.sentences)
+
+
+def test_coefficients_that_are_right_stand():
+    """A vehicle that is as its file says keeps its coefficients, and the finding says that they were tried."""
+    calibrated = calibrate_coefficients(fly(GIVEN, {}, seed=4, **SHORT), GIVEN, UNCERTAIN, SETTINGS)
+    assert calibrated.vehicle is GIVEN
+    assert not calibrated.effects
+    assert [finding.code for finding in calibrated.findings] == ["coefficients_stand"]
+
+
+def test_a_log_too_short_is_not_calibrated_on():
+    """Two windows calibrate nothing, and the finding says so."""
+    short = fly(GIVEN, TRUTH, episodes=1, seconds=6.0)
+    calibrated = calibrate_coefficients(short, GIVEN, UNCERTAIN, SETTINGS)
+    assert not calibrated.effects
+    assert [finding.code for finding in calibrated.findings] == ["too_short_to_calibrate"]
+
+
+def test_a_diagnosis_calibrates_first_and_searches_on_top(flown):
+    """The verdict is the corrections together, no fault is made of them, and the summary says that the file is off."""
+    found = diagnose(flown, GIVEN, uncertainty=UNCERTAIN, settings=SETTINGS)
+    assert found.verdict is Verdict.EXPLAINED
+    assert {effect.name for effect in found.effects if effect.calibrates} == set(TRUTH)
+    assert [effect.name for effect in found.effects if not effect.calibrates] == []
+    assert found.summary.startswith("The vehicle's file is off in many coefficients at once")
+    assert found.gap.closed is not None and found.gap.closed > 0.9
+
+
+def test_what_predicts_worse_is_vetoed(monkeypatch):
+    """An explanation that predicts held-out flight worse than the vehicle as it was given is not named."""
+    module = sys.modules["auv_torchrl.diagnosis.diagnose"]
+    search = module.search
+
+    def misled(bench, progress):
+        found = search(bench, progress)
+        wrong = Explanation((Knob("buoyancy", ("force",), 20.0),))
+        judged = bench.polish(wrong, found.follow, rounds=0)
+        return replace(found, best=judged, polished=[judged, *found.polished])
+
+    monkeypatch.setattr(module, "search", misled)
+    log = fly(GIVEN, {}, seed=4, episodes=3, seconds=10.0)
+    found = diagnose(log, GIVEN, settings=SETTINGS)
+    assert "vetoed" in {finding.code for finding in found.findings}
+    assert not found.effects
+    assert found.verdict is Verdict.NO_GAP
+
+
+def test_worse_is_measured_on_held_out_stretches():
+    """The vehicle with the opposite of what is wrong is worse than the given one, the true one is better."""
+    opposite = {"buoyancy": {"force": -6.0}}
+    p = held_out([GIVEN, apply_values(GIVEN, opposite), apply_values(GIVEN, TRUTH)])
+    assert is_worse(p, 0, 1)
+    assert not is_worse(p, 0, 2)
+    np.testing.assert_array_equal(scaled_errors(only(p, 2, 0)), scaled_errors(p)[[2, 0]])
+
+
+def test_a_vehicle_answers_a_step_as_its_coefficients_say():
+    """Twice the force in every thruster at twice the linear drag and mass is the same vehicle to a pilot."""
+    base = GIVEN.clone()
+    base.quadratic_drag.zero_()
+    double = base.clone()
+    double.gain.mul_(2.0)
+    double.linear_drag.mul_(2.0)
+    double.mass_scale.mul_(2.0)
+    before, after = respond(base, 0.5), respond(double, 0.5)
+    np.testing.assert_allclose(after.steady, before.steady, atol=1e-9)
+    assert differences(before, after, 0.5) == {"axes": (), "idle": (), "turning": ()}
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+def test_what_a_vehicle_file_calls_uncertain_can_be_read(name):
+    """The section names effects and parameters that there are; the vehicle of the paper is known exactly."""
+    coefficients = load_uncertainty(name, load_vehicle(name))
+    assert bool(coefficients) == (name != "paper")
+    assert all(c.low <= c.nominal <= c.high and c.width > 0 for c in coefficients)
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ({"gremlin": {"size": 1.0}}, "no effect named 'gremlin'"),
+        ({"hull": {"linear_up": 1.0}}, r"hull has no \['linear_up'\]: there are .*linear_surge"),
+        ({"hull": 3.0}, "hull is 3.0: give parameters"),
+        ({"buoyancy": {"force": -1.0}}, "buoyancy.force is -1.0: give a positive number of N"),
+        ({"buoyancy": {"force": True}}, "buoyancy.force is True"),
+        ({"buoyancy": {"force": float("nan")}}, "buoyancy.force is nan"),
+        ({"thruster_swap": {"command": 1.0}}, "thruster_swap is a choice"),
+    ],
+)
+def test_a_wrong_uncertainty_is_refused(section, message):
+    """The error names the entry and what there is."""
+    with pytest.raises(ValueError, match=message):
+        read_uncertainty(section, GIVEN)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.skipif(not REAL, reason="AUV_TORCHRL_BLUEROV2 is not set: docs/diagnosis.md says how to get the runs")
+def test_a_real_vehicle_is_predicted_better_than_published():
+    """Calibrated on two runs of a real vehicle, the third is predicted better than by any published model."""
+    flights = read_runs(Path(REAL))
+    vehicle = load_vehicle(VEHICLE)
+    learn = join(flight for name, flight in flights.items() if name != TEST)
+    own = calibrate_coefficients(learn, vehicle, load_uncertainty(VEHICLE, vehicle), SETTINGS).vehicle
+    reached = figures(own, flights[TEST])
+    assert all(reached[axis] <= TO_BEAT[axis] for axis in "uvw")
+    assert reached["yaw"] >= TO_BEAT["yaw"]
