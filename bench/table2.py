@@ -32,6 +32,7 @@ def measure(vehicle: str, box_m: float, scenario: str, seed: int, policies: Path
         f"agent.evaluation_box_m={max(NEAR_M, box_m)}",
         f"seed={seed}",
         f"policies={policies}",
+        "flight.fly=false",  # bench.fault_recovery measures that
     ]
     with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
         config = compose("train", overrides)

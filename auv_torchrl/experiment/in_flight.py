@@ -143,8 +143,10 @@ class InFlight:
         text = f"Of {count} flights {found['noticed']:.0%} noticed it"
         if found["delay_s"]:
             felt = " of its first effect on a thrust" if found["felt"] else ""
-            text += f" (90 % within {_seconds(found['delay_s']['p90'])}{felt})"
-        text += f", 90 % were within {BACK_M:g} m for good after {_seconds(found['recovery_s']['p90'])}"
+            text += f" (90 % within {found['delay_s']['p90']:.2f} s{felt})"
+        back = found["recovery_s"]["p90"]
+        text += ", fewer than 90 %" if back is None else ", 90 %"
+        text += f" were within {BACK_M:g} m for good" + ("" if back is None else f" after {back:.2f} s")
         if found["steady_m"]:
             text += f"; mean error from {SETTLED_S:g} s on {_metres(found['steady_m']['mean'])}"
             text += f", u_s alone {_metres(float(alone.mean()))}"
@@ -157,10 +159,6 @@ def _back(seconds: float, largest_m: float) -> str:
     if seconds == float("inf"):
         return f"error not below {BACK_M:g} m for good (largest {largest_m:.3f} m)"
     return f"error < {BACK_M:g} m again after {seconds:.1f} s (largest {largest_m:.3f} m)"
-
-
-def _seconds(value: float | None) -> str:
-    return "never" if value is None else f"{value:.2f} s"
 
 
 def _metres(value: float | None) -> str:

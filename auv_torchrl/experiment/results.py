@@ -35,6 +35,8 @@ class Results:
     reason: str | None = None  # why not, with the rank
     policy: str | None = None  # hash of the source policy
     in_flight: Mapping[str, Any] | None = None  # what InFlight.as_dict says
+    closed: Metrics | None = None  # with what was diagnosed in simulator and controller
+    closing: Mapping[str, Any] | None = None  # what Closing.as_dict says
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -54,6 +56,7 @@ class Results:
             "reason": self.reason,
             "policy": self.policy,
             "in_flight": self.in_flight,
+            "closing": self.closing,
         }
 
     def save(self, folder: Path) -> None:
@@ -69,6 +72,7 @@ class Results:
         published = TABLE_2.get(self.scenario, {}) if self.vehicle == "paper" else {}
         rows += [_row(f"paper, {name}", {"mean_m": published[name]}) for name in ("u_s", "u_t") if name in published]
         flown = {"ours, u_s on the nominal vehicle": self.nominal, "ours, u_s": self.u_s, "ours, u_t": self.u_t}
+        flown["ours, diagnosed and closed"] = self.closed
         flown |= {f"ours, u_t, {form} form": m for form, m in self.u_t_forms.items() if m != self.u_t}
         rows += [_row(label, metrics.as_dict()) for label, metrics in flown.items() if metrics is not None]
         took = [("seconds of target data", self.target_data_s), ("fit", self.fit_s), ("source training", self.train_s)]
@@ -77,6 +81,8 @@ class Results:
             rows += ["", f"no u_t: {self.reason}"]
         if self.in_flight is not None:
             rows += ["", self.in_flight["summary"]]
+        if self.closing is not None:
+            rows += ["", self.closing["summary"]]
         return "\n".join(rows)
 
 

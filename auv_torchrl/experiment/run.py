@@ -16,6 +16,7 @@ from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
 from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Flight, Metrics, fly
+from auv_torchrl.experiment.closing import Closing, close_gap, stages_of
 from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.figures import DPI, save_figures
 from auv_torchrl.experiment.flight_figure import flight_figure
@@ -36,15 +37,18 @@ class Outcome:
     flights: Mapping[str, Flight]
     adaptation: Adaptation | None
     in_flight: InFlight | None
+    closing: Closing | None
 
 
 def run(experiment: Experiment, folder: Path) -> Results:
     """Everything that ``train.py`` does after its config is checked; files go into ``folder``."""
-    stages = Stages(7)
+    stages = Stages(7 + stages_of(experiment))
     outcome = perform(experiment, stages)
     results, flights, scenario = outcome.results, outcome.flights, experiment.scenario.name
     with stages("Results, figures and recording"):
         results.save(folder)
+        if outcome.closing is not None:
+            outcome.closing.save(folder, experiment)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
         save_figures(folder, flights, vehicles, scenario)
         one_flight = None
@@ -66,7 +70,7 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
         policy = source_policy(experiment)
     with stages(f"Fly {count} starts with u_s on the nominal vehicle"):
         flights["nominal"] = fly(experiment.fleet(count), policy.module, experiment.starts, experiment.exam.steps)
-    reason, adaptation, in_flight = None, None, None
+    reason, adaptation, in_flight, closing = None, None, None, None
     if scenario.name == NOMINAL:
         stages.skip(4, "No scenario: the vehicle stays as it is")
     else:
@@ -83,8 +87,9 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
                 forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
                 flights["u_t"] = forms[experiment.adapter.composition]
         in_flight = change_in_flight(experiment, policy, stages)
-    results = summarize(experiment, policy, flights, forms, adaptation, reason, in_flight)
-    return Outcome(results, flights, adaptation, in_flight)
+        closing = close_gap(experiment, policy, flights, stages)
+    results = summarize(experiment, policy, flights, forms, adaptation, reason, in_flight, closing)
+    return Outcome(results, flights, adaptation, in_flight, closing)
 
 
 def change_in_flight(experiment: Experiment, policy: SourcePolicy, stages: Stages) -> InFlight | None:
@@ -149,6 +154,7 @@ def summarize(
     adaptation: Adaptation | None,
     reason: str | None,
     in_flight: InFlight | None,
+    closing: Closing | None,
 ) -> Results:
     """The numbers of a run."""
     metrics = {name: Metrics.of(flight) for name, flight in flights.items()}
@@ -169,6 +175,8 @@ def summarize(
         reason=reason,
         policy=policy.metadata["hash"],
         in_flight=in_flight.as_dict() if in_flight else None,
+        closed=closing.after if closing else None,
+        closing=closing.as_dict() if closing else None,
     )
 
 

@@ -10,6 +10,8 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
 from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.agents.fine_tune import FineTuning
+from auv_torchrl.closing.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import BACKENDS, RegulationTask
 from auv_torchrl.experiment.schedule import FlightConfig
@@ -47,6 +49,10 @@ class TrainSchema:
     adapter: Any = field(default_factory=schema_of(AdapterConfig))
     online: Any = field(default_factory=schema_of(OnlineConfig))
     flight: Any = field(default_factory=schema_of(FlightConfig))
+    diagnosis: str | None = None
+    diagnose: bool = False
+    excitation: Any = field(default_factory=schema_of(Excitation))
+    tuning: Any = field(default_factory=schema_of(FineTuning))
     backend: Backend = MISSING  # type: ignore[valid-type]
     device: str = MISSING
     seed: int = MISSING

@@ -11,6 +11,9 @@ from omegaconf import DictConfig, OmegaConf
 from tensordict import TensorDict
 
 from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.agents.fine_tune import FineTuning
+from auv_torchrl.closing.diagnosed import Diagnosed, read_diagnosed
+from auv_torchrl.closing.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import FleetEnv, RegulationTask, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
@@ -38,6 +41,10 @@ class Experiment:
     adapter: AdapterConfig
     online: OnlineConfig
     flight: FlightConfig
+    diagnosed: Diagnosed | None  # what the controller is to be closed with
+    diagnose: bool  # or whether to find out
+    excitation: Excitation
+    tuning: FineTuning
     backend: str
     device: str
     seed: int
@@ -84,11 +91,17 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     randomization = _plain(config.randomization)
     read_ranges(vehicle, randomization)
     scenario = read_scenario(scenario_name, _plain(config.scenario), vehicle)
+    vehicle_name = str(config.vehicle.get("name", "unnamed"))
+    diagnosed = None
+    if config.diagnosis is not None:
+        diagnosed = read_diagnosed(Path(config.diagnosis), vehicle, vehicle_name)
+        scenario = scenario if scenario.changes else diagnosed.scenario
+    _check_closing(diagnosed, config.diagnose, scenario)
     flight = FlightConfig(**_with_tuples(_plain(config.flight)))
     if flight.fly and scenario.changes:
         schedule(scenario, vehicle, flight, config.starts, config.starts_seed, task.control_dt)
     return Experiment(
-        vehicle_name=str(config.vehicle.get("name", "unnamed")),
+        vehicle_name=vehicle_name,
         vehicle=vehicle,
         scenario=scenario,
         task=task,
@@ -99,6 +112,10 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         adapter=AdapterConfig(**_plain(config.adapter)),
         online=OnlineConfig(**_plain(config.online)),
         flight=flight,
+        diagnosed=diagnosed,
+        diagnose=config.diagnose,
+        excitation=Excitation(**_plain(config.excitation)),
+        tuning=FineTuning(**_plain(config.tuning)),
         backend=config.backend.name,
         device=config.device,
         seed=config.seed,
@@ -114,6 +131,15 @@ def _plain(node: Any) -> Any:
 
 def _with_tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in settings.items()}
+
+
+def _check_closing(diagnosed: Diagnosed | None, diagnose: bool, scenario: Scenario) -> None:
+    if diagnosed is not None and diagnose:
+        raise ValueError("diagnosis is given and diagnose=true would make another: give one of them")
+    if diagnosed is not None and not diagnosed.found:
+        raise ValueError("the diagnosis found no effect: there is nothing to put into the simulator")
+    if diagnose and not scenario.changes:
+        raise ValueError("diagnose=true flies a simulated target: give +scenario=..., or diagnosis=... of a real one")
 
 
 def _check_device(device: str, backend: str) -> None:

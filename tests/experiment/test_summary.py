@@ -16,7 +16,7 @@ def result(scenario: str, seed: int, u_t: float | None, box_m: float = 1.0, **ch
     return {
         "scenario": scenario, "vehicle": "paper", "seed": seed, "box_m": box_m, "starts": 4, "u_s": metrics(0.4),
         "u_t": metrics(u_t), "nominal": metrics(0.005), "target_data_s": 4.0, "fit_s": 0.01, "train_s": 30.0,
-        "feasible": True, "reason": None, **changes,
+        "feasible": True, "reason": None, "in_flight": None, **changes,
     }  # fmt: skip
 
 
@@ -56,3 +56,18 @@ def test_a_missing_key_is_an_error_not_a_gap(tmp_path):
     """A file that is no result of ours does not pass for one."""
     with pytest.raises(KeyError):
         summarize([{"scenario": "swap", "vehicle": "paper", "box_m": 1.0, "seed": 0}], tmp_path)
+
+
+def test_the_flight_with_the_slowest_recovery_stands_in_the_table(tmp_path):
+    """Of two seeds with two changes each the worst; never where 10 % never came back; a dash where none was flown."""
+
+    def flown(*changes: tuple[float, float | None]) -> dict:
+        return {"changes": [{"noticed": share, "recovery_s": {"p90": back}} for share, back in changes]}
+
+    runs = [result("swap", 0, 0.004, in_flight=flown((1.0, 0.0), (0.9, 2.5)))]
+    runs += [result("swap", 1, 0.004, in_flight=flown((1.0, 1.0), (1.0, 0.5)))]
+    runs += [result("cycle", 0, 0.004, in_flight=flown((1.0, None))), result("reversed", 0, 0.004)]
+    rows = {row.split(" | ")[0]: row for row in summarize(runs, tmp_path).splitlines()}
+    assert rows["| swap"].endswith("| 90% | 2.5 |")
+    assert rows["| cycle"].endswith("| 100% | never |")
+    assert rows["| reversed"].endswith("| – | – |")
