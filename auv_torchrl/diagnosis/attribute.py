@@ -13,6 +13,7 @@ import numpy as np
 from auv_torchrl.diagnosis.bench import Base, Bench
 from auv_torchrl.diagnosis.force import marks
 from auv_torchrl.diagnosis.reduce import Quadratic, reduce
+from auv_torchrl.diagnosis.rollout import DIVERGING
 from auv_torchrl.diagnosis.windows import Floats
 from auv_torchrl.effects import Origin
 from auv_torchrl.physics import prepare
@@ -28,6 +29,7 @@ WORTHLESS = 0.005  # of the gap
 WIDTH = 1.0  # prior standard deviation of each force, in shares of the thrusters' reach
 
 
+@DIVERGING
 def attribute(bench: Bench, base: Base) -> tuple[dict[str, float], dict[str, float]]:
     """Shares of the gap by origin and by thruster, each summing to 1; both empty where nothing predicts the gap.
 
@@ -37,12 +39,16 @@ def attribute(bench: Bench, base: Base) -> tuple[dict[str, float], dict[str, flo
     names = list(groups)
     owner = np.repeat(np.arange(len(names)), [groups[name].shape[1] for name in names])
     columns = np.concatenate([groups[name] for name in names], axis=1)
+    known = bench.followed & np.isfinite(columns).all((1, 2, 3))  # a window that diverges shows no force
+    if known.sum() < FOLDS:
+        return {}, {}
+    columns = np.where(known[:, None, None, None], columns, 0.0)
     size = np.sqrt(((columns[..., bench.layout.dof] / bench.wide) ** 2).sum(-1).mean((0, 2)))
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
     shown = marks(bench.windows, base.vehicle, bench.layout, base.state, columns)
     q = reduce(bench.windows, bench.layout, bench.freedom(base.state.slope), base.state, shown)
-    folds = _folds(q, bench.followed)
+    folds = _folds(q, known)
 
     def predicted(players: Sequence[int]) -> float:
         return _predicted(folds, np.flatnonzero(np.isin(owner, list(players))))

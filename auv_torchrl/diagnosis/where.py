@@ -61,7 +61,10 @@ def gap_by_window(bench: Bench, follow: Base) -> Floats:
 
 def by_dof(bench: Bench, follow: Base) -> dict[str, float]:
     """Energy of the missing force, each degree of freedom in units of its thrusters' reach."""
-    energy = (mean_force(bench, follow)[bench.followed] ** 2).mean(0)
+    known = bench.followed & np.isfinite(gap_by_window(bench, follow))
+    if not known.any():
+        return {}
+    energy = (mean_force(bench, follow)[known] ** 2).mean(0)
     names = [DEGREES_OF_FREEDOM[d] for d in bench.layout.dof]
     return {name: float(e) for name, e in zip(names, energy / energy.sum(), strict=True)}
 
@@ -88,9 +91,11 @@ def by_thruster(bench: Bench, effects: tuple[FoundEffect, ...]) -> dict[str, flo
 
 def regimes(bench: Bench, follow: Base, size: Floats) -> tuple[Regime, ...]:
     """Circumstances in which the gap is larger than elsewhere, the worst first."""
-    whole = float(np.sqrt((size**2).mean()))
+    known = np.isfinite(size)
+    whole = float(np.sqrt((size[known] ** 2).mean())) if known.any() else np.inf
     found = []
-    for when, inside in circumstances(bench, follow).items():
+    for when, there in circumstances(bench, follow).items():
+        inside = there & known
         if inside.sum() >= FEWEST:
             ratio = float(np.sqrt((size[inside] ** 2).mean())) / whole
             if ratio > STANDS_OUT:
@@ -134,10 +139,11 @@ def onset(bench: Bench, size: Floats) -> dict[str, Any]:
     """When the gap sets in, where it is small before and large behind one moment; empty where it does not."""
     windows = bench.windows
     order = np.lexsort((windows.start, windows.episode))
+    order = order[np.isfinite(size[order])]  # a window that nothing follows says nothing of when
     energy = size[order] ** 2
     if len(energy) < 2 * LEAST:
         return {}
-    splits = np.arange(LEAST, len(energy) - LEAST)
+    splits = np.arange(LEAST, len(energy) - LEAST + 1)
     before = np.array([energy[:k].mean() for k in splits])
     after = np.array([energy[k:].mean() for k in splits])
     k = int(np.argmin(splits * np.log(before) + (len(energy) - splits) * np.log(after)))

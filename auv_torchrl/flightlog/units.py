@@ -84,7 +84,8 @@ def convert_degrees(
 
 
 def _degrees_finding(columns: tuple[str, ...], why: str) -> Finding:
-    sentence = f"{', '.join(columns)} are in degrees ({why}) and were converted"
+    verb = ("is", "was") if len(columns) == 1 else ("are", "were")
+    sentence = f"{', '.join(columns)} {verb[0]} in degrees ({why}) and {verb[1]} converted"
     return Finding(Severity.WARNING, "degrees", sentence, "Log radians", columns)
 
 

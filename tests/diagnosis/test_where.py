@@ -1,6 +1,7 @@
 """Where the gap lies: what a gap goes with that no effect explains, the regimes it stands out in, and its onset."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,3 +109,12 @@ def test_an_onset_is_found_with_its_episode():
     assert found["onset_in_episode_s"] == pytest.approx(12.0, abs=2.5)
     assert found["onset_s"] == pytest.approx(30.0 + found["onset_in_episode_s"], abs=2.0)
     assert onset(bench, np.ones(len(bench.windows))) == {}
+
+
+@pytest.mark.parametrize("windows", range(1, 15))
+@pytest.mark.parametrize("lost", [0, 3])
+def test_no_number_of_windows_is_too_small_to_ask(windows, lost):
+    """However few windows there are, and whatever of them diverged, the search for an onset comes to an end."""
+    size = np.where(np.arange(windows) < lost, np.nan, 1.0)
+    few = SimpleNamespace(episode=np.zeros(windows, int), start=np.arange(windows))
+    assert onset(SimpleNamespace(windows=few), size) == {}
