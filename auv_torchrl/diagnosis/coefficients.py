@@ -27,7 +27,9 @@ LEAST_WINDOWS = 6
 FOLDS = 2
 SURE = 2.0  # standard errors by which unseen windows must be predicted better
 WORTH = 0.05  # of the error on unseen windows that must go
-CLEAR = 2.0  # standard deviations from which a coefficient is said to differ
+CLEAR = 2.0  # standard deviations from which a coefficient is said to differ,
+NOTABLE = 0.25  # where it moved by this share of its uncertainty, too
+MOST_NAMED = 4  # coefficients of one effect that a sentence names
 Z95 = 1.96
 MODEL_ERROR = 0.005  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 SAME_AS_HULL = ("linear_drag", "quadratic_drag", "added_mass")  # scale what the effect `hull` sets
@@ -155,10 +157,10 @@ def _effects(
             half = Z95 * float(np.hypot(sd, MODEL_ERROR * (value - c.nominal)))
             low, high = max(c.low, value - half), min(c.high, value + half)
             parameters[c.member] = Estimate(float(value), float(low), float(high), c.nominal, c.unit)
-            if abs(value - c.nominal) > CLEAR * sd:
+            if abs(value - c.nominal) > max(CLEAR * sd, NOTABLE * c.width):
                 moved.append(c)
         extra = {"hull": said["axes"], "buoyancy": said["idle"], "drag_coupling": said["turning"]}.get(name, ())
-        sentence = "; ".join((*_sentences(held, name, moved, parameters), *extra))
+        sentence = "; ".join((*extra, *_sentences(held, name, moved, parameters)))
         found.append(FoundEffect(name, probability, parameters, (), share, sentence, calibrates=True))
     return tuple(sorted(found, key=lambda effect: -(effect.gap_closed or 0.0)))
 
@@ -166,9 +168,13 @@ def _effects(
 def _sentences(
     vehicle: Vehicle, name: str, moved: list[Coefficient], parameters: dict[str, Estimate]
 ) -> tuple[str, ...]:
-    """What the effect says of the coefficients that differ clearly; members of a family of one value together."""
+    """What the effect says of the coefficients that differ clearly; a family together, too many in one word."""
     if not moved:
         return ("as the file says, as far as this log can tell",)
+    if len(moved) > MOST_NAMED:
+        values = [parameters[c.member].value for c in moved]
+        spread = f", from {min(values):.2f} to {max(values):.2f}" if len(EFFECTS[name].parameters) == 1 else ""
+        return (f"{len(moved)} of its {len(parameters)} coefficients differ from the file{spread}",)
     declared = EFFECTS[name].member_parameters(vehicle)
     said = []
     for c in moved:

@@ -29,21 +29,30 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     if not diagnosis.effects:
         return "\n".join([*lines, "effects: {}", ""])
     lines.append("effects:")
+    calibrated = {found.name for found in diagnosis.effects if found.calibrates}
     for found in diagnosis.effects:
-        lines.append(f"  {found.name}:")
+        if found.name in calibrated and not found.calibrates:  # a fault on top of what its own file gets wrong
+            lines += [f"  {found.name}_fault:", f"    effect: {found.name}"]
+        else:
+            lines.append(f"  {found.name}:")
         for name, value in _values(found, vehicle).items():
             e = found.parameters[name]
             unit = "" if e.unit == "1" else f"{e.unit}, "
             lines.append(f"    {name}: {value!r}  # {unit}95 % in [{e.low:.4g}, {e.high:.4g}], nominal {e.nominal:.4g}")
-        if diagnosis.where.onset_in_episode_s is not None:
+        if diagnosis.where.onset_in_episode_s is not None and not found.calibrates:
             lines.append(f"    start_s: {round(diagnosis.where.onset_in_episode_s, 3)!r}")
     return "\n".join([*lines, ""])
 
 
 def randomization_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
-    """The 95 % intervals, for :func:`auv_torchrl.envs.randomize.read_ranges`; swapped commands have none."""
+    """The 95 % intervals, for :func:`auv_torchrl.envs.randomize.read_ranges`; swapped commands have none.
+
+    A randomization has each effect once: a fault in what was calibrated as well is left to the scenario.
+    """
     ranges: dict[str, Any] = {}
     for found in diagnosis.effects:
+        if found.name in ranges:
+            continue
         declared = get_effect(found.name).member_parameters(vehicle)
         members = {}
         for name, estimate in found.parameters.items():

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+import yaml
+from example import example
 from flown_logs import fly, hold
 
 from auv_torchrl.blind.real import TEST, TO_BEAT, VEHICLE, figures, read_runs
@@ -16,10 +19,14 @@ from auv_torchrl.diagnosis.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.how_far import predict
 from auv_torchrl.diagnosis.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.manoeuvres import differences, respond
+from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.uncertainty import load_uncertainty, read_uncertainty
+from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.diagnosis.veto import is_worse, only, scaled_errors
+from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import join
 from auv_torchrl.paths import config_names
+from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
 
 REAL = os.environ.get("AUV_TORCHRL_BLUEROV2", "")  # folder of the runs of docs/diagnosis.md
@@ -157,6 +164,20 @@ def test_a_vehicle_answers_a_step_as_its_coefficients_say():
     before, after = respond(base, 0.5), respond(double, 0.5)
     np.testing.assert_allclose(after.steady, before.steady, atol=1e-9)
     assert differences(before, after, 0.5) == {"axes": (), "idle": (), "turning": ()}
+
+
+def test_a_fault_on_a_calibrated_vehicle_is_written_on_top_of_it(calibrated):
+    """The scenario holds the corrections from the start and the fault after them, though both change the same thing."""
+    fault = FoundEffect("buoyancy", 1.0, {"force": Estimate(5.0, 4.0, 6.0, 0.0, "N")}, (), 1.0, "heavier")
+    where = replace(example().where, onset_s=3.0, onset_in_episode_s=3.0)
+    diagnosis = replace(example(), effects=(*calibrated.effects, fault), where=where)
+    scenario = read_scenario("found", yaml.safe_load(scenario_yaml(diagnosis, GIVEN)), GIVEN)
+    calibrated_force = next(e for e in calibrated.effects if e.name == "buoyancy").parameters["force"].value
+    early, late = (scenario.vehicle_at(GIVEN, t) for t in (0.0, 4.0))
+    assert float(early.vertical_force) == pytest.approx(calibrated_force, abs=1e-5)
+    assert float(late.vertical_force) == pytest.approx(calibrated_force + 5.0, abs=1e-5)
+    torch.testing.assert_close(early.linear_drag, calibrated.vehicle.linear_drag, rtol=0, atol=1e-5)
+    read_ranges(GIVEN, yaml.safe_load(randomization_yaml(diagnosis, GIVEN)))
 
 
 @pytest.mark.parametrize("name", config_names("vehicle"))
