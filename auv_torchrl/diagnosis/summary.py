@@ -28,11 +28,12 @@ def summarise(
     """
     if verdict is Verdict.NO_GAP and not effects:
         return SOUND if within_floor(gap) else SLACK
-    named = "; ".join((*corrected, *(effect.sentence.rstrip(".") for effect in effects if not effect.calibrates)))
-    if corrected:
-        named = f"the vehicle's file is off in many coefficients at once: {named}"
-    elif effects and not named:
-        named = "the vehicle's file is off in many coefficients at once"
+    named = "; ".join(effect.sentence.rstrip(".") for effect in effects if not effect.calibrates)
+    if any(effect.calibrates for effect in effects):
+        file = ": ".join(
+            ("the vehicle's file is off in many coefficients at once", *filter(None, ["; ".join(corrected)]))
+        )
+        named = f"{named}; besides, {file}" if named else file
     if verdict is Verdict.UNEXPLAINED:
         known = f"{named}; beyond that the" if named else "The"
         return _begun(f"{known} simulator misses this vehicle{mainly(where)}, and no known effect explains it")
