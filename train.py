@@ -4,6 +4,7 @@
 """
 
 import logging
+import sys
 from pathlib import Path
 
 import torch
@@ -31,5 +32,12 @@ def main(config: DictConfig) -> None:
     log.info("\n%s\n\nresults.json, figures and run.rrd are in %s", results.table(), folder)
 
 
+def spelt_out(arguments: list[str]) -> list[str]:
+    """``diagnosis=FILE`` as the setting that it stands for: Hydra would look for FILE in the folder conf/diagnosis."""
+    short, long = "diagnosis=", "diagnosis_file="
+    return [long + given.removeprefix(short) if given.startswith(short) else given for given in arguments]
+
+
 if __name__ == "__main__":
+    sys.argv = spelt_out(sys.argv)
     main()

@@ -24,11 +24,18 @@ PERIODS_S = (2.0, 12.0)  # of the waves
 
 @dataclass(frozen=True)
 class Excitation:
-    """How long the target is flown for a diagnosis: ``episodes`` flights of ``episode_s`` seconds."""
+    """How long the target is flown for a diagnosis; ``conf/train.yaml`` explains the values."""
 
     episodes: int = 6
     episode_s: float = 30.0
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse flights that show nothing."""
+        if self.episodes < 1 or not 5.0 <= self.episode_s < math.inf:
+            raise ValueError(
+                f"excitation: {self.episodes} episodes of {self.episode_s} s: give 1 or more, of 5 s or more"
+            )
 
     @property
     def seconds(self) -> float:

@@ -49,7 +49,7 @@ class TrainSchema:
     adapter: Any = field(default_factory=schema_of(AdapterConfig))
     online: Any = field(default_factory=schema_of(OnlineConfig))
     flight: Any = field(default_factory=schema_of(FlightConfig))
-    diagnosis: str | None = None
+    diagnosis_file: str | None = None
     diagnose: bool = False
     excitation: Any = field(default_factory=schema_of(Excitation))
     tuning: Any = field(default_factory=schema_of(FineTuning))

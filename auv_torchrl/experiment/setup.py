@@ -93,8 +93,8 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     scenario = read_scenario(scenario_name, _plain(config.scenario), vehicle)
     vehicle_name = str(config.vehicle.get("name", "unnamed"))
     diagnosed = None
-    if config.diagnosis is not None:
-        diagnosed = read_diagnosed(Path(config.diagnosis), vehicle, vehicle_name)
+    if config.diagnosis_file is not None:
+        diagnosed = read_diagnosed(Path(config.diagnosis_file), vehicle, vehicle_name)
         scenario = scenario if scenario.changes else diagnosed.scenario
     _check_closing(diagnosed, config.diagnose, scenario)
     flight = FlightConfig(**_with_tuples(_plain(config.flight)))
