@@ -23,7 +23,7 @@ from auv_torchrl.vehicle import Vehicle
 
 WINDOW_S = 10.0  # s, as long as a prediction is wanted for; 5 s leave slow axes to the prior
 SHORTEST_S = 2.0  # s, below which a window shows no drag
-LEAST_WINDOWS = 6
+LEAST_WINDOWS, MOST_WINDOWS = 6, 60  # ten minutes: more adds time, not certainty
 FOLDS = 2
 SURE = 2.0  # standard errors by which unseen windows must be predicted better
 WORTH = 0.05  # of the error on unseen windows that must go
@@ -70,6 +70,8 @@ def calibrate_coefficients(
     if len(windows) < LEAST_WINDOWS:
         sentence = f"the vehicle's file is a guess, but the log is too short to correct it ({len(windows)} windows)"
         return Calibrated(vehicle, findings=(Finding(Severity.WARNING, "too_short_to_calibrate", sentence),))
+    if len(windows) > MOST_WINDOWS:
+        windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_WINDOWS).astype(int))
     nothing = np.array([c.nominal for c in coefficients])
     fold = np.arange(len(windows)) % FOLDS
     before, after = [], []
@@ -120,6 +122,7 @@ class _Gain:
 
     @property
     def better(self) -> bool:
+        """Whether that is worth it and no luck."""
         return bool(self.share > WORTH and self.probability > norm.cdf(SURE))
 
 

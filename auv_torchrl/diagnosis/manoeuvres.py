@@ -54,6 +54,7 @@ def respond(vehicle: Vehicle, command: float) -> Response:
     return Response(steady, (1 + np.argmax(along >= RISEN * along[-1], axis=0)) * CONTROL_DT)
 
 
+@DIVERGING
 def differences(before: Response, after: Response, command: float) -> dict[str, tuple[str, ...]]:
     """Sentences by subject (``axes``, ``idle``, ``turning``) about what ``after`` does unlike ``before``."""
     axes = []
