@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import expit
@@ -19,6 +20,7 @@ from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settin
 from auv_torchrl.diagnosis.mappable import input_mappable
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding
+from auv_torchrl.diagnosis.onset import find_onset, parted
 from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.search import Found, Progress, search
 from auv_torchrl.diagnosis.summary import summarise
@@ -70,7 +72,7 @@ def diagnose(
     training, testing, numbers = split(log, test)
     corrected = calibrate_coefficients(join(healthy or [training]), vehicle, uncertainty, settings)
     searched = settings if healthy else corrected.settings(settings)
-    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report)
+    looked, moment = look_behind_onset(training, corrected.vehicle, healthy, searched, report)
     bench, found, own = looked.bench, looked.found, looked.bench.vehicle
     before = changed(vehicle, free=own.free)
     base = changed(corrected.vehicle, free=own.free)
@@ -90,7 +92,7 @@ def diagnose(
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
-    where = locate(bench, found, effects, verdict)
+    where = locate(bench, found, effects, verdict, moment)
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
@@ -142,6 +144,29 @@ def look_both_ways(
     odds = log_likelihood(free.bench, free.found.best) - log_likelihood(level.bench, level.found.best)
     better = free if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
+
+
+def look_behind_onset(
+    training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
+) -> tuple[Looked, dict[str, Any]]:
+    """Explain a log, only the part behind an onset where the vehicle changes during it, and tell the onset.
+
+    The change must be one: what explains the part behind must predict the part before it worse than nothing does.
+    """
+    report("looking for an onset", 0.0)
+    moment = find_onset(training, vehicle, settings)
+    if moment:
+        early, late = parted(training, moment, settings.window_s)
+        if early.episodes and late.episodes:
+            looked = look_both_ways(late, vehicle, healthy, settings, report)
+            own, best = looked.bench.vehicle, looked.found.best.explanation
+            if best.effects:
+                stages = [own, apply_values(own, best.values(own))]
+                predictions = predict(early, stages, settings, looked.bench.sigma, 4 * looked.bench.floor)
+                if is_worse(predictions, 0, 1):
+                    return looked, moment
+                moment = {}
+    return look_both_ways(training, vehicle, healthy, settings, report), moment
 
 
 def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:

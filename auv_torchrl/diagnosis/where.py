@@ -1,5 +1,6 @@
 """Where the gap lies: shares by degree of freedom, origin and thruster, and when it is large."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,9 @@ CHANGES = 3.0  # gap behind an onset, in gaps before it
 LEAST = 6  # windows on either side of an onset
 
 
-def locate(bench: Bench, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict) -> Where:
+def locate(
+    bench: Bench, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict, moment: Mapping[str, Any]
+) -> Where:
     """Shares of the gap before anything is explained; what no effect explains is shared out by what it goes with."""
     size = gap_by_window(bench, found.follow)
     origin, thruster = by_origin(effects), by_thruster(bench, effects)
@@ -35,7 +38,7 @@ def locate(bench: Bench, found: Found, effects: tuple[FoundEffect, ...], verdict
         origin=origin,
         thruster=thruster,
         regime=regimes(bench, found.follow, size),
-        **onset(bench, size),
+        **moment,
     )
 
 

@@ -1,6 +1,7 @@
 """What a log cannot tell apart is declared, and the next experiment tells it apart."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ def marked():
     return bench, Field.of(bench, bench.follow())
 
 
-def found(field, *knobs):
+def found(field, *knobs) -> Any:
     """As much of a search's outcome as is looked at: one explanation without rivals."""
     judged = SimpleNamespace(explanation=Explanation(knobs), evidence=0.0, chi2=100.0)
     return SimpleNamespace(best=judged, polished=[judged], field=field)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,5 +117,6 @@ def test_an_onset_is_found_with_its_episode():
 def test_no_number_of_windows_is_too_small_to_ask(windows, lost):
     """However few windows there are, and whatever of them diverged, the search for an onset comes to an end."""
     size = np.where(np.arange(windows) < lost, np.nan, 1.0)
-    few = SimpleNamespace(episode=np.zeros(windows, int), start=np.arange(windows))
-    assert onset(SimpleNamespace(windows=few), size) == {}
+    few: Any = SimpleNamespace(episode=np.zeros(windows, int), start=np.arange(windows))
+    bench: Any = SimpleNamespace(windows=few)
+    assert onset(bench, size) == {}
