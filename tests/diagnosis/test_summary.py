@@ -36,7 +36,9 @@ def test_a_part_explained_says_that_something_else_acts():
 @pytest.mark.parametrize(("factor", "sentence"), [(1.2, SOUND), (5.0, SLACK)])
 def test_no_gap_is_told_from_slack(factor, sentence):
     """A vehicle within the floor is predicted; one beyond it, without an effect, has the slack that all have."""
-    position = replace(FOUND.gap.position_m, before=tuple(factor * f for f in FOUND.gap.position_m.floor))
+    position = FOUND.gap.position_m
+    assert position is not None
+    position = replace(position, before=tuple(factor * f for f in position.floor))
     gap = replace(FOUND.gap, position_m=position, yaw_rad=None, closed=None)
     assert summarise(Verdict.NO_GAP, (), Where(), gap) == sentence
 

@@ -24,9 +24,9 @@ class ProgressBar:
 
     def __call__(self, stage: str, share: float) -> None:
         """Show that ``share`` of the work, in [0, 1], is done and ``stage`` begins."""
+        self._bar.n = min(max(share, self._bar.n), 1.0)  # a second look begins again, but nothing is undone
         if self._bar.disable and stage != self._stage:
-            log.info("%3.0f %% %s", 100 * share, stage)
+            log.info("%3.0f %% %s", 100 * self._bar.n, stage)
         self._stage = stage
         self._bar.set_description_str(stage, refresh=False)
-        self._bar.n = min(max(share, self._bar.n), 1.0)
         self._bar.refresh()
