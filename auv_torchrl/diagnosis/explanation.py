@@ -43,10 +43,14 @@ class Explanation:
         """Parameter values by effect, slack added unless told otherwise."""
         values: Values = {}
         for knob in self.knobs:
+            declared, nominal = EFFECTS[knob.effect].member_parameters(vehicle), EFFECTS[knob.effect].nominal(vehicle)
+            row = values.setdefault(knob.effect, {})
             for member in knob.members:
-                nominal = EFFECTS[knob.effect].nominal(vehicle)[member]
-                row = values.setdefault(knob.effect, {})
-                row[member] = knob.value if knob.discrete else row.get(member, nominal) + knob.value - nominal
+                if knob.discrete or member not in row:
+                    row[member] = knob.value
+                else:  # two knobs within bounds can add up to an inertia of nothing
+                    both = row[member] + knob.value - nominal[member]
+                    row[member] = min(max(both, declared[member].low), declared[member].high)
         if slack:
             for (effect, member), deviation in self.slack.items():
                 nominal = EFFECTS[effect].nominal(vehicle)[member]
