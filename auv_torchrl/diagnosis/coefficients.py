@@ -163,7 +163,8 @@ def _effects(
             if abs(value - c.nominal) > max(CLEAR * sd, NOTABLE * c.width):
                 moved.append(c)
         extra = {"hull": said["axes"], "buoyancy": said["idle"], "drag_coupling": said["turning"]}.get(name, ())
-        sentence = "; ".join((*extra, *_sentences(held, name, moved, parameters)))
+        told = (*extra, *_sentences(held, name, moved, parameters)) if moved or not extra else extra
+        sentence = "; ".join(told)
         found.append(FoundEffect(name, probability, parameters, (), share, sentence, calibrates=True))
     return tuple(sorted(found, key=lambda effect: -(effect.gap_closed or 0.0)))
 
