@@ -82,6 +82,9 @@ def diagnose(
     if vetoed := bool(found.best.explanation.effects) and is_worse(predictions, len(stages) - 2, len(stages) - 1):
         found, after = replace(found, best=found.none), base
     predictions = only(predictions, 0, len(stages) - 1 - vetoed)
+    if corrected.effects and is_worse(predictions, 0, 1):
+        stands = diagnose(log, vehicle, healthy, test, progress, vehicle_name, settings)
+        return replace(stands, findings=(*stands.findings, calibration_vetoed()))
     verdict = judge(bench, found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
@@ -192,6 +195,15 @@ def rests_on(looked: Looked) -> tuple[Finding, ...]:
 def excess(found: Found) -> float:
     """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
     return found.best.chi2 / found.best.quadratic.numbers
+
+
+def calibration_vetoed() -> Finding:
+    """What is said where corrected coefficients do not carry over to held-out flight."""
+    sentence = (
+        "coefficients corrected on this log predict held-out flight worse than the vehicle's file: the file stands"
+    )
+    remedy = "Give logs that command what the held-out flight commands, above all in size"
+    return Finding(Severity.WARNING, "calibration_vetoed", sentence, remedy)
 
 
 def vetoes(vetoed: bool) -> tuple[Finding, ...]:

@@ -125,6 +125,15 @@ def test_a_diagnosis_calibrates_first_and_searches_on_top(flown):
     assert found.gap.closed is not None and found.gap.closed > 0.9
 
 
+def test_a_calibration_that_does_not_carry_over_is_vetoed():
+    """Where the held-out flight speaks for the vehicle's file, the file stands, and the finding says so."""
+    short = {"episodes": 3, "seconds": 12.0}
+    log, unseen = fly(GIVEN, TRUTH, seed=4, **short), fly(GIVEN, {}, seed=5, **short)
+    found = diagnose(log, GIVEN, test=[unseen], uncertainty=UNCERTAIN, settings=SETTINGS)
+    assert "calibration_vetoed" in {finding.code for finding in found.findings}
+    assert not any(effect.calibrates for effect in found.effects)
+
+
 def test_what_predicts_worse_is_vetoed(monkeypatch):
     """An explanation that predicts held-out flight worse than the vehicle as it was given is not named."""
     module = sys.modules["auv_torchrl.diagnosis.diagnose"]
