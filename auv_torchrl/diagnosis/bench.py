@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.force import force_changes, marks, measured_motion
 from auv_torchrl.diagnosis.hypotheses import Settings, Values, batch, make_atoms, slack_parameters
 from auv_torchrl.diagnosis.reduce import Freedom, Quadratic, chi_square, reduce, settle
-from auv_torchrl.diagnosis.rollout import DIVERGING
+from auv_torchrl.diagnosis.rollout import DIVERGING, actuate, path
 from auv_torchrl.diagnosis.rough import rough_force
 from auv_torchrl.diagnosis.smooth import (
     Layout,
@@ -28,6 +28,7 @@ from auv_torchrl.diagnosis.smooth import (
 from auv_torchrl.diagnosis.windows import Floats, Windows
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import prepare
+from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.vehicle import Vehicle
 
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
@@ -38,7 +39,13 @@ NOISIER = 1.3  # times the noise of the healthy log, from which its noise says n
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
+STUCK = 1.5  # chi-square per number of a window that has not found its start
+HEIRS = 3  # rounds in which starts are handed on from window to window
 MINOR = 0.5  # of the force that slack makes: an effect below it is no finding
+SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
+REPEATS = 3  # of linearising windows again
+FAR = 0.3  # of chi-square, that a descent gains where slopes need to be taken again
+GAINS = 0.02  # of chi-square, below which doing so is not worth it
 SLACK_STEP = 0.05  # relative step of slack derivatives
 KNOB_STEP = 0.004  # of the plausible range of a parameter
 
@@ -74,6 +81,12 @@ class Judged:
     base: Base
     quadratic: Quadratic  # of slack, then fitted knobs, at the base
 
+    @property
+    def nothing_left(self) -> bool:
+        """Whether nothing is left beyond the noise."""
+        numbers = self.quadratic.numbers
+        return self.chi2 < numbers * (1 + SATISFIED * np.sqrt(2 / numbers))
+
 
 class Bench:
     """A log cut into windows, a vehicle and the settings to judge with."""
@@ -82,9 +95,11 @@ class Bench:
         self.windows = windows
         self.vehicle = vehicle
         self.settings = settings
+        self.known = known
         self.layout = Layout.of(windows, vehicle, settings.bin_s)
         self.floor = (np.array(settings.floor_force) if known is None else known.floor)[self.layout.dof]
-        self.wide = self._wide_prior()
+        self.reach = self._reach()
+        self.wide = self.reach[self.layout.dof]
         self.atoms = make_atoms(vehicle, settings)
         self.slack = slack_parameters(vehicle, settings)
         if known is None:
@@ -109,9 +124,9 @@ class Bench:
     def _noise(self, measured: dict[str, float]) -> dict[str, float]:
         return {name: self.frozen.get(name, size) for name, size in measured.items()}
 
-    def _wide_prior(self) -> Floats:
-        reach = batch(self.vehicle, [{}])
-        push = np.abs(_allocation(reach)).sum(-1)[self.layout.dof]
+    def _reach(self) -> Floats:
+        """Force (6,) that the thrusters can make in each degree of freedom, N and N m, or most of it."""
+        push = np.abs(_allocation(batch(self.vehicle, [{}]))).sum(-1)
         return np.maximum(WIDE_SHARE * push, 0.1)
 
     def follow(self) -> Base:
@@ -152,7 +167,47 @@ class Bench:
             for old, new in zip(merged, fields(fresh), strict=True):
                 old[lost] = new
             base = self._settled(explanation, vehicle, Smoothed(*merged))
+        return self._handed_on(base)
+
+    def _handed_on(self, base: Base) -> Base:
+        """Windows that got stuck begin anew where the window before them, which did not, ends under this vehicle."""
+        windows, layout = self.windows, self.layout
+        follows = (windows.episode[:, None] == windows.episode) & (
+            windows.start[:, None] == windows.start + windows.steps
+        )
+        before = np.where(follows.any(1), follows.argmax(1), -1)
+        numbers = windows.present.sum(1) * len(windows.channels)
+        for _ in range(HEIRS):
+            state = base.state
+            parts = chi_square(windows, layout, self.freedom(state.slope), *_one_row(state))[:, 0]
+            stuck = ~(parts < STUCK * numbers)
+            heirs = np.flatnonzero(stuck & (before >= 0) & ~stuck[before])
+            if not len(heirs) or stuck.mean() > MOSTLY_LOST:
+                break
+            ends = self._ends(base)[before[heirs]]
+            some = windows.subset(heirs)
+            fresh = local_slopes(some, base.vehicle, layout, ends, np.zeros_like(state.bins[heirs]))
+            freedom = Freedom.of(some, layout, fresh.slope, self.sigma, self.floor)
+            start, bins, residual = settle(some, base.vehicle, layout, freedom, *_one_row(fresh)[:2])
+            better = chi_square(some, layout, freedom, start, bins, residual)[:, 0] < parts[heirs]
+            if not better.any():
+                break
+            fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
+            merged = [np.copy(field) for field in fields(state)]
+            for old, new in zip(merged, fields(fresh), strict=True):
+                old[heirs[better]] = new[better]
+            base = self._settled(base.explanation, base.vehicle, Smoothed(*merged))
         return base
+
+    def _ends(self, base: Base) -> Floats:
+        """States (W, 12) in which the windows end, as the start of what follows them."""
+        windows, everything = self.windows, slice(0, len(self.windows))
+        force = self.layout.force(base.state.bins[:, None], windows.steps)
+        actuation = actuate(windows, base.vehicle)
+        end = path(windows, everything, actuation, base.state.start[:, None], force, windows.steps, 1)[:, 0, -1]
+        angles = np.stack(euler_angles(end[:, 3:7]), axis=-1)
+        angles[:, 2] += float(base.vehicle.heading_bias.reshape(-1)[0])  # a start has the measured yaw
+        return np.concatenate([end[:, :3], angles, end[:, 7:]], axis=1)
 
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""
@@ -167,9 +222,8 @@ class Bench:
         bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
         settled = settle(self.windows, vehicles, self.layout, freedom, starts, bins)
         slack = np.stack([self.slack_now(explanation) for explanation in explanations])
-        return chi_square(self.windows, self.layout, freedom, *settled) + ((slack @ self.slack_precision) * slack).sum(
-            -1
-        )
+        chi2 = chi_square(self.windows, self.layout, freedom, *settled).sum(0)
+        return chi2 + ((slack @ self.slack_precision) * slack).sum(-1)
 
     def freedom(self, slope: Floats, prior: Floats | None = None) -> Freedom:
         """What the free numbers of windows with these slopes absorb; kept, because many explanations share slopes."""
@@ -240,13 +294,27 @@ class Bench:
 
     def polish(self, explanation: Explanation, start: Base, rounds: int = 4) -> Judged:
         """Fit all values of an explanation by simulating it, and weigh it."""
-        best = self._descend(self.rebase(explanation, start), rounds)
-        searched = self._search_thresholds(best) if rounds else best
-        return best if searched is best else self._descend(searched.base, rounds)
+        best, moving = self._descend(self.rebase(explanation, start), rounds)
+        if not rounds:
+            return best
+        searched = self._search_thresholds(best)
+        if searched is not best:
+            best, moving = self._descend(searched.base, rounds)
+        moving |= self.layout.moves_unseen  # a tilt that nobody measured bends the windows
+        for _ in range(REPEATS):  # slopes are out of date where the fit went far
+            if not moving or best.nothing_left or not np.isfinite(best.chi2):
+                break
+            again, _ = self._descend(self.rebase(best.explanation, best.base), rounds)
+            if not again.chi2 < best.chi2:
+                break
+            moving = best.chi2 - again.chi2 > GAINS * again.chi2
+            best = again
+        return best
 
-    def _descend(self, base: Base, rounds: int) -> Judged:
-        """Gauss-Newton with a shrinking stride."""
+    def _descend(self, base: Base, rounds: int) -> tuple[Judged, bool]:
+        """Gauss-Newton with a shrinking stride; tells whether it went far."""
         best, step, slack_step = self._judge(base)
+        began = best.chi2
         stride, even = 1.0, np.ones(len(self.slack), bool)
         for _ in range(rounds):
             moved = self._move(best.explanation, stride * step, stride * slack_step * even)
@@ -258,7 +326,7 @@ class Bench:
             best, step, slack_step = trial, trial_step, trial_slack_step
             if settled:
                 break
-        return best
+        return best, not began < (1 + FAR) * best.chi2
 
     def _search_thresholds(self, best: Judged) -> Judged:
         """Try values near by for effects that switch single samples: there chi-square is rough."""
@@ -332,8 +400,9 @@ class Bench:
     def _sizes(self, explanations: list[Explanation], base: Base) -> Floats:
         """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
         rows = batch(self.vehicle, [explanation.values(self.vehicle) for explanation in explanations])
-        forces = force_changes(self.windows, batch(self.vehicle, [{}]), rows, base.motion)[..., self.layout.dof]
-        scaled = (forces / self.wide)[self.followed]
+        moves = self.layout.start[: len(self.layout.start) // 2]  # unseen ones too: some effects act through a tilt
+        forces = force_changes(self.windows, batch(self.vehicle, [{}]), rows, base.motion)[..., moves]
+        scaled = (forces / self.reach[moves])[self.followed]
         return np.sqrt((scaled**2).mean((0, 2)).sum(-1))
 
     def minor(self, judged: Judged) -> bool:
@@ -360,6 +429,10 @@ class Bench:
             for (e, m, _, width), move in zip(self.slack, slack_step, strict=True)
         }
         return replace(explanation.moved(amounts), slack=slack)
+
+
+def _one_row(state: Smoothed) -> tuple[Floats, Floats, Floats]:
+    return state.start[:, None], state.bins[:, None], state.residual[:, None]
 
 
 def _noisier(now: dict[str, float], then: dict[str, float]) -> dict[str, float]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.special import expit
@@ -15,12 +14,13 @@ from auv_torchrl.diagnosis.coefficients import MODEL_ERROR, Z95, calibrate_coeff
 from auv_torchrl.diagnosis.confirm import confirm
 from auv_torchrl.diagnosis.detectable import detectable_sizes
 from auv_torchrl.diagnosis.equivalence import indistinguishable
+from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.how_far import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.mappable import input_mappable
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding
-from auv_torchrl.diagnosis.onset import find_onset, parted
+from auv_torchrl.diagnosis.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.search import Found, Progress, search
 from auv_torchrl.diagnosis.summary import summarise
@@ -35,6 +35,7 @@ from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
+HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt
 
 
 def diagnose(
@@ -72,7 +73,7 @@ def diagnose(
     training, testing, numbers = split(log, test)
     corrected = calibrate_coefficients(join(healthy or [training]), vehicle, uncertainty, settings)
     searched = settings if healthy else corrected.settings(settings)
-    looked, moment = look_behind_onset(training, corrected.vehicle, healthy, searched, report)
+    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report)
     bench, found, own = looked.bench, looked.found, looked.bench.vehicle
     before = changed(vehicle, free=own.free)
     base = changed(corrected.vehicle, free=own.free)
@@ -95,7 +96,7 @@ def diagnose(
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
-    where = locate(bench, found, effects, verdict, moment)
+    where = locate(bench, found, effects, verdict, looked.onset)
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
@@ -123,17 +124,35 @@ class Looked:
     bench: Bench
     found: Found
     sound: Calibration | None
+    onset: Onset | None = None  # what is explained are the windows behind it
     attitude: tuple[Finding, ...] = ()
 
 
 def look(
-    training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
+    training: FlightLog,
+    vehicle: Vehicle,
+    healthy: Sequence[FlightLog],
+    settings: Settings,
+    report: Progress,
+    seen: Looked | None = None,
 ) -> Looked:
-    """Calibrate a vehicle on the healthy logs and explain a log with it."""
+    """Calibrate a vehicle on the healthy logs and explain a log with it.
+
+    ``seen`` is what a vehicle with another attitude showed: its explanations are tried too, on the same windows.
+    """
     sound = calibrate(healthy, vehicle, settings) if healthy else None
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
-    return Looked(bench, search(bench, report), sound)
+    hints = best_singles(seen.found) if seen else ()
+    follow = bench.follow()
+    report("following the log", 0.2)
+    onset = seen.onset if seen else find_onset(bench, follow)
+    if onset is not None:
+        behind = Bench(bench.windows.subset(onset.behind), own, settings, known)
+        found = search(behind, behind.follow(), report, hints)
+        if seen or is_absent(bench, onset, found.best.explanation, own, settings):
+            return Looked(behind, found, sound, onset)
+    return Looked(bench, search(bench, follow, report, hints), sound)
 
 
 def look_both_ways(
@@ -143,33 +162,18 @@ def look_both_ways(
     level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
     if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
         return level
-    free = look(training, vehicle, healthy, settings, report)
+    free = look(training, vehicle, healthy, settings, report, level)
     odds = log_likelihood(free.bench, free.found.best) - log_likelihood(level.bench, level.found.best)
     better = free if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
 
 
-def look_behind_onset(
-    training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
-) -> tuple[Looked, dict[str, Any]]:
-    """Explain a log, only the part behind an onset where the vehicle changes during it, and tell the onset.
-
-    The change must be one: what explains the part behind must predict the part before it worse than nothing does.
-    """
-    report("looking for an onset", 0.0)
-    moment = find_onset(training, vehicle, settings)
-    if moment:
-        early, late = parted(training, moment, settings.window_s)
-        if early.episodes and late.episodes:
-            looked = look_both_ways(late, vehicle, healthy, settings, report)
-            own, best = looked.bench.vehicle, looked.found.best.explanation
-            if best.effects:
-                stages = [own, apply_values(own, best.values(own))]
-                predictions = predict(early, stages, settings, looked.bench.sigma, 4 * looked.bench.floor)
-                if is_worse(predictions, 0, 1):
-                    return looked, moment
-                moment = {}
-    return look_both_ways(training, vehicle, healthy, settings, report), moment
+def best_singles(found: Found) -> list[Explanation]:
+    """The likeliest explanations by one effect each, without their slack."""
+    singles = {
+        j.explanation.effects: j.explanation for j in reversed(found.polished) if len(j.explanation.effects) == 1
+    }
+    return [replace(explanation, slack={}) for explanation in [*singles.values()][::-1][:HINTS]]
 
 
 def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:

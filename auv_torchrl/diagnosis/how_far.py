@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.hypotheses import Settings, batch
 from auv_torchrl.diagnosis.rollout import actuate, path, simulate
 from auv_torchrl.diagnosis.rough import rough_force
-from auv_torchrl.diagnosis.smooth import LOOSE_START, Layout, follow, noise_per_sample
+from auv_torchrl.diagnosis.smooth import Layout, follow, noise_per_sample
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.diagnosis.windows import CHANNELS, Floats, Windows, cut_windows, grid_step
 from auv_torchrl.flightlog import FlightLog
@@ -55,7 +55,7 @@ def predict(
     best = batch(vehicles[-1], [{}])
     state = follow(begin, best, layout, sigma, force, rough_force(begin, best, layout))
     slope = state.slope / noise_per_sample(begin, sigma)[:, None]
-    precision = np.concatenate([LOOSE_START[layout.start] ** -2.0, np.tile(force**-2.0, layout.bins)])
+    precision = np.concatenate([layout.loose**-2.0, np.tile(force**-2.0, layout.bins)])
     covariance = np.linalg.inv(slope.swapaxes(1, 2) @ slope + np.diag(precision))
     root = np.linalg.cholesky(covariance[:, : len(layout.start), : len(layout.start)])
     starts = np.repeat(state.start[:, None], 1 + len(layout.start), axis=1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.diagnosis.rollout import DIVERGING
-from auv_torchrl.diagnosis.smooth import LOOSE_START, Layout, Smoothed, noise_per_sample, residual_at
+from auv_torchrl.diagnosis.smooth import Layout, Smoothed, noise_per_sample, residual_at
 from auv_torchrl.diagnosis.windows import Floats, Windows
 from auv_torchrl.vehicle import Vehicle
 
@@ -48,7 +48,7 @@ def local_precision(layout: Layout, dt: float, floor: Floats) -> Floats:
     """Inverse prior covariance (L, L) of the free numbers of a window."""
     starts = len(layout.start)
     precision = np.zeros((layout.size, layout.size))
-    precision[:starts, :starts] = np.diag(LOOSE_START[layout.start] ** -2.0)
+    precision[:starts, :starts] = np.diag(layout.loose**-2.0)
     precision[starts:, starts:] = disturbance_precision(layout, dt, floor)
     return precision
 
@@ -108,14 +108,14 @@ def settle(
 def chi_square(
     windows: Windows, layout: Layout, freedom: Freedom, start: Floats, bins: Floats, residual: Floats
 ) -> Floats:
-    """Chi-square (R,) of what :func:`settle` returned, the free numbers paid for."""
+    """Chi-square (W, R) of what :func:`settle` returned, the free numbers paid for."""
     away = freedom.away(windows, layout, start, bins)
     scaled = residual * freedom.weight
     pull = scaled @ freedom.slope - away @ freedom.precision
     parts = (
         (scaled**2).sum(-1) + ((away @ freedom.precision) * away).sum(-1) - ((pull @ freedom.inverse) * pull).sum(-1)
     )
-    return np.where(np.isfinite(parts), parts, DIVERGED).sum(0)
+    return np.where(np.isfinite(parts), parts, DIVERGED)
 
 
 @DIVERGING

@@ -1,6 +1,8 @@
 """Which effects could explain a log: all atoms and all pairs of them judged at once on one quadratic."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -153,12 +155,28 @@ class Field:
         for first in firsts:
             mine = {self.bench.atoms[i].effect for i in first.chosen}
             for name in self._names:
-                pair = None if name in mine else self._grow(name, list(first.chosen))
+                alone = name in mine or any(frozenset({name, other}) in self.twins for other in mine)
+                pair = None if alone else self._grow(name, list(first.chosen))
                 if pair is not None:
                     key = frozenset({name} | mine)
                     if key not in found or pair.evidence > found[key].evidence:
                         found[key] = pair
         return sorted(found.values(), key=lambda s: -s.evidence)
+
+    @cached_property
+    def twins(self) -> set[frozenset[str]]:
+        """Effects of which each change leaves the mark of some change of the other: together they explain no more."""
+        size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
+        same = np.abs(self.A) > SAME_MARK * np.outer(size, size)
+        rows = {
+            name: [i for i, a in enumerate(self.bench.atoms) if a.effect == name and self.seen[i]]
+            for name in self._names
+        }
+        return {
+            frozenset({one, other})
+            for one, other in combinations(self._names, 2)
+            if same[np.ix_(rows[one], rows[other])].any(1).all() and same[np.ix_(rows[one], rows[other])].any(0).all()
+        }
 
     @property
     def _names(self) -> list[str]:

@@ -1,6 +1,6 @@
 """Find the explanation: screen everything, polish what could be it, add and take out effects while the log pays."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,6 @@ NEAR = 1.5  # chi-square per number above which a single effect does not explain
 HALVES = 0.5  # of the chi-square beyond noise that a pair must leave at most, of what the best single effect leaves
 IDLE = 2.0  # standard deviations, of the estimate or of slack
 FIRSTS = 4  # families from which pairs are built
-SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
 WORTH = 5.0  # log evidence that one more effect must bring
 MOST_EFFECTS = 3
 CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close: an unknown effect is not to be
@@ -39,39 +38,34 @@ class Found:
     field: Field  # marks of all changes at the nominal vehicle
 
 
-def search(bench: Bench, progress: Progress) -> Found:
-    """Explain the windows of a bench."""
-    follow = bench.follow()
-    progress("following the log", 0.2)
+def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Explanation] = ()) -> Found:
+    """Explain the windows of a bench that ``follow`` has followed.
+
+    ``hints`` are simulated besides what the screening finds.
+    """
     field = Field.of(bench, follow)
     families = field.families()
     progress("screening effects", 0.4)
     hopeless = field.none().evidence < families[0].evidence - HOPELESS
     none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
     polished = [none]
-    for screened in _candidates(field, families):
-        polished.append(bench.polish(screened.explanation, follow))
-        progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1))
+    for explanation in [*hints, *(screened.explanation for screened in _candidates(field, families))]:
+        polished.append(bench.polish(explanation, follow))
+        progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1 + len(hints)))
     best = _best(bench, polished)
     if bench.measure_noise(best):
         polished = [bench.again(judged) for judged in polished if np.isfinite(judged.chi2)]
         best = _best(bench, polished)
         none = polished[0] if np.isfinite(none.chi2) else none
-    if not _satisfied(best):
-        best = _grow(bench, best, polished, progress)
+    if not best.nothing_left:
+        best = _grow(bench, best, polished, field.twins, progress)
     best = _prune(bench, best, polished)
     best = _drop_idle(bench, best, polished)
-    if not _satisfied(best):
+    if not best.nothing_left:
         polished.append(bench.polish(best.explanation, best.base))
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
     polished.sort(key=lambda judged: -judged.evidence)
     return Found(follow, none, best, polished, families, field)
-
-
-def _satisfied(judged: Judged) -> bool:
-    """Whether nothing is left beyond the noise."""
-    numbers = judged.quadratic.numbers
-    return judged.chi2 < numbers * (1 + SATISFIED * np.sqrt(2 / numbers))
 
 
 def _best(bench: Bench, polished: list[Judged]) -> Judged:
@@ -127,12 +121,16 @@ def _promising(field: Field, ranked: list[Screened]) -> list[Screened]:
     return kept[: POLISHED if kept and kept[0].evidence > none + WORTH else 2]
 
 
-def _grow(bench: Bench, best: Judged, polished: list[Judged], progress: Progress) -> Judged:
+def _grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozenset[str]], progress: Progress) -> Judged:
     while len(best.explanation.effects) < MOST_EFFECTS:
         progress("looking for further effects", 0.7 + 0.05 * len(best.explanation.effects))
         field = Field.of(bench, best.base)
         here = field.none().evidence
-        ahead = sorted(field.families(), key=lambda screened: -screened.evidence)
+        twins_of = {name for pair in twins for name in pair if pair & set(best.explanation.effects)}
+        fresh_ones = (
+            s for s in field.families() if not (set(s.explanation.effects) - set(best.explanation.effects)) & twins_of
+        )
+        ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)
         left = max(best.chi2 - best.quadratic.numbers, 0.0)
         trials = [s for s in ahead[:1] if s.evidence > here + WORTH and field.constant - s.chi2 > CLOSES * left]
         fresh = [bench.polish(s.explanation, best.base) for s in trials]
@@ -141,7 +139,7 @@ def _grow(bench: Bench, best: Judged, polished: list[Judged], progress: Progress
         if better.evidence <= best.evidence + WORTH or best.chi2 - better.chi2 < CLOSES * left:
             return best
         best = better
-        if _satisfied(best):
+        if best.nothing_left:
             return best
     return best
 

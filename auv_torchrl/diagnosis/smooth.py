@@ -5,7 +5,7 @@ force the fit is a smoother and its residual is sensor noise; with the narrow pr
 quantities are the innovations that hypotheses are judged by.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,10 +13,12 @@ from auv_torchrl.diagnosis.rollout import DIVERGING, simulate
 from auv_torchrl.diagnosis.tangent import linearise, respond
 from auv_torchrl.diagnosis.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
+TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring moment: prior of roll and pitch
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Layout:
     dof: np.ndarray  # indices into the 6 degrees of freedom
     bins: int
     steps_per_bin: int
+    loose: Floats  # (len(start),) standard deviations of the prior of a start about the first guess
 
     @property
     def size(self) -> int:
@@ -44,7 +47,9 @@ class Layout:
         moves = np.flatnonzero(vehicle.free.numpy() > 0)
         seen = [CHANNELS[d] in windows.channels or CHANNELS[d + 6] in windows.channels for d in moves]
         per_bin = max(1, round(bin_s / windows.dt))
-        return Layout(np.concatenate([moves, moves + 6]), moves[seen], -(-windows.steps // per_bin), per_bin)
+        start = np.concatenate([moves, moves + 6])
+        loose = loose_start(vehicle)[start]
+        return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose)
 
     def force(self, bins: Floats, steps: int) -> Floats:
         """Force (..., steps, 6) of bins (..., B, D)."""
@@ -63,6 +68,19 @@ class Smoothed:
     slope: Floats  # (W, K, L) of the prediction in the L free numbers
     transition: Floats  # (W, S, n, n), of the tangent that the slope comes from
     push: Floats  # (W, S, n, n / 2), likewise
+
+
+def loose_start(vehicle: Vehicle) -> Floats:
+    """Prior standard deviations (12,) of a start: weak, but a vehicle tilts no further than its thrusters hold it."""
+    c = prepare(vehicle.expand(1)).numpy()
+    stiffness = np.abs(c.restoring[0, [3, 4], [1, 0]])  # N m per rad of roll and pitch
+    moment = (np.abs(c.allocation[0, 3:5]) * c.full_thrust[0]).sum(-1)
+    loose = LOOSE_START.copy()
+    with np.errstate(divide="ignore"):
+        tilt = np.minimum(TILTS * np.maximum(moment, moment.max()) / stiffness, loose[3:5])
+    loose[9:11] *= tilt / loose[3:5]
+    loose[3:5] = tilt
+    return loose
 
 
 def noise_per_sample(windows: Windows, sigma: dict[str, float]) -> Floats:
@@ -104,7 +122,7 @@ def smooth(
     ``begin`` are the starts (W, 12) and bins (W, B, D) to begin from.
     """
     weight = 1.0 / noise_per_sample(windows, sigma)
-    precision = np.concatenate([LOOSE_START[layout.start] ** -2, np.tile(force_prior**-2, layout.bins)])
+    precision = np.concatenate([layout.loose**-2.0, np.tile(force_prior**-2, layout.bins)])
 
     def away(state: Smoothed) -> Floats:
         moved = (state.start - windows.guess)[:, layout.start]
@@ -155,7 +173,7 @@ def follow(
     ``begin`` is a rough force (W, B, D), see :func:`auv_torchrl.diagnosis.rough.rough_force`.
     """
     pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
-    short = Layout(layout.start, layout.dof, PIECE_BINS, layout.steps_per_bin)
+    short = replace(layout, bins=PIECE_BINS)
     parts = len(pieces) // len(windows)
     held = np.setdiff1d(np.arange(12), layout.start)
     guess = pieces.guess.copy()

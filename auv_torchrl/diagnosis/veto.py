@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.how_far import Predictions
+from auv_torchrl.diagnosis.how_far import WITHIN_FLOOR, Predictions
 from auv_torchrl.diagnosis.rollout import DIVERGING
+
+WORSE = 1.05  # times the error
 
 
 @DIVERGING
@@ -17,9 +19,9 @@ def scaled_errors(p: Predictions) -> np.ndarray:
 
 
 def is_worse(p: Predictions, before: int, after: int) -> bool:
-    """Whether one vehicle predicts the held-out stretches worse than another."""
+    """Whether one vehicle predicts the held-out stretches worse than another, by more than noise can do."""
     errors = scaled_errors(p)
-    return bool(errors[after] > errors[before])
+    return bool(errors[after] > max(WORSE * errors[before], WITHIN_FLOOR))
 
 
 def only(p: Predictions, before: int, after: int) -> Predictions:

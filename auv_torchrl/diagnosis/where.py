@@ -1,12 +1,10 @@
 """Where the gap lies: shares by degree of freedom, origin and thruster, and when it is large."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from auv_torchrl.diagnosis.attribute import attribute
 from auv_torchrl.diagnosis.bench import Base, Bench
+from auv_torchrl.diagnosis.onset import Onset
 from auv_torchrl.diagnosis.search import Found
 from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Verdict, Where
 from auv_torchrl.diagnosis.windows import Floats
@@ -18,12 +16,10 @@ STANDS_OUT = 1.3  # gap in a regime, in gaps of the whole log
 THIRD = 1 / 3
 FEWEST = 5  # windows of a regime
 MOST_REGIMES = 5
-CHANGES = 3.0  # gap behind an onset, in gaps before it
-LEAST = 6  # windows on either side of an onset
 
 
 def locate(
-    bench: Bench, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict, moment: Mapping[str, Any]
+    bench: Bench, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict, onset: Onset | None
 ) -> Where:
     """Shares of the gap before anything is explained; what no effect explains is shared out by what it goes with."""
     size = gap_by_window(bench, found.follow)
@@ -38,7 +34,9 @@ def locate(
         origin=origin,
         thruster=thruster,
         regime=regimes(bench, found.follow, size),
-        **moment,
+        onset_s=onset and onset.log_s,
+        onset_episode=onset and onset.episode,
+        onset_in_episode_s=onset and onset.episode_s,
     )
 
 
@@ -136,29 +134,3 @@ def circumstances(bench: Bench, follow: Base) -> dict[str, np.ndarray]:
             away = (yaw - quarter * np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
             found[f"heading {name}"] = np.abs(away) < np.pi / 4
     return found
-
-
-def onset(bench: Bench, size: Floats) -> dict[str, Any]:
-    """When the gap sets in, where it is small before and large behind one moment; empty where it does not."""
-    windows = bench.windows
-    order = np.lexsort((windows.start, windows.episode))
-    order = order[np.isfinite(size[order])]  # a window that nothing follows says nothing of when
-    energy = size[order] ** 2
-    if len(energy) < 2 * LEAST:
-        return {}
-    splits = np.arange(LEAST, len(energy) - LEAST + 1)
-    before = np.array([energy[:k].mean() for k in splits])
-    after = np.array([energy[k:].mean() for k in splits])
-    k = int(np.argmin(splits * np.log(before) + (len(energy) - splits) * np.log(after)))
-    quiet, loud = np.quantile(energy[: splits[k]], 0.9), np.quantile(energy[splits[k] :], 0.1)
-    if after[k] < CHANGES**2 * before[k] or loud < quiet:
-        return {}
-    first = order[splits[k]]
-    end = windows.time + windows.steps * windows.dt
-    behind = sum(end[windows.episode == e].max(initial=0.0) for e in range(windows.episode[first]))
-    within = float(windows.time[first])
-    return {
-        "onset_s": float(behind) + within,
-        "onset_episode": int(windows.number[first]),
-        "onset_in_episode_s": within,
-    }

@@ -7,22 +7,10 @@ import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.onset import parted
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)
-
-
-def test_a_log_is_parted_around_the_moment():
-    """Nothing within the margin is in either part, and the other episodes go to their side."""
-    log = fly(HELD, {}, seed=1, episodes=3, seconds=20.0)
-    early, late = parted(log, {"onset_episode": 1, "onset_in_episode_s": 9.0}, 2.0)
-    assert [episode.number for episode in early.episodes] == [0, 1]
-    assert [episode.number for episode in late.episodes] == [1, 2]
-    assert early.episodes[1].t[-1] == pytest.approx(7.0, abs=0.06)
-    assert late.episodes[0].t[0] == pytest.approx(11.0, abs=0.06)
-    assert late.episodes[1] is log.episodes[2]
 
 
 @pytest.mark.slow

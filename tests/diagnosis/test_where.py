@@ -1,8 +1,6 @@
 """Where the gap lies: what a gap goes with that no effect explains, the regimes it stands out in, and its onset."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +9,8 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis.attribute import attribute, in_turn, stuck
 from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.hypotheses import load_settings
-from auv_torchrl.diagnosis.where import gap_by_window, onset, regimes
+from auv_torchrl.diagnosis.onset import find_onset
+from auv_torchrl.diagnosis.where import gap_by_window, regimes
 from auv_torchrl.diagnosis.windows import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
@@ -86,7 +85,14 @@ def test_regimes_name_where_a_gap_stands_out():
     """A force that acts in the south alone stands out there, and not in the north."""
     south = 12.0 * np.array([0.0, 0.0, 1.0])
     bench, base = followed(
-        fly(HELD, {}, seed=5, push=lambda c, x, v, t: (c, np.where(x[:, :1] < -0.2, south, 0.0 * x)), **SHORT)
+        fly(
+            HELD,
+            {},
+            seed=5,
+            push=lambda c, x, v, t: (c, np.where(x[:, :1] < -0.2, south, 0.0 * x)),
+            episodes=6,
+            seconds=20.0,
+        )
     )
     named = [regime.when for regime in regimes(bench, base, gap_by_window(bench, base))]
     assert any(when.startswith("south of x") for when in named)
@@ -105,18 +111,20 @@ def test_an_onset_is_found_with_its_episode():
     ill = fly(HELD, {}, seed=7, episodes=2, seconds=30.0, push=weaken)
     second = replace(ill.episodes[1], number=5)
     bench, base = followed(replace(sound, episodes=(sound.episodes[0], second)))
-    found = onset(bench, gap_by_window(bench, base))
-    assert found["onset_episode"] == 5
-    assert found["onset_in_episode_s"] == pytest.approx(12.0, abs=2.5)
-    assert found["onset_s"] == pytest.approx(30.0 + found["onset_in_episode_s"], abs=2.0)
-    assert onset(bench, np.ones(len(bench.windows))) == {}
+    found = find_onset(bench, base)
+    assert found is not None
+    assert found.episode == 5
+    assert found.episode_s == pytest.approx(12.0, abs=1.5)
+    assert found.log_s == pytest.approx(30.0 + found.episode_s, abs=2.0)
 
 
-@pytest.mark.parametrize("windows", range(1, 15))
+@pytest.mark.parametrize("windows", range(1, 15, 3))
 @pytest.mark.parametrize("lost", [0, 3])
 def test_no_number_of_windows_is_too_small_to_ask(windows, lost):
     """However few windows there are, and whatever of them diverged, the search for an onset comes to an end."""
-    size = np.where(np.arange(windows) < lost, np.nan, 1.0)
-    few: Any = SimpleNamespace(episode=np.zeros(windows, int), start=np.arange(windows))
-    bench: Any = SimpleNamespace(windows=few)
-    assert onset(bench, size) == {}
+    bench, base = followed(fly(HELD, {}, seed=6, **SHORT))
+    some = np.arange(len(bench.windows)) < windows
+    bench.windows = bench.windows.subset(some)
+    bins = base.state.bins[some].copy()
+    bins[:lost] = np.nan
+    assert find_onset(bench, replace(base, state=replace(base.state, bins=bins))) is None
