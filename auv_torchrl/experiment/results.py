@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from auv_torchrl.closing.command_share import command_sentence
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.experiment.console import readable
 from auv_torchrl.experiment.paper import TABLE_2
@@ -35,6 +36,7 @@ class Results:
     reason: str | None = None  # why not, with the rank
     policy: str | None = None  # hash of the source policy
     in_flight: Mapping[str, Any] | None = None  # what InFlight.as_dict says
+    command_share: float | None = None  # of what the vehicle does differently, what a map of its commands can undo
     closed: Metrics | None = None  # with what was diagnosed in simulator and controller
     closing: Mapping[str, Any] | None = None  # what Closing.as_dict says
 
@@ -56,6 +58,7 @@ class Results:
             "reason": self.reason,
             "policy": self.policy,
             "in_flight": self.in_flight,
+            "command_share": self.command_share,
             "closing": self.closing,
         }
 
@@ -79,6 +82,8 @@ class Results:
         rows += ["", ", ".join(f"{label}: {readable(s)}" for label, s in took if s is not None)]
         if self.reason is not None:
             rows += ["", f"no u_t: {self.reason}"]
+        if self.u_s is not None:
+            rows += ["", command_sentence(self.command_share)]
         if self.in_flight is not None:
             rows += ["", self.in_flight["summary"]]
         if self.closing is not None:

@@ -11,6 +11,7 @@ from auv_torchrl.agents.checkpoint import CheckpointError
 from auv_torchrl.agents.policy import PolicyError, SourcePolicy
 from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
+from auv_torchrl.closing.command_share import command_share
 from auv_torchrl.command import checking_input
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
@@ -175,6 +176,9 @@ def summarize(
         reason=reason,
         policy=policy.metadata["hash"],
         in_flight=in_flight.as_dict() if in_flight else None,
+        command_share=command_share(flights["u_s"], experiment.vehicle, experiment.exam.control_dt)
+        if "u_s" in flights
+        else None,
         closed=closing.after if closing else None,
         closing=closing.as_dict() if closing else None,
     )

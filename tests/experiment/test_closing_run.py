@@ -33,7 +33,7 @@ def test_a_diagnosis_goes_into_the_controller_and_the_report_has_both_gaps(exper
     """The swap is undone: nearly all of the controller's gap is closed, beside the share of the prediction's."""
     path = tmp_path / "diagnosis.json"
     path.write_text(json.dumps(swap.to_json()))
-    ready = experiment("swap", f"diagnosis_file={path}", "flight.fly=false", "adapter.target_data_s=4")
+    ready = experiment("swap", f"diagnosis_file={path}", "flight.fly=false", "backend=mujoco")
     outcome = running.perform(ready, Stages(9))
     closed = outcome.results.as_dict()["closing"]
     assert closed["controller_gap_closed"] > 0.9 and not closed["tuned"]
@@ -47,7 +47,9 @@ def test_one_command_logs_diagnoses_and_closes(experiment, swap, tmp_path, monke
     """The log that was diagnosed and the diagnosis lie in the folder of the run."""
     seen = []
     monkeypatch.setattr(closing, "diagnose", lambda log, vehicle, vehicle_name: (seen.append(log), swap)[1])
-    ready = experiment("swap", "diagnose=true", "flight.fly=false", "excitation.episodes=2", "excitation.episode_s=5")
+    ready = experiment(
+        "swap", "diagnose=true", "backend=mujoco", "flight.fly=false", "excitation.episodes=2", "excitation.episode_s=5"
+    )
     outcome = running.perform(ready, Stages(10))
     assert outcome.closing is not None
     outcome.closing.save(tmp_path, ready)
