@@ -47,7 +47,7 @@ class RecursiveLeastSquares(ThrusterTransform):
 
     def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
         """One update per vehicle with the wrench that explains the step; steps that are not numbers are left out."""
-        velocity, reached = (self.sensing.read(array(td.get(OBSERVATION))).velocity for td in (before, after))
+        velocity, reached = (self.sensing.read(array(td.get(OBSERVATION))).raw[:, :_D] for td in (before, after))
         sane = np.isfinite(velocity).all(-1) & np.isfinite(reached).all(-1)
         velocity, reached = np.where(sane[:, None], velocity, 0.0), np.where(sane[:, None], reached, 0.0)
         expected = (self.effectiveness @ share[..., None])[..., 0]

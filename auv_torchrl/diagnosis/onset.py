@@ -11,8 +11,8 @@ from auv_torchrl.vehicle import Vehicle
 
 BLOCK_S = 0.6  # s over which the missing force is averaged
 FEWEST_BLOCKS = 10  # on either side of an onset
-CLEAR = 100.0  # log likelihood that two levels of the missing force must gain over one
-LARGER = 9.0  # times the energy before the onset, in some degree of freedom
+CLEAR = 40.0  # log likelihood that two levels of the missing force must gain over one
+LARGER = 20.0  # times the energy before the onset, in some degree of freedom
 FEWEST_WINDOWS = 4  # behind an onset, to be explained by themselves
 SPEAKS = 10.0  # chi-square by which the windows before an onset must fit better without the effect
 
