@@ -35,6 +35,7 @@ from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
+SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt
 
 
@@ -160,7 +161,9 @@ def look_both_ways(
 ) -> Looked:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
     level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
-    if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
+    best = level.found.best
+    simple = best.nothing_left and len(best.explanation.knobs) <= SIMPLE
+    if simple or not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
         return level
     free = look(training, vehicle, healthy, settings, report, level)
     odds = log_likelihood(free.bench, free.found.best) - log_likelihood(level.bench, level.found.best)

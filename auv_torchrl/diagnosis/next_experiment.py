@@ -1,6 +1,9 @@
 """What to fly next: of some safe manoeuvres the one that best separates what the log leaves open."""
 
+from typing import cast
+
 import numpy as np
+import torch
 
 from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.equivalence import alternatives
@@ -71,13 +74,11 @@ def separate(bench: Bench, one: tuple[str, Explanation], other: tuple[str, Expla
     vehicle, sigma = bench.vehicle, bench.sigma
     pair = batch(vehicle, [explanation.values(vehicle) for _, explanation in (one, other)])
     noise = np.array([sigma.get(axis, np.inf) for axis in ("x", "y", "z", "roll", "pitch", "yaw")])
-    distance = {}
     plans = manoeuvres(vehicle)
-    for name, commands in plans.items():
-        poses = _fly(pair, commands)
-        apart = poses[:, 0] - poses[:, 1]
-        apart[:, 3:] -= 2 * np.pi * np.round(apart[:, 3:] / (2 * np.pi))
-        distance[name] = float(np.sqrt(((apart / noise) ** 2).mean()))
+    poses = _fly(pair, np.stack(list(plans.values())))
+    apart = poses[:, :, 0] - poses[:, :, 1]
+    apart[..., 3:] -= 2 * np.pi * np.round(apart[..., 3:] / (2 * np.pi))
+    distance = dict(zip(plans, np.sqrt(((apart / noise) ** 2).mean((0, 2))).tolist(), strict=True))
     best = max(distance, key=lambda name: distance[name])
     if not distance[best] > SEPARATES:
         return None
@@ -106,21 +107,22 @@ def _planned(why: str, commands: Floats) -> NextExperiment:
     return NextExperiment(why, t=CONTROL_DT * np.arange(len(commands), dtype=np.float64), thruster_commands=commands)
 
 
-def _fly(vehicle: Vehicle, commands: Floats) -> Floats:
-    """Measured poses (T, 2, 6) of two vehicles from rest."""
-    c = prepare(vehicle).numpy()
+def _fly(vehicles: Vehicle, plans: Floats) -> Floats:
+    """Measured poses (T, P, 2, 6) of two vehicles from rest, under each of the commands (P, T, n)."""
+    number = len(plans)
+    c = prepare(cast(Vehicle, vehicles[torch.arange(2).repeat(number)])).numpy()
     terms = ActiveTerms.of(c)
-    zero = np.zeros((2, 3))
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    zero = np.zeros((2 * number, 3))
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (2 * number, 1))
     memory = memory_length(float(c.delay.max())) + 1
-    state = rest_state(zero, upright, np.zeros((2, 6)), commands.shape[1], memory)
+    state = rest_state(zero, upright, np.zeros((2 * number, 6)), plans.shape[2], memory)
     late = memory_length(float(c.pose_delay.max())) + 1
     poses = np.repeat(np.concatenate([zero, upright], -1)[:, None], late, axis=1)
     seen = []
-    for command in commands:
-        state = control_step(c, terms, state, np.tile(command, (2, 1)))
+    for commands in plans.swapaxes(0, 1):
+        state = control_step(c, terms, state, np.repeat(commands, 2, axis=0))
         fresh = np.concatenate([state.position, state.quaternion], -1)
         poses = np.concatenate([fresh[:, None], poses[:, :-1]], axis=1)
         position, quaternion = measured_pose(c, poses, CONTROL_DT)
         seen.append(np.concatenate([position, np.stack(euler_angles(quaternion), -1)], -1))
-    return np.stack(seen)
+    return np.stack(seen).reshape(len(seen), number, 2, 6)
