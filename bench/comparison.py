@@ -217,7 +217,8 @@ METHODS: dict[str, Callable[[Bench], Attempt]] = {
 
 def cell(bench: Bench, method: str, folder: Path, fresh: bool) -> Cell:
     """What a method did in a scenario, flown now or before with the same starts and source policy."""
-    key = {"policy": bench.source.metadata["hash"], "starts": bench.count, "scenario": repr(bench.scenario.changes)}
+    changes = repr([(c.effect.name, c.values, c.start_s, c.stop_s) for c in bench.scenario.changes])
+    key = {"policy": bench.source.metadata["hash"], "starts": bench.count, "scenario": changes}
     path = folder / bench.scenario.name / f"{method.replace(',', '').replace(' ', '_')}.json"
     if path.exists() and not fresh:
         kept = json.loads(path.read_text())
