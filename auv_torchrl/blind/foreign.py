@@ -182,8 +182,15 @@ class ForeignPlant:
         return np.where(self.lag > 0, before, target)
 
     def _target(self) -> np.ndarray:
-        """Thrust (rows, 6) that the command which arrives now calls for."""
+        """Mean thrust (rows, 6) that the commands call for which arrive until the next small step."""
         index = np.floor((self.time - self.delay) / self.control_dt + 1e-6).astype(int)
+        until_next = (index + 1) * self.control_dt + self.delay - self.time
+        old = np.clip(until_next / STEP, 0.0, 1.0)[:, None]
+        old = np.where(old > 1 - 1e-6, 1.0, old)
+        return old * self._called_for(index) + (1 - old) * self._called_for(index + 1)
+
+    def _called_for(self, index: np.ndarray) -> np.ndarray:
+        """Thrust (rows, 6) for the commands sent at control step ``index`` (rows,)."""
         command = np.where((index >= 0)[:, None], self._sent[index % len(self._sent), np.arange(self.rows)], 0.0)
         command = np.take_along_axis(command, self.source, axis=1)
         force = FULL_THRUST * np.sign(command) * np.abs(command) ** self.exponent
@@ -227,8 +234,12 @@ class ForeignPlant:
 
     def reported(self) -> Reported:
         """What noiseless sensors report now: late and with a heading bias where the vehicle has them."""
-        index = np.maximum(self._steps - np.round(self.pose_delay / STEP).astype(int), 0)
-        late = self._trace[index % len(self._trace), np.arange(self.rows)]
+        ago = self._steps - self.pose_delay / STEP
+        index = np.maximum(np.floor(ago + 1e-6), 0).astype(int)
+        part = np.clip(ago - index, 0.0, 1.0)[:, None]
+        rows = np.arange(self.rows)
+        late = self._trace[index % len(self._trace), rows]
+        late = late + part * (self._trace[np.minimum(index + 1, self._steps) % len(self._trace), rows] - late)
         pose, velocity = np.zeros((self.rows, 6)), np.zeros((self.rows, 6))
         pose[:, :3], pose[:, 5] = late[:, :3], late[:, 3] + self.heading_bias
         cos, sin = np.cos(self.heading_bias), np.sin(self.heading_bias)

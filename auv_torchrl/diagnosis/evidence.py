@@ -11,6 +11,7 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
 SECOND_EFFECT = 0.02  # prior probability of one more effect once there is one: two faults in one log are rare
+ONE_MORE_VALUE = 0.1  # prior probability that one more parameter of an effect is away from its nominal value
 RANGE_CAP = {"m": 6.0, "N/m": 60.0, "N": 60.0}  # plausible widths where the bounds of a parameter only exclude nonsense
 
 
@@ -37,6 +38,8 @@ class Prior:
         for effect in effects:
             members = len(EFFECTS[effect].member_parameters(self.vehicle))
             knobs = [knob for knob in explanation.knobs if knob.effect == effect]
+            if not knobs[0].discrete:
+                total += (len(knobs) - 1) * log(ONE_MORE_VALUE)
             if knobs[0].discrete:
                 total -= log(comb(members, min(len(knobs), members)) * max(1, len(knobs) - 1))
             elif members > 1:

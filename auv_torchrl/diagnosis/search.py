@@ -19,6 +19,7 @@ HALVES = 0.5  # of the chi-square beyond noise that a pair must leave at most, o
 IDLE = 2.0  # standard deviations, of the estimate or of slack
 FIRSTS = 4  # families from which pairs are built
 WORTH = 5.0  # log evidence that one more effect must bring
+TIE = 3.0  # log evidence that does not speak for more values
 MOST_EFFECTS = 3
 CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close: an unknown effect is not to be
 # pieced together from many known ones
@@ -64,6 +65,7 @@ def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Expla
     if not best.nothing_left:
         polished.append(bench.polish(best.explanation, best.base))
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
+    best = _simplest(bench, best, polished)
     polished.sort(key=lambda judged: -judged.evidence)
     return Found(follow, none, best, polished, families, field)
 
@@ -72,6 +74,14 @@ def _best(bench: Bench, polished: list[Judged]) -> Judged:
     none = polished[0].evidence
     pays = [j for j in polished[1:] if j.evidence > none + WORTH and not bench.minor(j)]
     return max(pays, key=lambda judged: judged.evidence, default=polished[0])
+
+
+def _simplest(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+    """Of what fits about as well as the best, the explanation with the fewest values."""
+    close = [j for j in polished if j.explanation.effects and j.evidence > best.evidence - TIE and not bench.minor(j)]
+    if not best.explanation.effects:
+        return best
+    return min([best, *close], key=lambda judged: (len(judged.explanation.knobs), -judged.evidence))
 
 
 def _candidates(field: Field, families: list[Screened]) -> list[Screened]:
