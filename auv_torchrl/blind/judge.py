@@ -39,8 +39,8 @@ class Judgement:
     right: bool  # answer is the truth; for what the library lacks: said to be not (fully) explained
     right_class: bool  # or declared indistinguishable from it, or the same thing under another name
     thrusters_right: bool | None  # None where the effect is not of single thrusters
-    probability: float | None  # of the answer
-    probability_of_truth: float | None  # of its declared class where only that was named
+    probability: float | None  # of the answer, or of its declared class
+    probability_of_truth: float | None  # likewise
     closed: float | None
     onset_error_s: float | None
     seconds: float
@@ -73,8 +73,10 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         _parameters(label["values"], diagnosis["effects"], vehicle) if label["family"] != "onset" else ({}, {})
     )
     of_truth = _probability(truth, probabilities, of_effects, verdict)
-    if of_truth is not None and right_class and not right and len(effects) == 1:
-        of_truth = max(of_truth, _of_class(truth, declared, probabilities))
+    of_answer = _probability(first, probabilities, of_effects, verdict)
+    if len(effects) == 1 and len(named) == 1:  # what is declared indistinguishable is one answer
+        of_truth = None if of_truth is None else max(of_truth, _of_class(truth, declared, probabilities))
+        of_answer = None if of_answer is None else max(of_answer, _of_class(first, declared, probabilities))
     onset = (diagnosis.get("where") or {}).get("onset_s")
     return Judgement(
         case=name,
@@ -94,7 +96,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         right=right,
         right_class=right_class,
         thrusters_right=_thrusters_right(label, diagnosis["effects"], declared, vehicle),
-        probability=_probability(first, probabilities, of_effects, verdict),
+        probability=of_answer,
         probability_of_truth=of_truth,
         closed=diagnosis["gap"].get("closed"),
         onset_error_s=abs(onset - label["onset_s"]) if onset is not None and label["onset_s"] is not None else None,

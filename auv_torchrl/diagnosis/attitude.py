@@ -52,3 +52,9 @@ def attitude_finding(free: bool, odds: float) -> Finding:
     how = "free to roll and pitch" if free else "held level"
     sentence = f"roll and pitch are not measured; the log is explained better by a vehicle {how} (log odds {odds:.0f})"
     return Finding(Severity.INFO, "attitude_free" if free else "attitude_held", sentence)
+
+
+def level_enough() -> Finding:
+    """What is said where a level vehicle leaves nothing to explain."""
+    sentence = "roll and pitch are not measured; a vehicle held level explains the log wholly, no tilt was looked for"
+    return Finding(Severity.INFO, "attitude_held", sentence)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_hidden, log_likelihood
+from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_hidden, level_enough, log_likelihood
 from auv_torchrl.diagnosis.axes import followable, restricted, unseen
 from auv_torchrl.diagnosis.bench import Bench, Judged
 from auv_torchrl.diagnosis.calibration import Calibration, calibrate, noise_findings, stated_floor
@@ -162,9 +162,10 @@ def look_both_ways(
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
     level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
     best = level.found.best
-    simple = best.nothing_left and len(best.explanation.knobs) <= SIMPLE
-    if simple or not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
+    if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
         return level
+    if best.nothing_left and len(best.explanation.knobs) <= SIMPLE:
+        return replace(level, attitude=(level_enough(),))
     free = look(training, vehicle, healthy, settings, report, level)
     odds = log_likelihood(free.bench, free.found.best) - log_likelihood(level.bench, level.found.best)
     better = free if odds > 0 else level

@@ -53,7 +53,7 @@ def test_late_poses_and_immediate_velocities_are_both_reported():
 
 def test_a_vehicle_that_diverges_does_not_take_the_others_along():
     """A vehicle with negative drag is lost, the one beside it is not."""
-    log = fly(HELD, {}, seed=7, episodes=1, seconds=8.0)
+    log = fly(HELD, {}, seed=7, episodes=4, seconds=8.0)
     predictions = predict(log, [HELD, HELD], SETTINGS, NOISE, FORCE)
     wild = changed(HELD, linear_drag=-300.0 * HELD.linear_drag)
     states = fly_again(predictions.windows, [wild, HELD], predictions.states[:, :, 0])
