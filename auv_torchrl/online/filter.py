@@ -28,6 +28,9 @@ class Innovation(NamedTuple):
 
     square: Array  # (N,) squared in units of its standard deviation: chi-square of as many degrees as measured values
     surprise: Array  # (N, m) each value in units of its own standard deviation
+    offset: Array  # (N, m)
+    spread: Array  # (N, m, m) covariance of the offset
+    gain: Array  # (N, d, m) by which the state was moved
 
 
 @dataclass
@@ -88,12 +91,17 @@ class EffectivenessFilter:
         belief.covariance[rows, self._learnt, self._learnt] = np.diag(self.drift_limit)
 
     def place(self, belief: Belief, rows: Array, velocity: Array, spread: float) -> None:
-        """Begin the motion of some vehicles anew at velocities (k, 4), keeping what has been learnt."""
+        """Begin the motion of some vehicles anew at velocities (k, 4), keeping what has been learnt.
+
+        Displacement counts from a measured pose: its noise stays in every displacement that follows.
+        """
         belief.mean[rows, MOTION] = 0.0
         belief.mean[rows, VELOCITY] = velocity
         belief.covariance[rows, MOTION] = 0.0
         belief.covariance[rows, :, MOTION] = 0.0
-        variance = np.concatenate((np.full(_D, 1e-12), np.full(_D, spread**2)))
+        noise = (*(self.config.position_noise,) * 3, self.config.heading_noise)
+        beginning = np.square(noise) if self.config.sensed == "pose" else np.full(_D, 1e-12)
+        variance = np.concatenate((beginning, np.full(_D, spread**2)))
         index = np.arange(2 * _D)
         belief.covariance[rows[:, None], index, index] = variance
 
@@ -172,4 +180,4 @@ class EffectivenessFilter:
         covariance += covariance.swapaxes(1, 2).copy()
         covariance *= 0.5
         surprise = offset / np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-        return Innovation(square, surprise)
+        return Innovation(square, surprise, offset, spread, gain)

@@ -13,6 +13,7 @@ from auv_torchrl.online.allocation import Allocation
 from auv_torchrl.online.config import OnlineConfig
 from auv_torchrl.online.detector import ChangeDetector
 from auv_torchrl.online.filter import VELOCITY, Belief, EffectivenessFilter
+from auv_torchrl.online.gain_watch import GainWatch
 from auv_torchrl.online.guard import MeasurementGuard, Verdict
 from auv_torchrl.online.motion import SourceMotion, Step
 from auv_torchrl.online.sensing import Reading, Sensing
@@ -74,7 +75,8 @@ class OnlineLearner:
     ):
         self.motion, self.config, self.sensing, self.count = motion, config, sensing, count
         self.filter = EffectivenessFilter(motion, config)
-        steps = 3600.0 / motion.control_dt / config.false_alarms_per_hour
+        steps = 2 * 3600.0 / motion.control_dt / config.false_alarms_per_hour  # each of two tests has half of them
+        self.watch = GainWatch(count, motion.per_share.shape[1], steps)
         self.detector = ChangeDetector(_D, config.smallest_shift, steps)
         self.weight = 1.0 / np.square(motion.full_wrench)
         self.weight[_D - 1] *= config.heading_weight**2
@@ -94,7 +96,7 @@ class OnlineLearner:
         self.belief = self.filter.start(count)
         self.phase = np.full(count, FOLLOWING)
         self.total = np.zeros(count)  # of the detector
-        self.statistic = np.zeros(count)  # the same as a share of its threshold, before an alarm empties it
+        self.statistic = np.zeros(count)  # the larger test's share of its threshold, before an alarm empties it
         self.settled = np.zeros(count, dtype=bool)  # whose search ended in the last step
         self.noise_scale = np.ones(count)
         self.lost_s = np.zeros(count)
@@ -118,6 +120,7 @@ class OnlineLearner:
         self.timing.begin(rows)
         self.total[rows] = self.lost_s[rows] = self.search_s[rows] = 0.0
         self.statistic[rows] = 0.0
+        self.watch.reset(rows)
         self.carried[rows] = 0.0
 
     def _place(self, rows: Array, reading: Reading) -> None:
@@ -125,6 +128,7 @@ class OnlineLearner:
         known = np.isfinite(velocity).all(-1) & (np.abs(velocity) < _IMPOSSIBLE_SPEED).all(-1)
         self.filter.place(self.belief, rows, np.where(known[:, None], velocity, 0.0), self.config.velocity_noise)
         self.sensing.restart(reading, rows)
+        self.watch.reset(rows)
         self.beginning[rows] = self.config.sensed == "pose"
 
     def _begin_motion(self, rows: Array, reading: Reading) -> None:
@@ -176,6 +180,7 @@ class OnlineLearner:
             "guard": (self.guard, MeasurementGuard.FIELDS),
             "sensing": (self.sensing, Sensing.FIELDS),
             "timing": (self.timing, ActuatorTiming.FIELDS),
+            "watch": (self.watch, GainWatch.FIELDS),
             "learner": (self, _FIELDS),
         }
         for owner_name, (owner, keys) in owners.items():
@@ -224,7 +229,9 @@ class OnlineLearner:
         """
         reading = self.sensing.read(observation)
         arriving = self.timing.arriving(share)
+        effectiveness, _ = self.filter.map_of(self.belief)
         step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale)
+        self.watch.predict(step, effectiveness, arriving)
         difference = reading.measured - self.belief.mean[:, self.entries]
         difference[self.beginning] = np.where(np.isfinite(difference[self.beginning]), 0.0, np.nan)
         verdict = self.guard.judge(reading.raw, time, difference, np.abs(share).max(-1) > 0)
@@ -237,14 +244,16 @@ class OnlineLearner:
             self._begin_motion(second.nonzero()[0], reading)
         self.raw = self._known(reading)
         self._explain(step, wrench, reading, usable)
-        self.total = self.detector.advance(self.total, innovation.square, usable & (self.phase == FOLLOWING))
-        self.statistic = self.total / self.detector.threshold
+        following = usable & (self.phase == FOLLOWING)
+        self.total = self.detector.advance(self.total, innovation.square, following)
+        self.watch.update(self.entries, innovation, following)
+        self.statistic = np.maximum(self.total / self.detector.threshold, self.watch.statistic)
         excess = np.clip(innovation.square / _D, 0.0, 4.0) - 1.0
         least = np.where(self.timing.late_s() > 0, _LATE_NOISE, 1.0)
         scaled = self.noise_scale * np.exp(_NOISE_RATE * excess)
         self.noise_scale = np.where(usable, np.clip(scaled, least, _LARGEST_NOISE), self.noise_scale)
         stalled = self._stalled(share, self.raw[:, :4])
-        alarm = ((self.total > self.detector.threshold) | self._implausible() | stalled) & (self.phase == FOLLOWING)
+        alarm = ((self.statistic > 1.0) | self._implausible() | stalled) & (self.phase == FOLLOWING)
         if alarm.any():
             self.search(alarm.nonzero()[0])
         self._end_searches()
@@ -278,6 +287,7 @@ class OnlineLearner:
         self.filter.forget(self.belief, rows)
         self.phase[rows] = SEARCHING
         self.total[rows] = self.search_s[rows] = self.stalled_s[rows] = 0.0
+        self.watch.reset(rows)
         self.alarms[rows] += 1
 
     def _end_searches(self) -> None:
@@ -303,6 +313,7 @@ class OnlineLearner:
         done |= hopeless
         self.phase[done] = FOLLOWING
         self.total[done] = 0.0
+        self.watch.reset(done)
         self.settled = done
 
     def _impossible_map(self) -> Array:
