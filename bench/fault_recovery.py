@@ -122,8 +122,8 @@ def main() -> None:
     )
     print(
         "| fault | condition | recovery median [s] | 90 % [s] | largest error median [m] | 90 % [m] | mean error from "
-        "10 s after it [m] | worst flight [m] | detection delay 90 % [s] | least possible 90 % [s] | felt but unnoticed "
-        "| alarms before it |"
+        "10 s after it [m] | worst flight [m] | detection delay 90 % [s] | least possible 90 % [s] | felt but "
+        "unnoticed | alarms before it |"
     )
     print("|" + "---|" * 12)
     for condition in CONDITIONS:
