@@ -3,7 +3,8 @@
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.bench import Bench, Judged
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.ground import Judged
 from auv_torchrl.diagnosis.reduce import local_precision
 from auv_torchrl.diagnosis.smooth import noise_per_sample
 from auv_torchrl.effects.effect import changed

@@ -10,8 +10,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import Base, Bench
+from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.force import marks
+from auv_torchrl.diagnosis.ground import Base
 from auv_torchrl.diagnosis.reduce import Quadratic, reduce
 from auv_torchrl.diagnosis.rollout import DIVERGING
 from auv_torchrl.diagnosis.windows import Floats

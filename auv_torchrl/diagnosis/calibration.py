@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import Bench, Judged, Known
+from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.ground import Judged, Known
 from auv_torchrl.diagnosis.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.reduce import OU_TIME, disturbance_precision, local_precision
 from auv_torchrl.diagnosis.smooth import noise_per_sample

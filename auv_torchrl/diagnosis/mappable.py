@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import Base, Bench
+from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.force import marks
+from auv_torchrl.diagnosis.ground import Base
 from auv_torchrl.diagnosis.reduce import reduce
 
 NO_GAP = 1.05  # chi-square per number below which there is nothing to map

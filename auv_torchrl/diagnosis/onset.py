@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import Base, Bench
+from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.ground import Base
 from auv_torchrl.diagnosis.hypotheses import Settings
 from auv_torchrl.vehicle import Vehicle
 

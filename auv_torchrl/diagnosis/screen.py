@@ -6,9 +6,10 @@ from itertools import combinations
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import SLACK_LIMIT, Base, Bench
+from auv_torchrl.diagnosis.bench import SLACK_LIMIT, Bench
 from auv_torchrl.diagnosis.evidence import volume
 from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.ground import Base
 from auv_torchrl.diagnosis.hypotheses import Atom
 from auv_torchrl.diagnosis.reduce import Quadratic
 from auv_torchrl.diagnosis.windows import Floats

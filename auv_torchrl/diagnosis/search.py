@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import Base, Bench, Judged
+from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.ground import Base, Judged
 from auv_torchrl.diagnosis.screen import Field, Screened
 from auv_torchrl.effects import EFFECTS
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.attribute import attribute
-from auv_torchrl.diagnosis.bench import Base, Bench
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.ground import Base
 from auv_torchrl.diagnosis.onset import Onset
 from auv_torchrl.diagnosis.search import Found
 from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Verdict, Where

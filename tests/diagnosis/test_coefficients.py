@@ -136,7 +136,7 @@ def test_a_calibration_that_does_not_carry_over_is_vetoed():
 
 def test_what_predicts_worse_is_vetoed(monkeypatch):
     """An explanation that predicts held-out flight worse than the vehicle as it was given is not named."""
-    module = sys.modules["auv_torchrl.diagnosis.diagnose"]
+    module = sys.modules["auv_torchrl.diagnosis.look"]
     search = module.search
 
     def misled(bench, follow, progress, hints):

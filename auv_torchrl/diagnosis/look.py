@@ -1,0 +1,97 @@
+"""Explain a log: from a moment on or as a whole, with a level vehicle or one that may tilt."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_hidden, level_enough, log_likelihood
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.calibration import Calibration, calibrate
+from auv_torchrl.diagnosis.explanation import Explanation
+from auv_torchrl.diagnosis.hypotheses import Settings
+from auv_torchrl.diagnosis.onset import Onset, find_onset, is_absent
+from auv_torchrl.diagnosis.search import Found, Progress, search
+from auv_torchrl.diagnosis.verdict import Verdict
+from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.flightlog import Finding, FlightLog
+from auv_torchrl.vehicle import Vehicle
+
+SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
+HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt
+
+
+@dataclass(frozen=True)
+class Looked:
+    """A log explained under one assumption about the attitude."""
+
+    bench: Bench
+    found: Found
+    sound: Calibration | None
+    onset: Onset | None = None  # what is explained are the windows behind it
+    attitude: tuple[Finding, ...] = ()
+
+
+def look(
+    training: FlightLog,
+    vehicle: Vehicle,
+    healthy: Sequence[FlightLog],
+    settings: Settings,
+    report: Progress,
+    seen: Looked | None = None,
+) -> Looked:
+    """Calibrate a vehicle on the healthy logs and explain a log with it.
+
+    ``seen`` is what a vehicle with another attitude showed: its explanations are tried too, on the same windows.
+    """
+    sound = calibrate(healthy, vehicle, settings) if healthy else None
+    own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
+    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
+    hints = best_singles(seen.found) if seen else ()
+    follow = bench.follow()
+    report("following the log", 0.2)
+    onset = seen.onset if seen else find_onset(bench, follow)
+    if onset is not None:
+        behind = Bench(bench.windows.subset(onset.behind), own, settings, known)
+        found = search(behind, behind.follow(), report, hints)
+        if seen or is_absent(bench, onset, found.best.explanation, own, settings):
+            return Looked(behind, found, sound, onset)
+    return Looked(bench, search(bench, follow, report, hints), sound)
+
+
+def look_both_ways(
+    training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
+) -> Looked:
+    """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
+    level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
+    best = level.found.best
+    if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
+        return level
+    if best.nothing_left and len(best.explanation.knobs) <= SIMPLE:
+        return replace(level, attitude=(level_enough(),))
+    free = look(training, vehicle, healthy, settings, report, level)
+    odds = log_likelihood(free.bench, free.found.best) - log_likelihood(level.bench, level.found.best)
+    better = free if odds > 0 else level
+    return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
+
+
+def best_singles(found: Found) -> list[Explanation]:
+    """The likeliest explanations by one effect each, without their slack."""
+    singles = {
+        j.explanation.effects: j.explanation for j in reversed(found.polished) if len(j.explanation.effects) == 1
+    }
+    return [replace(explanation, slack={}) for explanation in [*singles.values()][::-1][:HINTS]]
+
+
+def excess(found: Found) -> float:
+    """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
+    return found.best.chi2 / found.best.quadratic.numbers
+
+
+def judge(bench: Bench, found: Found, corrected: bool = False) -> Verdict:
+    """The outcome: is there a gap, and does the best explanation leave anything?
+
+    ``corrected`` tells that coefficients of the vehicle's file were corrected, so that there was a gap in any case.
+    """
+    explained = excess(found) < bench.settings.excess
+    if not found.best.explanation.effects and not corrected:
+        return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
+    return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED

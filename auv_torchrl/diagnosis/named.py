@@ -1,0 +1,82 @@
+"""The effects of the best explanation, as their reader sees them."""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.axes import unseen
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.coefficients import MODEL_ERROR, Z95
+from auv_torchrl.diagnosis.ground import Judged
+from auv_torchrl.diagnosis.search import Found
+from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
+from auv_torchrl.effects import EFFECTS
+
+
+def found_effects(
+    bench: Bench, found: Found, probability: dict[str, float], closed: float | None
+) -> tuple[FoundEffect, ...]:
+    """The effects of the best explanation with values, intervals and shares, the one that closes most first."""
+    best = found.best
+    deviation = np.sqrt(np.diag(best.covariance))
+    spread = {knob.key: float(d) for knob, d in zip(best.explanation.fitted, deviation, strict=True)}
+    shares = leave_one_out(found)
+    effects = [
+        _found_effect(bench, best, name, spread, probability[name], (closed or 0.0) * shares[name])
+        for name in best.explanation.effects
+    ]
+    return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
+
+
+def leave_one_out(found: Found) -> dict[str, float]:
+    """Share of what the explanation closes that comes back when one effect is taken out."""
+    best = found.best
+    nothing = max(found.none.chi2, best.chi2 + 1e-9)
+    shares = {}
+    for name in best.explanation.effects:
+        rest = set(best.explanation.effects) - {name}
+        others = [j.chi2 for j in found.polished if set(j.explanation.effects) == rest]
+        worse = min(others, default=nothing)
+        shares[name] = float(np.clip((worse - best.chi2) / (nothing - best.chi2), 0.0, 1.0))
+    return shares
+
+
+def cannot_tell(bench: Bench, found: Found) -> tuple[str, ...]:
+    """What this log is silent about: effects without a mark, and values at a bound."""
+    seen = {bench.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
+    blind = sorted({atom.effect for atom in bench.atoms} - seen)
+    sentences = [*unseen(bench), *(f"{name} would leave no mark on this log" for name in blind)]
+    for knob in found.best.explanation.fitted:
+        p = EFFECTS[knob.effect].member_parameters(bench.vehicle)[knob.members[0]]
+        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        if knob.value in (p.low, p.high) and knob.value != nominal:
+            sentences.append(f"{knob.effect}: {', '.join(knob.members)} is at its bound {knob.value:g} {p.unit}")
+    return tuple(sentences)
+
+
+def _found_effect(
+    bench: Bench, best: Judged, name: str, spread: dict[tuple, float], probability: float, closed: float
+) -> FoundEffect:
+    effect = EFFECTS[name]
+    declared, nominal = effect.member_parameters(bench.vehicle), effect.nominal(bench.vehicle)
+    parameters: dict[str, Estimate] = {}
+    thrusters: set[int] = set()
+    sentences = []
+    for knob in best.explanation.knobs:
+        if knob.effect != name:
+            continue
+        for member in knob.members:
+            p = declared[member]
+            model = 0.0 if knob.discrete else MODEL_ERROR * abs(knob.value - nominal[member])
+            half = Z95 * float(np.hypot(spread.get(knob.key, 0.0), model))
+            low, high = max(p.low, knob.value - half), min(p.high, knob.value + half)
+            parameters[member] = Estimate(knob.value, low, high, nominal[member], p.unit)
+            which = member.removeprefix(f"{p.name}_")
+            sentences.append(p.sentence.format(value=knob.value, which=which))
+            if p.over == "thruster":
+                thrusters.add(int(which))
+    if len(knob_members := {k.members for k in best.explanation.knobs if k.effect == name}) == 1:
+        (members,) = knob_members
+        if len(members) > 1:
+            p = declared[members[0]]
+            which = f"s 1 to {len(members)}" if p.over == "thruster" else "all directions"
+            sentences = [p.sentence.format(value=parameters[members[0]].value, which=which)]
+    return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))
