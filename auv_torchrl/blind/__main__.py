@@ -34,7 +34,7 @@ def main(config: DictConfig) -> None:
     examine(folder, answers, config.workers or os.cpu_count() or 1)
     vehicle, given = load_vehicle(VEHICLE), read_answers(folder, answers)
     judgements = [judge(name, label, given[name], vehicle) for name, label in open_labels(folder).items()]
-    text = write_report(judgements, answers, f"make blind CASES={config.cases}")
+    text = write_report(judgements, answers, f"python -m auv_torchrl.blind cases={config.cases} seed={config.seed}")
     if config.publish:
         with checking_input():
             publish(text, answers, Path(config.publish))
