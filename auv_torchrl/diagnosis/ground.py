@@ -91,6 +91,7 @@ class Ground:
         self.frozen = {} if known is None else {n: size for n, size in known.noise.items() if n not in self.noisier}
         self.sigma = self._noise(self.rough_noise)
         self.slack_size = 0.0
+        self.slack_suffices = True  # to explain the log; where it does not, a small effect is a finding
         self._freedoms: list[tuple[Floats, dict[str, float], Floats, Freedom]] = []  # latest, with what they are for
         self.followed = np.ones(len(windows), bool)  # windows in which the motion is known
 
@@ -141,9 +142,9 @@ class Ground:
         return np.sqrt((scaled**2).mean((0, 2)).sum(-1))
 
     def minor(self, judged: Judged) -> bool:
-        """Whether some effect of an explanation does no more than slack does anyway."""
+        """Whether some effect of an explanation does no more than slack does anyway, and slack explains the log."""
         explanation = judged.explanation
-        if not explanation.effects or not np.isfinite(judged.chi2):
+        if not self.slack_suffices or not explanation.effects or not np.isfinite(judged.chi2):
             return False
         alone = [
             Explanation(tuple(knob for knob in explanation.knobs if knob.effect == effect))

@@ -50,6 +50,7 @@ def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Expla
     progress("screening effects", 0.4)
     hopeless = field.none().evidence < families[0].evidence - HOPELESS
     none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
+    bench.slack_suffices = none.chi2 < bench.settings.excess * none.quadratic.numbers
     polished = [none]
     for explanation in [*hints, *(screened.explanation for screened in _candidates(field, families))]:
         polished.append(bench.polish(explanation, follow))
