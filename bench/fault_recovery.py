@@ -17,11 +17,9 @@ from auv_torchrl.evaluation import Policy, draw_starts
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.cost import cost_per_step
 from auv_torchrl.online.flight import AdaptedFlight, fly_online
-from auv_torchrl.online.recovery import Recovery, recoveries
+from auv_torchrl.online.recovery import Recovery, altered_thrust, recoveries
 from auv_torchrl.paths import PROJECT, config_path
-from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.coefficients import allocation_matrix
-from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
 from auv_torchrl.scenario import Change, Scenario, read_scenario
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
 
@@ -68,10 +66,9 @@ def least_delays(flown: AdaptedFlight, recovery: Recovery, fault_s: torch.Tensor
     """
     config, task = load_online_config(), RegulationTask()
     flight = flown.flight
-    c = prepare(vehicle.double())
-    expected = applied_thrust(c, ActiveTerms.of(c), thrust_target(c, ActiveTerms.of(c), flight.command), flight.time)
-    altered = (flight.thrust - expected).double() @ allocation_matrix(vehicle)[list(CONTROLLED_INDEX)].T
-    full = (allocation_matrix(vehicle) * vehicle.full_thrust).abs().sum(-1)[list(CONTROLLED_INDEX)]
+    allocation = allocation_matrix(vehicle.double())[list(CONTROLLED_INDEX)]
+    altered = altered_thrust(flight, vehicle) @ allocation.T
+    full = (allocation * vehicle.full_thrust).abs().sum(-1)
     nats = 0.5 * (altered / (config.wrench_noise * full)).square().sum(-1)
     begins = (fault_s + recovery.felt_s)[:, None]
     gathered = torch.where(flight.time.double() >= begins, nats, 0.0).cumsum(1)

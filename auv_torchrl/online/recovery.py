@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.evaluation import Flight
 from auv_torchrl.online.flight import AdaptedFlight
 from auv_torchrl.online.learner import FOLLOWING
 from auv_torchrl.physics import ActiveTerms, prepare
@@ -86,7 +87,7 @@ def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s:
     last = torch.where(outside, since, 0.0).amax(1)
     final = torch.where(after, torch.arange(after.shape[1]), 0).amax(1, keepdim=True)
     never = outside.gather(1, final)[:, 0]
-    felt = _first(_altered(flight.thrust.double(), flight.command.double(), time, before), after, since)
+    felt = _first(altered_thrust(flight, before).abs().amax(-1) > FELT_N, after, since)
     alarm = _first(flown.alarm, after, since)
     follows = after & (since > alarm[:, None])
     settled = _first(flown.phase == FOLLOWING, follows, since)
@@ -104,12 +105,12 @@ def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s:
     )
 
 
-def _altered(thrust: Tensor, command: Tensor, time: Tensor, before: Vehicle) -> Tensor:
-    """Whether any thruster gives another thrust than it would have before the change, (N, T + 1) bool."""
+def altered_thrust(flight: Flight, before: Vehicle) -> Tensor:
+    """What each thruster gives beyond what it would have given before the change, N, (N, T + 1, n) float64."""
     c = prepare(before.double())
     terms = ActiveTerms.of(c)
-    expected = applied_thrust(c, terms, thrust_target(c, terms, command), time)
-    return (thrust - expected).abs().amax(-1) > FELT_N
+    expected = applied_thrust(c, terms, thrust_target(c, terms, flight.command.double()), flight.time.double())
+    return flight.thrust.double() - expected
 
 
 def _first(event: Tensor, within: Tensor, since: Tensor) -> Tensor:
