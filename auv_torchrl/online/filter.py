@@ -27,8 +27,7 @@ class Innovation(NamedTuple):
     """How a measurement differed from what was expected."""
 
     square: Array  # (N,) squared in units of its standard deviation: chi-square of as many degrees as measured values
-    surprise: Array  # (N, m) each value in units of its own standard deviation
-    offset: Array  # (N, m)
+    offset: Array  # (N, m) measured less expected
     spread: Array  # (N, m, m) covariance of the offset
     gain: Array  # (N, d, m) by which the state was moved
 
@@ -179,5 +178,4 @@ class EffectivenessFilter:
         covariance -= gain @ towards.swapaxes(1, 2)
         covariance += covariance.swapaxes(1, 2).copy()
         covariance *= 0.5
-        surprise = offset / np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
-        return Innovation(square, surprise, offset, spread, gain)
+        return Innovation(square, offset, spread, gain)

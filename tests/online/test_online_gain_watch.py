@@ -26,7 +26,7 @@ def run(change: float, steps: int, busy: float, seed: int = 0) -> np.ndarray:
         watch.predict(step, effectiveness, share)
         offset = rng.normal(size=(COUNT, D)) + change * share[:, 1:2] * effect[:, 1]
         zero = np.zeros((COUNT, 2 * D, D))
-        watch.update(ENTRIES, Innovation(np.zeros(COUNT), offset, offset, spread, zero), np.ones(COUNT, bool))
+        watch.update(ENTRIES, Innovation(np.zeros(COUNT), offset, spread, zero), np.ones(COUNT, bool))
         alarmed = watch.statistic > 1
         first = np.where(alarmed, np.minimum(first, k), first)
     return first
@@ -51,7 +51,5 @@ def test_one_wild_measurement_is_no_change():
     watch = GainWatch(1, THRUSTERS, 1000.0)
     watch.shift[:] = 1.0
     offset = np.full((1, D), 1e9)
-    watch.update(
-        ENTRIES, Innovation(np.zeros(1), offset, offset, np.eye(D)[None], np.zeros((1, 2 * D, D))), np.ones(1, bool)
-    )
+    watch.update(ENTRIES, Innovation(np.zeros(1), offset, np.eye(D)[None], np.zeros((1, 2 * D, D))), np.ones(1, bool))
     assert 0 < watch.statistic[0] < 1
