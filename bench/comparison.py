@@ -21,7 +21,6 @@ from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.fine_tune import FineTuning
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, pulse_test, weigh_particles
 from auv_torchrl.closing.close import Closed, close
 from auv_torchrl.closing.diagnosed import Diagnosed
@@ -36,10 +35,10 @@ from auv_torchrl.paths import PROJECT, config_names, config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from bench.comparison_tables import Cell, draw, report
+from bench.source import BACKEND, STORE, source_policy
 
-BACKEND = "mujoco"
-BUDGET_S = 4.0  # of target data before the judged flight, for methods that map commands or weigh particles
-EXCITATION = Excitation(episodes=4, episode_s=15.0)  # of target data, for the diagnosis
+BUDGET = Excitation(episodes=4, episode_s=15.0)  # of target data, for every method that learns before the judged flight
+NEVER_SETTLED = 1e-9  # standard error of DDR's map: the dither stays on, for the flight is paid for
 RETRAINING_FRAMES = 51_200  # transitions of a training for one scenario, a third of the source policy's
 INTEGRAL = (0.5, 0.5, 0.5, 0.2)  # 1/(m s) and 1/(rad s)
 CELLS = PROJECT / "outputs" / "comparison"
@@ -94,11 +93,6 @@ class Bench:
         return fly(fleet, policy, draw_starts(task, self.count, seed=2023), task.steps)
 
 
-def train(vehicle: Vehicle, ranges: dict[str, Any], policies: Path, agent: AgentConfig | None = None) -> SourcePolicy:
-    """A policy trained on this vehicle, from the store if it was trained before."""
-    return train_source(vehicle, RegulationTask(), agent or load_agent_config(), ranges, 0, BACKEND, policies)
-
-
 def cpu_s(policy: SourcePolicy) -> float:
     """What its training took, whenever that was."""
     return policy.metadata["curve"][-1]["cpu_s"]
@@ -110,16 +104,18 @@ def ranges(name: str) -> dict[str, Any]:
 
 
 def ddr(bench: Bench, kind: str) -> Attempt:
-    """The paper's method: seconds of target data with dither, then a fitted map."""
+    """The paper's method: target data with dither, then a map fitted to all of it."""
     models = load_or_pretrain(bench.vehicle, bench.task(), bench.policies)
-    config = AdapterConfig(map=kind, target_data_s=BUDGET_S)
     thrusters = kind == "thrusters"
+    task = replace(bench.task(thrusters), episode_s=BUDGET.episode_s)
+    pairs = round(BUDGET.seconds / task.control_dt)
+    config = AdapterConfig(map=kind, target_data_s=BUDGET.seconds, bag_least=pairs, tolerance=NEVER_SETTLED)
     began = time.process_time()
-    fitted = adapt(lambda count: bench.fleet(count, thrusters), bench.policy, models, config).adapter
+    fitted = adapt(lambda count: bench.fleet(count, task=task), bench.policy, models, config).adapter
     spent = time.process_time() - began
     adapter = DDRAdapter(models, config)
     adapter.load_state_dict(fitted.state_dict())
-    return Attempt(bench.fly(bench.policy, adapter, thrusters), BUDGET_S, spent)
+    return Attempt(bench.fly(bench.policy, adapter, thrusters), BUDGET.seconds, spent)
 
 
 def signs(bench: Bench) -> Attempt:
@@ -133,19 +129,21 @@ def signs(bench: Bench) -> Attempt:
 def particles(bench: Bench) -> Attempt:
     """Weigh vehicles of wide ranges by a flight of the target, train again around the likely ones."""
     began = time.process_time()
-    task = bench.task()
-    flight = fly(bench.fleet(1), bench.policy, draw_starts(task, 1, seed=1), round(BUDGET_S / task.control_dt))
+    task = replace(bench.task(), episode_s=BUDGET.episode_s)
+    starts = draw_starts(task, BUDGET.episodes, seed=1)
+    flight = fly(bench.fleet(BUDGET.episodes, task=task), bench.policy, starts, task.steps)
     prior = {**ranges("wide"), "thruster_gain": {"gain": [-1.5, 1.7]}}
     weighed = weigh_particles(bench.vehicle, prior, flight, task.control_dt)
     spent = time.process_time() - began
-    policy = train(bench.vehicle, weighed.ranges(), bench.policies, short())
-    return Attempt(bench.fly(policy.module), BUDGET_S, spent + cpu_s(policy))
+    policy = source_policy(bench.vehicle, bench.policies, weighed.ranges(), short())
+    notes = {"effective_number": weighed.effective_number}
+    return Attempt(bench.fly(policy.module), BUDGET.seconds, spent + cpu_s(policy), notes)
 
 
 def diagnosed(bench: Bench) -> Attempt:
     """Log the target, diagnose it, put what was found into simulator and controller."""
     task = bench.task()
-    flown = fly_target_log(lambda task, count: bench.fleet(count, task=task), task, EXCITATION, bench.scenario.name)
+    flown = fly_target_log(lambda task, count: bench.fleet(count, task=task), task, BUDGET, bench.scenario.name)
     began = time.process_time()
     found = Diagnosed.of(diagnose(flown, bench.vehicle, vehicle_name="paper"), bench.vehicle)
     looked = time.process_time()
@@ -162,7 +160,7 @@ def diagnosed(bench: Bench) -> Attempt:
         "rehearsed_m": {"before": closed.before_m, "mapped": closed.mapped_m, "tuned": closed.tuned_m},
     }
     flight = bench.fly(closed.policy.module, closed.adapter(), True)
-    return Attempt(flight, EXCITATION.seconds, looked - began + max(spent, tuning_s(closed)), notes)
+    return Attempt(flight, BUDGET.seconds, looked - began + max(spent, tuning_s(closed)), notes)
 
 
 def told(bench: Bench) -> Attempt:
@@ -186,7 +184,7 @@ def tuning_s(closed: Closed) -> float:
 
 def robust(bench: Bench) -> Attempt:
     """One policy trained over wide ranges of all effects that a vehicle may meet."""
-    policy = train(bench.vehicle, ranges("wide"), bench.policies)
+    policy = source_policy(bench.vehicle, bench.policies, ranges("wide"))
     return Attempt(bench.fly(policy.module), 0.0, cpu_s(policy))
 
 
@@ -244,13 +242,13 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=list(METHODS), metavar="METHOD")
     parser.add_argument("--count", type=int, default=50, help="starts per scenario")
     parser.add_argument("--fresh", action="store_true", help="fly again what was flown before")
-    parser.add_argument("--policies", type=Path, default=PROJECT / "outputs" / "policies", help="store of policies")
+    parser.add_argument("--policies", type=Path, default=STORE, help="store of policies")
     parser.add_argument("--cells", type=Path, default=CELLS, help="where single results are kept")
     parser.add_argument("--picture", type=Path, default=PICTURE)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     vehicle = load_vehicle("paper")
-    source = train(vehicle, ranges("paper"), arguments.policies)
+    source = source_policy(vehicle, arguments.policies, ranges("paper"))
     blank = Bench(vehicle, Scenario("nominal"), arguments.policies, arguments.count, source)
     nominal = Metrics.of(blank.fly(source.module)).mean_m
     table: dict[str, dict[str, Cell]] = {}

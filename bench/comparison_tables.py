@@ -56,7 +56,8 @@ def report(table: Table, count: int, nominal_m: float) -> str:
     ]
     if {CLOSED, SOURCE, ORACLE} <= set(table):
         parts += closing(table)
-    if (named := [name for name in NOT_OF_COMMANDS if name in scenarios]) and set(OURS) & set(table):
+    named = [name for name in NOT_OF_COMMANDS if name in scenarios]
+    if named and SOURCE in table and set(OURS) & set(table):
         parts += ["What a map of the commands alone does not undo, best of our methods:", best_of_ours(table, named)]
     return "\n\n".join(parts)
 
@@ -153,7 +154,7 @@ def draw(table: Table, path: Path) -> None:
     mean = np.array([[table[m][s].mean_m for m in methods] for s in scenarios])
     figure, axes = plt.subplots(figsize=(3 + 0.75 * len(methods), 2 + 0.3 * len(scenarios)), layout="constrained")
     shown = axes.imshow(np.log10(np.clip(mean, 1e-3, 10.0)), cmap="viridis_r", vmin=-3, vmax=1, aspect="auto")
-    axes.set_xticks(range(len(methods)), methods, rotation=35, ha="left", rotation_mode="anchor")
+    axes.set_xticks(range(len(methods)), methods, rotation=55, ha="left", rotation_mode="anchor")
     axes.xaxis.tick_top()
     axes.set_yticks(range(len(scenarios)), scenarios)
     for (i, j), value in np.ndenumerate(mean):

@@ -1,7 +1,6 @@
 """Faults in flight: detection, recovery, false alarms and cost: python -m bench.fault_recovery [--count N]."""
 
 import argparse
-import logging
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -10,18 +9,17 @@ import torch
 import yaml
 from torchrl.envs import TransformedEnv
 
-from auv_torchrl.agents.config import load_agent_config
-from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.envs import RegulationTask, TorchFleet
 from auv_torchrl.evaluation import Policy, draw_starts
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.cost import cost_per_step
 from auv_torchrl.online.flight import AdaptedFlight, fly_online
 from auv_torchrl.online.recovery import Recovery, altered_thrust, recoveries
-from auv_torchrl.paths import PROJECT, config_path
+from auv_torchrl.paths import config_path
 from auv_torchrl.physics.coefficients import allocation_matrix
 from auv_torchrl.scenario import Change, Scenario, read_scenario
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
+from bench.source import STORE, source_policy
 
 FAULTS = ("swap", "thruster_gain", "reversed", "reversed_and_dead", "cycle", "two_reversed", "triple_fault")
 EARLIEST_S, LATEST_S = 5.0, 15.0  # the fault comes at a random time between
@@ -103,12 +101,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=100, help="flights per fault and condition")
     parser.add_argument("--seconds", type=float, default=40.0, help="length of a flight")
-    parser.add_argument("--policies", type=Path, default=PROJECT / "outputs" / "policies", help="store of policies")
+    parser.add_argument("--policies", type=Path, default=STORE, help="store of policies")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it announces every storage on stdout
     vehicle = load_vehicle("paper")
-    policy = train_source(vehicle, RegulationTask(), load_agent_config(), {}, 0, "mujoco", arguments.policies).module
+    policy = source_policy(vehicle, arguments.policies).module
     count, seconds = arguments.count, arguments.seconds
     print(
         f"{count} flights of {seconds:g} s per row, starts in ±1 m, fault at a random time between {EARLIEST_S:g} and "

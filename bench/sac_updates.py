@@ -1,10 +1,9 @@
 """SAC updates per CPU second on one thread: ours, TorchRL's stock loss and stable-baselines3, same networks and batch.
 
-python bench/sac_updates.py [--hidden 64] [--batch 256] [--updates 400]
+python -m bench.sac_updates [--hidden 64] [--batch 256] [--updates 400]
 """
 
 import argparse
-import logging
 import time
 from collections.abc import Callable
 
@@ -84,7 +83,6 @@ def measure(hidden: int = 64, batch: int = 256, updates: int = 400) -> dict[str,
     """Updates per CPU second of each; without stable-baselines3 where it is not installed."""
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it announces every storage on stdout
     rates = {f"ours, {kind}": rate(ours(kind, hidden, batch), updates) for kind in ("fused", "stock")}
     try:
         rates["stable-baselines3"] = rate(stable_baselines(hidden, batch), updates)

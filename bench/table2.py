@@ -1,6 +1,5 @@
 """The paper's Table 2 with three training seeds, more scenarios and more boxes: python -m bench.table2 [POLICIES]."""
 
-import logging
 import sys
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from auv_torchrl.experiment.run import perform
 from auv_torchrl.experiment.setup import read_experiment
 from auv_torchrl.experiment.summary import picture, table
 from auv_torchrl.paths import CONF, PROJECT
+from bench.source import STORE
 
 SEEDS = (0, 1, 2)
 SCENARIOS = ("swap", "thruster_gain", "reversed", "reversed_and_dead", "cycle", "all_reversed")
@@ -51,10 +51,9 @@ def training_times(runs: list[Results]) -> str:
 
 def main() -> None:
     """Measure every case and print Markdown."""
-    logging.getLogger("torchrl").setLevel(logging.WARNING)
     torch.set_num_threads(1)
     schema.register()
-    policies = Path(sys.argv[1]) if len(sys.argv) > 1 else PROJECT / "outputs" / "policies"
+    policies = Path(sys.argv[1]) if len(sys.argv) > 1 else STORE
     runs = []
     for vehicle, box_m, scenario in CASES:
         for seed in SEEDS:

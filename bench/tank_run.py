@@ -6,7 +6,6 @@ parameters.
 """
 
 import argparse
-import logging
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,17 +15,15 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import TransformedEnv
 
-from auv_torchrl.agents.config import load_agent_config
-from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.envs import RegulationTask, TorchFleet
 from auv_torchrl.evaluation import STEADY_FROM_S, Flight, Policy, fly, steady_errors
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.flight import fly_online
-from auv_torchrl.paths import PROJECT
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import drag
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from bench.source import STORE, source_policy
 
 START_M = (0.18, -0.46, -0.40)  # section 5.2
 RATE_HZ = 60  # of the motion capture, section 5.2
@@ -131,12 +128,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=10, help="flights per wash, which differ in noise")
     parser.add_argument("--washes", type=int, default=3, help="draws of the wash")
-    parser.add_argument("--policies", type=Path, default=PROJECT / "outputs" / "policies", help="store of policies")
+    parser.add_argument("--policies", type=Path, default=STORE, help="store of policies")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it announces every storage on stdout
     source = load_vehicle("paper")
-    policy = train_source(source, RegulationTask(), load_agent_config(), {}, 0, "mujoco", arguments.policies).module
+    policy = source_policy(source, arguments.policies).module
     mean, largest = (max(values) for values in zip(*(push(source, w) for w in range(arguments.washes)), strict=True))
     print(
         f"{arguments.washes} draws of the propeller's wash with {arguments.count} flights of {FLIGHT_S:g} s each, from "

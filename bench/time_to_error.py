@@ -1,6 +1,6 @@
 """Time until the mean error from 64 fixed starts is below 0.05 m and 0.02 m: ours and stable-baselines3.
 
-    python bench/time_to_error.py [--seeds 3] [--backend mujoco]
+    python -m bench.time_to_error [--seeds 3] [--backend mujoco]
 
 Both learn on the same 64 vehicles of the same task with the same networks, learning rate, discount, batch size and
 number of updates per transition, and both are examined after every 5120 transitions. stable-baselines3
@@ -8,7 +8,6 @@ gets the vehicles through gymnasium's vector environment. CPU time counts, becau
 """
 
 import argparse
-import logging
 import sys
 import tempfile
 import time
@@ -114,7 +113,6 @@ def first_below(curve: Curve, goal: float) -> tuple[float, float]:
 def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]]]]:
     """Per method and seed, (CPU s, wall s) to each goal."""
     torch.set_num_threads(1)
-    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it announces every storage on stdout
     config = load_agent_config("sac", {"stop_below_m": min(GOALS_M), "stretch_steps": 80, "csv": False})
     methods: dict[str, Callable[..., Curve]] = {"ours": ours, "stable-baselines3": stable_baselines}
     times: dict[str, list[list[tuple[float, float]]]] = {}

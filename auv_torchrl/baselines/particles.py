@@ -50,21 +50,19 @@ class Particles:
 def weigh_particles(
     nominal: Vehicle, ranges: Mapping[str, Any], flight: Flight, control_dt: float, count: int = 2000, seed: int = 0
 ) -> Particles:
-    """Draw particles and weigh them by the transitions of a flight of the target.
+    """Draw particles and weigh them by the transitions of flights of the target.
 
     Args:
         nominal: one vehicle (empty batch).
         ranges: ``{effect: {parameter or family: [low, high]}}``.
-        flight: of one target vehicle, batch (1, T + 1), with the commands that were sent.
+        flight: K flights of the target, batch (K, T + 1), with the commands that were sent.
         control_dt: s between its samples.
         count: number of particles P.
         seed: of the draws.
 
     Raises:
-        ValueError: for ranges that cannot be read, or a flight of several vehicles.
+        ValueError: for ranges that cannot be read.
     """
-    if flight.batch_size[0] != 1:
-        raise ValueError(f"particles: the flight has {flight.batch_size[0]} vehicles: give one")
     drawn = read_ranges(nominal, ranges)
     names = tuple((effect.name, name) for effect, parameters in drawn for name in parameters)
     limits = torch.tensor([pair for _, parameters in drawn for pair in parameters.values()], dtype=torch.float64)
@@ -74,18 +72,18 @@ def weigh_particles(
     for effect in dict.fromkeys(effect for effect, _ in names):
         given = {name: values[:, i] for i, (of, name) in enumerate(names) if of == effect}
         vehicle = get_effect(effect).apply(vehicle, given)
-    logarithm = _log_likelihood(vehicle, flight, control_dt)
+    logarithm = torch.stack([_log_likelihood(vehicle, one, control_dt) for one in flight]).sum(0)
     return Particles(names, values, limits, torch.softmax(logarithm, dim=0))
 
 
 def _log_likelihood(vehicle: Vehicle, flight: Flight, control_dt: float) -> Tensor:
-    """Of the controlled velocities after every step, predicted from the state before it, (P,)."""
+    """Of the controlled velocities after every step of a flight (T + 1), each from the state before it, (P,)."""
     coefficients = prepare(vehicle)
     terms = ActiveTerms.of(coefficients)
     controlled, count = list(CONTROLLED_INDEX), vehicle.batch_size[0]
     total = torch.zeros(count, dtype=torch.float64)
     fields = (flight.position, flight.quaternion, flight.velocity, flight.command, flight.time)
-    position, quaternion, velocity, command, time = (field[0].double() for field in fields)
+    position, quaternion, velocity, command, time = (field.double() for field in fields)
     thrust = torch.zeros(count, vehicle.thrusters, dtype=torch.float64)
     memory = thrust[:, None]
     for k in range(len(time) - 1):

@@ -20,6 +20,7 @@ class AdapterConfig:
     target_data_s: float = 4.0
     dither: float = 0.2
     bag_cap: int = 400
+    bag_least: int = 12
     least_pairs: int = 12
     ridge: float = 1e-3
     tolerance: float = 0.005
@@ -41,7 +42,7 @@ class AdapterConfig:
         for name in ("dither", "gradient_rate"):
             if not 0 <= getattr(self, name) < 1:
                 raise ValueError(f"adapter: {name} is {getattr(self, name)!r}: give a number from 0 to below 1")
-        for name in ("bag_cap", "least_pairs", "window", "hidden", "network_steps"):
+        for name in ("bag_cap", "bag_least", "least_pairs", "window", "hidden", "network_steps"):
             if getattr(self, name) < 1:
                 raise ValueError(f"adapter: {name} is {getattr(self, name)!r}: give a whole number of 1 or more")
         if self.bag_cap < self.least_pairs:

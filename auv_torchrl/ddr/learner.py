@@ -33,7 +33,7 @@ class MapLearner(nn.Module):
         self.g = g
         self.config = config
         maps, channels, controls = g.weight.shape
-        size = max(bag_size(g.weights_per_map, config.bag_cap), config.least_pairs)
+        size = max(bag_size(g.weights_per_map, config.bag_cap), config.bag_least, config.least_pairs)
         self.bag = Bag(maps, size, states, controls, channels)
         self.register_buffer("uncertain", torch.ones(maps, dtype=torch.bool))
         self.register_buffer("residual", torch.zeros(maps, config.window))

@@ -95,8 +95,8 @@ def test_a_pulse_test_of_a_fleet_is_refused():
 def test_particles_gather_around_the_gains_of_the_vehicle():
     """Of particles with random gains those near the target's weigh most, and their ranges are narrower."""
     channels = RegulationTask().for_evaluation(1.0)
-    target = TorchFleet(VEHICLE, channels, 1, scenario=scenario("thruster_gain"), seed=0, dtype=torch.float64)
-    flight = fly(target, PID(channels), draw_starts(channels, 1, seed=1), 40)
+    target = TorchFleet(VEHICLE, channels, 2, scenario=scenario("thruster_gain"), seed=0, dtype=torch.float64)
+    flight = fly(target, PID(channels), draw_starts(channels, 2, seed=1), 20)
     particles = weigh_particles(VEHICLE, {"thruster_gain": {"gain": [0.0, 2.0]}}, flight, 0.05, count=3000)
     assert float(particles.weights.sum()) == pytest.approx(1.0)
     assert 1.0 <= particles.effective_number < 300

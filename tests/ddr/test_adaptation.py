@@ -1,5 +1,7 @@
 """Adaptation end to end: break the vehicle, collect, fit, fly."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torchrl.envs import TransformedEnv
@@ -42,6 +44,18 @@ def test_the_long_form_and_the_network_recover_too(kind, models, fleet, policy, 
     adaptation = adapt(lambda n: fleet(n, scenario("cycle"), thrusters, seed=7), policy, models, other)
     env = TransformedEnv(fleet(20, scenario("cycle"), thrusters, seed=8), adaptation.adapter)
     assert mean_error(env, policy)[0] < 0.015
+
+
+def test_a_longer_flight_is_used_whole_if_the_bag_holds_it(models, fleet, policy, scenario):
+    """With the dither on throughout and room for all, 30 s give a better map than the bag's newest pairs."""
+    long = AdapterConfig(target_data_s=30.0, tolerance=1e-9)
+    kept, whole = (
+        adapt(lambda n: fleet(n, scenario("swap"), seed=7), policy, models, replace(long, bag_least=least))
+        for least in (12, 600)
+    )
+    assert kept.pairs == 200
+    assert whole.pairs > 1.5 * kept.pairs
+    assert whole.standard_error < kept.standard_error
 
 
 def test_two_dead_thrusters_are_declared_instead_of_tried(vehicle, scenario):

@@ -21,7 +21,8 @@ def test_every_file_is_a_complete_valid_config(name):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("map", "spline"), ("composition", "both"), ("dither", 1.5), ("tolerance", 0.0), ("bag_cap", 3)]
+    ("key", "value"),
+    [("map", "spline"), ("composition", "both"), ("dither", 1.5), ("tolerance", 0.0), ("bag_cap", 3), ("bag_least", 0)],
 )
 def test_a_value_that_cannot_work_is_refused_by_name(key, value):
     """The error names the setting and what it may be."""
