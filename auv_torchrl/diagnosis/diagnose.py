@@ -22,7 +22,7 @@ from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.uncertainty import Coefficient
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
-from auv_torchrl.diagnosis.veto import is_worse, only
+from auv_torchrl.diagnosis.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.where import locate
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
@@ -81,8 +81,11 @@ def diagnose(
         return replace(stands, findings=(*stands.findings, calibration_vetoed()))
     verdict = judge(bench, found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
+    short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
+    verdict = Verdict.PARTLY_EXPLAINED if short else verdict
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
-    probability = effect_probabilities(bench, found, 1.0 if vetoed else unknown)
+    probability = effect_probabilities(bench, found, 1.0 if vetoed or short else unknown)
+    unseen = (*vetoes(vetoed), *shortfalls(short))
     effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)
     same = indistinguishable(bench, found)
@@ -105,7 +108,7 @@ def diagnose(
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),
-        findings=(*log.findings, *corrected.findings, *rests_on(looked), *vetoes(vetoed), noise_finding(bench)),
+        findings=(*log.findings, *corrected.findings, *rests_on(looked), *unseen, noise_finding(bench)),
         windows=held_out_windows(predictions, testing),
     )
 
@@ -137,11 +140,3 @@ def calibration_vetoed() -> Finding:
     )
     remedy = "Give logs that command what the held-out flight commands, above all in size"
     return Finding(Severity.WARNING, "calibration_vetoed", sentence, remedy)
-
-
-def vetoes(vetoed: bool) -> tuple[Finding, ...]:
-    """What was thrown away because held-out flight speaks against it."""
-    if not vetoed:
-        return ()
-    sentence = "the effects that fit this log best predict held-out flight worse than without them: none is named"
-    return (Finding(Severity.WARNING, "vetoed", sentence, "Give a longer log, or one that moves in more ways"),)

@@ -22,6 +22,7 @@ from auv_torchrl.vehicle import Vehicle
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
 NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
 MINOR = 0.5  # of the force that slack makes: an effect below it is no finding
+STRAINED = 2.5  # standard deviations of slack, beyond which it may stand in for an effect
 SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
 
 
@@ -116,6 +117,15 @@ class Ground:
     def slack_now(self, explanation: Explanation) -> Floats:
         """Slack deviations of an explanation, in the order of the slack parameters."""
         return np.array([explanation.slack.get((effect, member), 0.0) for effect, member, _, _ in self.slack])
+
+    def leaves_much(self, judged: Judged) -> bool:
+        """Whether an explanation leaves more than the physics may be wrong by."""
+        return judged.chi2 > self.settings.excess * judged.quadratic.numbers
+
+    def is_strained(self, judged: Judged) -> bool:
+        """Whether an explanation stretches its slack further than calibration is likely to be off."""
+        widths = np.array([width for *_, width in self.slack])
+        return bool((np.abs(self.slack_now(judged.explanation)) > STRAINED * widths).any())
 
     @property
     def even(self) -> np.ndarray:

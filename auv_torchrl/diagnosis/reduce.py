@@ -11,6 +11,7 @@ from auv_torchrl.vehicle import Vehicle
 
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
 SETTLE_STEPS = 2
+BOUND_PASSES = 4  # of fixing numbers at their bounds and fitting the rest again
 OU_TIME = 1.0  # s, correlation time of the disturbance force
 
 
@@ -143,3 +144,23 @@ def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, 
     return Quadratic(
         float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], inner[:, 0, 0], inner[:, 0, 1:], inner[:, 1:, 1:], numbers
     )
+
+
+def bounded_minimum(
+    H: Floats, g: Floats, low: Floats, high: Floats, x: Floats | None = None, free: np.ndarray | None = None
+) -> Floats:
+    """Minimum (N,) of ``x H x - 2 g x`` within bounds: what a number at its bound leaves goes to the others.
+
+    Numbers that are not ``free`` stay as they are in ``x``.
+    """
+    x = np.zeros(len(g)) if x is None else x.copy()
+    free = np.ones(len(g), bool) if free is None else free.copy()
+    for _ in range(BOUND_PASSES):
+        right = g[free] - H[np.ix_(free, ~free)] @ x[~free]
+        x[free] = np.linalg.lstsq(H[np.ix_(free, free)], right, rcond=1e-13)[0]
+        beyond = free & ((x < low) | (x > high))
+        if not beyond.any():
+            break
+        x[beyond] = np.clip(x, low, high)[beyond]
+        free &= ~beyond
+    return np.clip(x, low, high)

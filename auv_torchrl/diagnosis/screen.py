@@ -1,4 +1,4 @@
-"""Which effects could explain a log: all atoms and all pairs of them judged at once on one quadratic."""
+"""Which effects could explain a log, or what an explanation leaves: all atoms judged at once on one quadratic."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,19 +6,19 @@ from itertools import combinations
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import SLACK_LIMIT, Bench
+from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.evidence import volume
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.ground import Base
 from auv_torchrl.diagnosis.hypotheses import Atom
-from auv_torchrl.diagnosis.reduce import Quadratic
+from auv_torchrl.diagnosis.reduce import Quadratic, bounded_minimum
+from auv_torchrl.diagnosis.weighing import SLACK_LIMIT
 from auv_torchrl.diagnosis.windows import Floats
 from auv_torchrl.effects import EFFECTS
 
 ELASTIC = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
 SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
 FIXED = 1e-5  # a discrete change acts wholly
-SLACK_PASSES = 4  # of fixing slack at its limit and fitting the rest again
 SEEN = 1e-6  # chi-square of a whole atom
 MOST_KNOBS = 6  # of one family
 
@@ -38,7 +38,7 @@ class Field:
     """The quadratic of all atoms at a base, slack fitted."""
 
     bench: Bench
-    base: Base
+    explanation: Explanation  # on top of which the atoms act
     quadratic: Quadratic  # of slack and atoms
     b: Floats  # (N,) slack fitted
     A: Floats  # (N, N) slack fitted
@@ -51,14 +51,15 @@ class Field:
         return np.diag(self.A) > SEEN
 
     @staticmethod
-    def of(bench: Bench, base: Base) -> "Field":
-        """Mark every atom on the windows of ``base``."""
-        changes = [base.explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
-        q = bench.quadratic(base, changes).windows(bench.followed)
-        _, b, A, _, _ = bench.without_slack(q, base.explanation)
+    def of(bench: Bench, base: Base, around: Explanation | None = None) -> "Field":
+        """Mark every atom on the windows of ``base``, on top of its explanation or of another one."""
+        explanation = base.explanation if around is None else around
+        changes = [explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
+        q = bench.quadratic(base, changes, around).windows(bench.followed)
+        _, b, A, _, _ = bench.without_slack(q, explanation)
         width = [FIXED if a.discrete else ELASTIC if a.elastic else 1e3 for a in bench.atoms]
         centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in bench.atoms])
-        return Field(bench, base, q, b, A, np.array(width) ** -2.0, centre)
+        return Field(bench, explanation, q, b, A, np.array(width) ** -2.0, centre)
 
     @property
     def constant(self) -> float:
@@ -72,7 +73,7 @@ class Field:
         """
         bench, q = self.bench, self.quadratic
         k = len(bench.slack)
-        at, precision = bench.slack_now(self.base.explanation), bench.slack_precision
+        at, precision = bench.slack_now(self.explanation), bench.slack_precision
         columns = [*range(k), *(k + i for i in chosen)]
         pull = np.zeros((len(columns), len(columns)))
         pull[:k, :k] = precision
@@ -84,25 +85,17 @@ class Field:
         reach = SLACK_LIMIT * np.sqrt(np.diag(bench.slack_covariance))
         low = np.concatenate([-reach - at, np.full(len(chosen), -np.inf)])
         high = np.concatenate([reach - at, np.full(len(chosen), np.inf)])
-        x = np.zeros(len(columns))
-        free = np.ones(len(columns), bool)
+        x, free = np.zeros(len(columns)), np.ones(len(columns), bool)
         if amounts is not None:
             x[k:], free[k:] = amounts, False
-        for _ in range(SLACK_PASSES):
-            right = g[free] - H[np.ix_(free, ~free)] @ x[~free]
-            x[free] = np.linalg.lstsq(H[np.ix_(free, free)], right, rcond=1e-13)[0]
-            beyond = free & ((x < low) | (x > high))
-            if not beyond.any():
-                break
-            x[beyond] = np.clip(x, low, high)[beyond]
-            free &= ~beyond
+        x = bounded_minimum(H, g, low, high, x, free)
         chi2 = q.constant + float(toward @ pull @ toward - 2 * g @ x + x @ H @ x)
         return chi2, x[k:]
 
     def judge(self, chosen: list[int]) -> Screened:
         """Weigh some atoms together, on top of the explanation of the base."""
         amounts = self.fit(chosen)[1]
-        bench, explanation = self.bench, self.base.explanation
+        bench, explanation = self.bench, self.explanation
         units, widths, fitted, reached = [], [], [], []
         for i, amount in zip(chosen, amounts, strict=True):
             atom = bench.atoms[i]
@@ -143,26 +136,12 @@ class Field:
     def none(self) -> Screened:
         """The explanation of the base alone."""
         constant = self.constant
-        return Screened(self.base.explanation, constant, self.bench.weigh(constant, self.base.explanation))
+        return Screened(self.explanation, constant, self.bench.weigh(constant, self.explanation))
 
     def families(self) -> list[Screened]:
         """The best explanation of each family alone, members added while that pays."""
         grown = (self._grow(name, []) for name in self._names)
         return sorted((family for family in grown if family is not None), key=lambda s: -s.evidence)
-
-    def pairs(self, firsts: list[Screened]) -> list[Screened]:
-        """The best explanations of two families, the first taken out of ``firsts``."""
-        found: dict[frozenset[str], Screened] = {}
-        for first in firsts:
-            mine = {self.bench.atoms[i].effect for i in first.chosen}
-            for name in self._names:
-                alone = name in mine or any(frozenset({name, other}) in self.twins for other in mine)
-                pair = None if alone else self._grow(name, list(first.chosen))
-                if pair is not None:
-                    key = frozenset({name} | mine)
-                    if key not in found or pair.evidence > found[key].evidence:
-                        found[key] = pair
-        return sorted(found.values(), key=lambda s: -s.evidence)
 
     @cached_property
     def twins(self) -> set[frozenset[str]]:

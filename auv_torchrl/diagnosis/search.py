@@ -9,21 +9,18 @@ from auv_torchrl.diagnosis.bench import Bench
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.ground import Base, Judged
 from auv_torchrl.diagnosis.screen import Field, Screened
+from auv_torchrl.diagnosis.sketches import CLOSES, is_near, sketch_explanations
 from auv_torchrl.effects import EFFECTS
 
 POLISHED = 4  # candidates that are simulated
 WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
 EVIDENCE_SLIP = 40.0
+AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
-NEAR = 1.5  # chi-square per number above which a single effect does not explain the log
-HALVES = 0.5  # of the chi-square beyond noise that a pair must leave at most, of what the best single effect leaves
 IDLE = 2.0  # standard deviations, of the estimate or of slack
-FIRSTS = 4  # families from which pairs are built
 WORTH = 5.0  # log evidence that one more effect must bring
 TIE = 3.0  # log evidence that does not speak for more values
 MOST_EFFECTS = 3
-CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close: an unknown effect is not to be
-# pieced together from many known ones
 
 Progress = Callable[[str, float], None]
 
@@ -50,9 +47,9 @@ def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Expla
     progress("screening effects", 0.4)
     hopeless = field.none().evidence < families[0].evidence - HOPELESS
     none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
-    bench.slack_suffices = none.chi2 < bench.settings.excess * none.quadratic.numbers
+    bench.slack_suffices = not bench.leaves_much(none)
     polished = [none]
-    for explanation in [*hints, *(screened.explanation for screened in _candidates(field, families))]:
+    for explanation in [*hints, *(shown.explanation for shown in _candidates(bench, follow, field, families))]:
         polished.append(bench.polish(explanation, follow))
         progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1 + len(hints)))
     best = _best(bench, polished)
@@ -60,7 +57,7 @@ def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Expla
         polished = [bench.again(judged) for judged in polished if np.isfinite(judged.chi2)]
         best = _best(bench, polished)
         none = polished[0] if np.isfinite(none.chi2) else none
-    if not best.nothing_left:
+    if not best.nothing_left or bench.is_strained(best):
         best = _grow(bench, best, polished, field.twins, progress)
     best = _prune(bench, best, polished)
     best = _drop_idle(bench, best, polished)
@@ -86,15 +83,12 @@ def _simplest(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
     return min([best, *close], key=lambda judged: (len(judged.explanation.knobs), -judged.evidence))
 
 
-def _candidates(field: Field, families: list[Screened]) -> list[Screened]:
-    """What to simulate: single effects, or pairs first where no single one comes near."""
-    numbers = field.quadratic.numbers
-    if families[0].chi2 < NEAR * numbers:
+def _candidates(bench: Bench, follow: Base, field: Field, families: list[Screened]) -> Sequence[Screened | Judged]:
+    """What to simulate: single effects, or where none comes near what a look along the measured motion shows."""
+    if is_near(families[0].chi2, field.quadratic.numbers):
         return _promising(field, families)
-    pairs = field.pairs(families[:FIRSTS])
-    if pairs[0].chi2 - numbers > HALVES * (families[0].chi2 - numbers):
-        return _promising(field, families)
-    return [*_promising(field, pairs)[:2], families[0]]
+    sketches = sketch_explanations(bench, follow, field, families)
+    return _promising(field, [sketch for sketch in sketches if sketch.chi2 < AS_GOOD * sketches[0].chi2])
 
 
 def _drop_idle(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
@@ -117,7 +111,7 @@ def _drop_idle(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
     return fewer if fewer.evidence > best.evidence - WORTH else best
 
 
-def _promising(field: Field, ranked: list[Screened]) -> list[Screened]:
+def _promising(field: Field, ranked: Sequence[Screened | Judged]) -> list[Screened | Judged]:
     """The few that may turn out best once simulated, best first."""
     none = field.none().evidence
     least = ranked[0].evidence - EVIDENCE_SLIP - WITHIN * max(0.0, ranked[0].evidence - none)
@@ -143,7 +137,7 @@ def _grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozens
             s for s in field.families() if not (set(s.explanation.effects) - set(best.explanation.effects)) & twins_of
         )
         ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)
-        left = max(best.chi2 - best.quadratic.numbers, 0.0)
+        left = best.chi2 - best.quadratic.numbers if bench.leaves_much(best) else 0.0
         trials = [s for s in ahead[:1] if s.evidence > here + WORTH and field.constant - s.chi2 > CLOSES * left]
         fresh = [bench.polish(s.explanation, best.base) for s in trials]
         polished += fresh

@@ -38,16 +38,14 @@ def test_a_disturbance_and_the_coefficients_are_recovered():
 
 
 def test_a_healthy_log_shows_a_small_fault(healthy):
-    """A loss of 7 % on a vehicle that is itself a few percent off is measured against the vehicle as it was."""
+    """A loss of 7 % on a vehicle that is a few percent off shows against the vehicle as it was; alone it is slack."""
     log = fly(OWN, {"thruster_gain": {"gain_2": 0.93}}, seed=5, **SHORT)
     (effect,) = diagnose(log, HELD, healthy=[healthy]).effects
     gain = effect.parameters["gain_2"]
     assert (effect.name, effect.thrusters) == ("thruster_gain", (2,))
     assert gain.low < 0.93 < gain.high
     assert gain.high - gain.low < 0.06
-    (alone,) = diagnose(log, HELD).effects
-    without = alone.parameters["gain_2"]
-    assert abs(without.value - 0.93) > abs(gain.value - 0.93)
+    assert diagnose(log, HELD).verdict is Verdict.NO_GAP
 
 
 def test_a_sound_vehicle_stays_sound(healthy):

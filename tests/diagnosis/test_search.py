@@ -1,0 +1,97 @@
+"""Several effects at once, and slack that reaches its limit."""
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold, with_slack
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.how_far import predict
+from auv_torchrl.diagnosis.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.reduce import bounded_minimum
+from auv_torchrl.diagnosis.veto import falls_short
+from auv_torchrl.diagnosis.weighing import SLACK_LIMIT
+from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.vehicle import load_vehicle
+
+PAPER = load_vehicle("paper")
+HELD = hold(PAPER)
+SETTINGS = load_settings()
+SHORT = {"episodes": 3, "seconds": 20.0}
+TETHER = {"north": 6.0, "east": -3.0, "down": -0.5, "stiffness": 12.0, "slack": 5.7}
+
+
+def bench_of(vehicle, values, seed):
+    """A bench of a short flight of a vehicle."""
+    log = fly(vehicle, values, seed=seed, **SHORT)
+    return Bench(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), HELD, SETTINGS)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER},
+        {"thruster_lag": {"time_constant": 0.2}, "thrust_limit": {f"limit_{i}": 26.0 for i in range(1, 7)}},
+    ],
+    ids="+".join,
+)
+def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(values):
+    """A lag hides what acts beside it, and looks like inertia until that is known; both are named with their values."""
+    diagnosis = diagnose(fly(HELD, values, seed=11, **SHORT), PAPER)
+    assert diagnosis.verdict is Verdict.EXPLAINED
+    assert {effect.name for effect in diagnosis.effects} == set(values)
+    (lag,) = (effect for effect in diagnosis.effects if effect.name == "thruster_lag")
+    assert lag.parameters["time_constant"].value == pytest.approx(values["thruster_lag"]["time_constant"], rel=0.03)
+
+
+def test_an_effect_is_fitted_though_slack_is_at_its_limit():
+    """What slack cannot take goes to the effect that is fitted, sketched along the measured motion or simulated."""
+    bench = bench_of(HELD, {"thruster_lag": {"time_constant": 0.2}, "payload": {"mass": 4.0, "weight": 8.0}}, seed=3)
+    follow = bench.follow()
+    lag = Explanation((Knob("thruster_lag", ("time_constant",), 0.1),))
+    sketch, polished = bench.sketch(lag, follow), bench.polish(lag, follow)
+    widths = np.array([width for *_, width in bench.slack])
+    for judged in (sketch, polished):
+        stretch = np.abs(bench.slack_now(judged.explanation)) / widths
+        assert stretch.max() == pytest.approx(SLACK_LIMIT)
+        assert judged.explanation.knobs[0].value == pytest.approx(0.2, rel=0.25)
+
+
+def test_a_coefficient_that_is_far_off_by_chance_is_no_effect():
+    """One thruster 3.3 standard deviations stronger, as one vehicle in fifty has it, is still slack."""
+    vehicle = with_slack(HELD, np.random.default_rng(5))
+    vehicle.gain[1] = 1.1
+    assert diagnose(fly(vehicle, {}, seed=6, **SHORT), PAPER).verdict is Verdict.NO_GAP
+
+
+def test_what_fits_the_log_but_not_held_out_flight_does_not_explain_it():
+    """An effect at half its size closes half of the gap in held-out flight: that falls short, the whole effect not."""
+    test = fly(HELD, {"buoyancy": {"force": 8.0}}, seed=8, episodes=1, seconds=20.0)
+    half, whole = (apply_values(HELD, {"buoyancy": {"force": force}}) for force in (4.0, 8.0))
+    noise = {"x": 0.002, "y": 0.002, "z": 0.002, "yaw": 0.004}
+    floor = 4 * np.array(SETTINGS.floor_force)[[0, 1, 2, 5]]
+    p = predict(test, [HELD, half, whole], SETTINGS, noise, floor)
+    errors = [float(np.abs(p.error[:, v, :, 2]).mean()) for v in range(3)]
+    assert errors[1] == pytest.approx(0.5 * errors[0], rel=0.2)
+    assert not falls_short(p, 0.99)
+    assert not falls_short(p, 0.5), "the last vehicle is at the floor"
+    p = predict(test, [HELD, whole, half], SETTINGS, noise, floor)
+    assert falls_short(p, 0.5)
+
+
+@given(st.integers(1, 8), st.integers(0, 2**32 - 1))
+def test_a_bounded_minimum_is_where_a_solver_finds_it(count, seed):
+    """Numbers stay within their bounds, and where the bounds are wide they are the least squares solution."""
+    rng = np.random.default_rng(seed)
+    rows = rng.standard_normal((count + 3, count))
+    aim = rng.standard_normal(count + 3)
+    H, g = rows.T @ rows, rows.T @ aim
+    np.testing.assert_allclose(bounded_minimum(H, g, -np.full(count, 1e9), np.full(count, 1e9)), np.linalg.solve(H, g))
+    diagonal = np.diag(np.diag(H))
+    least = bounded_minimum(diagonal, g, -0.1 * np.ones(count), 0.2 * np.ones(count))
+    solved = lsq_linear(np.sqrt(diagonal), g / np.sqrt(np.diag(H)), (-0.1, 0.2))
+    np.testing.assert_allclose(least, solved.x, atol=1e-6)
