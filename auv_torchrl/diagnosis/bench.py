@@ -10,9 +10,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.explanation import Explanation
 from auv_torchrl.diagnosis.ground import Base, Judged
-from auv_torchrl.diagnosis.smooth import (
-    sensor_noise,
-)
+from auv_torchrl.diagnosis.smooth import sensor_noise
 from auv_torchrl.diagnosis.weighing import Weighing
 from auv_torchrl.effects import EFFECTS
 

@@ -10,11 +10,7 @@ from auv_torchrl.diagnosis.force import force_changes
 from auv_torchrl.diagnosis.hypotheses import Settings, batch, make_atoms, slack_parameters
 from auv_torchrl.diagnosis.reduce import Freedom, Quadratic
 from auv_torchrl.diagnosis.rollout import DIVERGING
-from auv_torchrl.diagnosis.smooth import (
-    Layout,
-    Smoothed,
-    first_noise,
-)
+from auv_torchrl.diagnosis.smooth import Layout, Smoothed, first_noise
 from auv_torchrl.diagnosis.windows import Floats, Windows
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle

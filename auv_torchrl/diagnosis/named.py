@@ -77,6 +77,6 @@ def _found_effect(
         (members,) = knob_members
         if len(members) > 1:
             p = declared[members[0]]
-            which = f"s 1 to {len(members)}" if p.over == "thruster" else "all directions"
-            sentences = [p.sentence.format(value=parameters[members[0]].value, which=which)]
+            template = p.sentence.replace("thruster {which}", "every thruster")
+            sentences = [template.format(value=parameters[members[0]].value, which="all directions")]
     return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))

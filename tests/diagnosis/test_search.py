@@ -46,6 +46,8 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
     assert {effect.name for effect in diagnosis.effects} == set(values)
     (lag,) = (effect for effect in diagnosis.effects if effect.name == "thruster_lag")
     assert lag.parameters["time_constant"].value == pytest.approx(values["thruster_lag"]["time_constant"], rel=0.03)
+    for limit in (effect for effect in diagnosis.effects if effect.name == "thrust_limit"):
+        assert limit.sentence.startswith("every thruster saturates at")
 
 
 def test_an_effect_is_fitted_though_slack_is_at_its_limit():
