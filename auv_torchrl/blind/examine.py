@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from auv_torchrl.blind.seal import log_path, read_manifest, write_json
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.hypotheses import load_settings
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 

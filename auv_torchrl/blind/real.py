@@ -16,8 +16,8 @@ import numpy as np
 import torch
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
-from auv_torchrl.diagnosis.hypotheses import apply_values
-from auv_torchrl.diagnosis.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.calibration.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.which.hypotheses import apply_values
 from auv_torchrl.flightlog import VELOCITY, Episode, FlightLog, join, read_flightlog
 from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import quaternion_from_euler

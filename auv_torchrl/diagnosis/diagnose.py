@@ -6,24 +6,24 @@ from dataclasses import replace
 from scipy.special import expit
 
 from auv_torchrl.diagnosis.axes import followable, restricted
-from auv_torchrl.diagnosis.calibration import noise_findings, stated_floor
-from auv_torchrl.diagnosis.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.confirm import confirm
-from auv_torchrl.diagnosis.detectable import detectable_sizes
-from auv_torchrl.diagnosis.equivalence import indistinguishable
-from auv_torchrl.diagnosis.how_far import closed_share, held_out_windows, measure_gap, predict
-from auv_torchrl.diagnosis.hypotheses import Settings, apply_values, load_settings
+from auv_torchrl.diagnosis.calibration.coefficients import calibrate_coefficients
+from auv_torchrl.diagnosis.calibration.healthy import noise_findings, stated_floor
+from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient
+from auv_torchrl.diagnosis.how_far.confirm import confirm
+from auv_torchrl.diagnosis.how_far.predict import closed_share, held_out_windows, measure_gap, predict
+from auv_torchrl.diagnosis.how_far.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.look import Looked, excess, judge, look_both_ways
-from auv_torchrl.diagnosis.mappable import input_mappable
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding
-from auv_torchrl.diagnosis.posterior import effect_probabilities
 from auv_torchrl.diagnosis.summary import summarise
-from auv_torchrl.diagnosis.uncertainty import Coefficient
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
-from auv_torchrl.diagnosis.veto import falls_short, is_worse, only, shortfalls, vetoes
-from auv_torchrl.diagnosis.where import locate
+from auv_torchrl.diagnosis.where.locate import locate
+from auv_torchrl.diagnosis.where.mappable import input_mappable
+from auv_torchrl.diagnosis.which.detectable import detectable_sizes
+from auv_torchrl.diagnosis.which.equivalence import indistinguishable
+from auv_torchrl.diagnosis.which.hypotheses import Settings, apply_values, load_settings
+from auv_torchrl.diagnosis.which.posterior import effect_probabilities
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle

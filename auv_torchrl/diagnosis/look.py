@@ -3,15 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from auv_torchrl.diagnosis.attitude import attitude_finding, hold_attitude, is_hidden, level_enough, log_likelihood
-from auv_torchrl.diagnosis.bench import Bench
-from auv_torchrl.diagnosis.calibration import Calibration, calibrate
-from auv_torchrl.diagnosis.explanation import Explanation
-from auv_torchrl.diagnosis.hypotheses import Settings
-from auv_torchrl.diagnosis.onset import Onset, find_onset, is_absent
-from auv_torchrl.diagnosis.search import Found, Progress, search
+from auv_torchrl.diagnosis.calibration.healthy import Calibration, calibrate
+from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.diagnosis.which.attitude import (
+    attitude_finding,
+    hold_attitude,
+    is_hidden,
+    level_enough,
+    log_likelihood,
+)
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.hypotheses import Settings
+from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
+from auv_torchrl.diagnosis.which.search import Found, Progress, search
 from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.vehicle import Vehicle
 

@@ -3,11 +3,11 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.axes import unseen
-from auv_torchrl.diagnosis.bench import Bench
-from auv_torchrl.diagnosis.coefficients import MODEL_ERROR, Z95
-from auv_torchrl.diagnosis.ground import Judged
-from auv_torchrl.diagnosis.search import Found
+from auv_torchrl.diagnosis.calibration.coefficients import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.ground import Judged
+from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.effects import EFFECTS
 
 

@@ -5,14 +5,14 @@ from typing import cast
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.bench import Bench
-from auv_torchrl.diagnosis.equivalence import alternatives
-from auv_torchrl.diagnosis.explanation import Explanation
-from auv_torchrl.diagnosis.hypotheses import batch
-from auv_torchrl.diagnosis.search import Found
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
-from auv_torchrl.diagnosis.windows import Floats
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.equivalence import alternatives
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.hypotheses import batch
+from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.sensors import measured_pose

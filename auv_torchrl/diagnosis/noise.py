@@ -6,7 +6,7 @@ left when a free force follows everything slower, and not weighed against it.
 
 import numpy as np
 
-from auv_torchrl.diagnosis.bench import Bench
+from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES
 

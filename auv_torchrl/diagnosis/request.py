@@ -8,8 +8,8 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from auv_torchrl.diagnosis.hypotheses import Settings
-from auv_torchrl.diagnosis.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, join, read_flightlog
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.hypotheses import apply_values
+from auv_torchrl.diagnosis.which.hypotheses import apply_values
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state

@@ -7,10 +7,10 @@ import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis.axes import followable, restricted, unseen
-from auv_torchrl.diagnosis.bench import Bench
-from auv_torchrl.diagnosis.hypotheses import load_settings
+from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.noise import noise_finding
-from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLogError, Severity
 from auv_torchrl.vehicle import load_vehicle

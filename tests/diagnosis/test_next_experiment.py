@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
-from auv_torchrl.diagnosis.bench import Bench
-from auv_torchrl.diagnosis.equivalence import alternatives, indistinguishable
-from auv_torchrl.diagnosis.explanation import Explanation, Knob
-from auv_torchrl.diagnosis.hypotheses import load_settings
+from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.next_experiment import choose_experiment, explore, manoeuvres
-from auv_torchrl.diagnosis.screen import Field
 from auv_torchrl.diagnosis.verdict import Verdict, Where
-from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.equivalence import alternatives, indistinguishable
+from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.diagnosis.which.screen import Field
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")

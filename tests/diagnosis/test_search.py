@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.bench import Bench
-from auv_torchrl.diagnosis.explanation import Explanation, Knob
-from auv_torchrl.diagnosis.how_far import predict
-from auv_torchrl.diagnosis.hypotheses import apply_values, load_settings
-from auv_torchrl.diagnosis.reduce import bounded_minimum
-from auv_torchrl.diagnosis.veto import falls_short
-from auv_torchrl.diagnosis.weighing import SLACK_LIMIT
-from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.diagnosis.how_far.predict import predict
+from auv_torchrl.diagnosis.how_far.veto import falls_short
+from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
+from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")

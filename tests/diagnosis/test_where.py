@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
-from auv_torchrl.diagnosis.attribute import attribute, in_turn, stuck
-from auv_torchrl.diagnosis.bench import Bench
-from auv_torchrl.diagnosis.hypotheses import load_settings
-from auv_torchrl.diagnosis.onset import find_onset
-from auv_torchrl.diagnosis.where import gap_by_window, regimes
-from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.where.attribute import attribute, in_turn, stuck
+from auv_torchrl.diagnosis.where.locate import gap_by_window, regimes
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.diagnosis.which.onset import find_onset
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))

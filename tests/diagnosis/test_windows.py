@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.windows import cut_windows
+from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.flightlog import Episode, FlightLog
 
 

@@ -1,0 +1,79 @@
+"""What a vehicle does when it is told to go one way: what its coefficients mean to a pilot.
+
+Drag, thrust and inertia of a vehicle trade against each other; how fast it goes, how soon, and where it goes although
+nobody asked, do not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
+from auv_torchrl.physics.step import memory_length
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+
+LASTS_S = 10.0  # s, after which a vehicle of this size goes steadily
+RISEN = 0.632  # of the steady speed: the time constant
+NOTABLE = 0.15  # relative difference of speed or time that a pilot would notice
+NOTABLE_DRIFT = 0.01  # m/s
+NOTABLE_TURN = 0.05  # rad/s
+WORDS = {"surge": "forward", "sway": "sideways", "heave": "down", "yaw": "turning"}
+
+
+@dataclass(frozen=True)
+class Response:
+    """Steady velocity (5, 6) under no command and under each of the four, and the time (5,) to get there."""
+
+    steady: Floats
+    time_s: Floats
+
+
+@DIVERGING
+def respond(vehicle: Vehicle, command: float) -> Response:
+    """Step commands from rest, one controlled degree of freedom at a time; roll and pitch are held level."""
+    level = changed(vehicle, free=vehicle.free * vehicle.free.new_tensor([1, 1, 1, 0, 0, 1]))
+    c = prepare(level.expand(1 + len(CONTROLLED)).clone()).numpy()
+    terms = ActiveTerms.of(c)
+    sent = np.zeros((1 + len(CONTROLLED), vehicle.thrusters))
+    sent[1:] = np.clip(command * vehicle.mixer.numpy()[:, CONTROLLED_INDEX].T, -1, 1)
+    rows = len(sent)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1))
+    memory = memory_length(float(c.delay.max()))
+    state = rest_state(np.zeros((rows, 3)), still, np.zeros((rows, 6)), vehicle.thrusters, memory)
+    path = []
+    for _ in range(round(LASTS_S / CONTROL_DT)):
+        state = control_step(c, terms, state, sent)
+        path.append(state.velocity)
+    velocity = np.stack(path)  # (T, rows, 6)
+    steady = velocity[-1]
+    own = np.array([2, *CONTROLLED_INDEX])  # idle, it can only rise or sink
+    along = np.abs(velocity[:, np.arange(rows), own])
+    return Response(steady, (1 + np.argmax(along >= RISEN * along[-1], axis=0)) * CONTROL_DT)
+
+
+@DIVERGING
+def differences(before: Response, after: Response, command: float) -> dict[str, tuple[str, ...]]:
+    """Sentences by subject (``axes``, ``idle``, ``turning``) about what ``after`` does unlike ``before``."""
+    axes = []
+    for row, (name, degree) in enumerate(zip(CONTROLLED, CONTROLLED_INDEX, strict=True), start=1):
+        unit = "rad/s" if degree > 2 else "m/s"
+        speed = [abs(response.steady[row, degree]) for response in (before, after)]
+        time = [response.time_s[row] for response in (before, after)]
+        if abs(speed[1] / speed[0] - 1) > NOTABLE or abs(time[1] / time[0] - 1) > NOTABLE:
+            axes.append(
+                f"{WORDS[name]} it does {speed[1]:.2f} {unit} at command {command:g}, and gets there with a time "
+                f"constant of {time[1]:.1f} s (the file says {speed[0]:.2f} {unit} and {time[0]:.1f} s)"
+            )
+    idle = []
+    drift = after.steady[0, 2]
+    if abs(drift - before.steady[0, 2]) > NOTABLE_DRIFT:
+        idle.append(f"idle it {'rises' if drift < 0 else 'sinks'} at {abs(drift):.2f} m/s")
+    turning = []
+    for row, name in enumerate(CONTROLLED[:-1], start=1):
+        rate = after.steady[row, 5]
+        if abs(rate - before.steady[row, 5]) > NOTABLE_TURN:
+            turning.append(f"a {name} command of {command:g} also turns it at {rate:+.2f} rad/s")
+    return {"axes": tuple(axes), "idle": tuple(idle), "turning": tuple(turning)}

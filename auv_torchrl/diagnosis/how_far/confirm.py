@@ -1,0 +1,105 @@
+"""Confirm what was found: the held-out stretches flown again in MuJoCo, without and with the effects in the vehicle.
+
+The diagnosis fits and predicts with the plain model. Here the same stretches, from the same estimated starts and with
+the same commands, are flown by the fleet that training uses, all stretches as rows of one model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+import torch
+
+from auv_torchrl.diagnosis.how_far.predict import Predictions, closed_share, errors_by_kind
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, sample
+from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.verdict import Confirmation
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.envs.mujoco_fleet import MujocoFleet
+from auv_torchrl.envs.regulation import RegulationTask
+from auv_torchrl.physics import State, prepare
+from auv_torchrl.physics.step import memory_length
+from auv_torchrl.vehicle import Vehicle
+
+
+class ReplayFleet(MujocoFleet):
+    """The fleet under recorded commands, from states in mid-flight: commands are on their way, thrusters turn."""
+
+    def __init__(self, vehicles: Vehicle, control_dt: float) -> None:
+        """One row per vehicle of the batch; ``control_dt`` in s is the step at which commands change."""
+        task = RegulationTask(control_dt=control_dt, thruster_commands=True)
+        super().__init__(vehicles, task, len(vehicles), seed=0)
+
+    def replay(self, start: State, commands: Floats) -> Floats:
+        """States (N, S + 1, 13), position, quaternion and body velocity, under commands (S, N, n).
+
+        A vehicle that diverges is reported as NaN from there on.
+        """
+        self._state = start
+        states = np.full((self.num_envs, len(commands) + 1, 13), np.nan)
+        states[:, 0] = np.concatenate(start[:3], axis=-1)
+        for step, command in enumerate(commands):
+            moved = self._advance(command)
+            lost = ~np.isfinite(moved.velocity).all(axis=-1)
+            states[:, step + 1] = np.concatenate(moved[:3], axis=-1)
+            if lost.any():  # MuJoCo would give up on all of them
+                body = (np.where(lost[:, None], old, new) for old, new in zip(self._state[:3], moved[:3], strict=True))
+                moved = moved._replace(**dict(zip(State._fields, body, strict=False)))
+            self._state = moved
+        return states
+
+
+@DIVERGING
+def confirm(p: Predictions, vehicles: Sequence[Vehicle]) -> Confirmation:
+    """Fly the stretches of ``p`` in MuJoCo and compare with what was measured.
+
+    Args:
+        p: predictions of the plain model for the same vehicles.
+        vehicles: without and with the effects, empty batches.
+    """
+    states = fly_again(p.windows, vehicles, p.states[:, :, 0])
+    c = prepare(stacked(vehicles)).numpy()
+    reported = sample(p.windows, slice(0, len(p.windows)), c, states)
+    again = replace(p, error=p.windows.residual(reported), states=states)
+    return Confirmation(**errors_by_kind(again), closed=closed_share(again))
+
+
+def stacked(vehicles: Sequence[Vehicle]) -> Vehicle:
+    """Vehicles of empty batch as one batch."""
+    return cast(Vehicle, torch.stack(cast(Any, list(vehicles))))
+
+
+@DIVERGING
+def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> Floats:
+    """States (W, V, S + 1, 13) of ``V`` vehicles over all windows in MuJoCo.
+
+    Where the pose is reported late, the states are those of the time of the reports.
+
+    Args:
+        windows: what was commanded.
+        vehicles: empty batches.
+        starts: (W, V, 13) true states at the start of each window.
+    """
+    number, width = starts.shape[:2]
+    one = stacked(vehicles)
+    late = one.pose_delay.numpy()
+    in_report_time = changed(one, delay=one.delay + one.pose_delay, pose_delay=torch.zeros_like(one.pose_delay))
+    fleet = ReplayFleet(cast(Vehicle, in_report_time[torch.arange(width).repeat(number)]), windows.dt)
+    immediate = set(windows.channels) & set(CHANNELS[6:])  # velocities are reported at once, so they run ahead
+    steps = windows.steps + (int(np.ceil(late.max() / windows.dt - 1e-9)) if immediate else 0)
+    memory = memory_length(float(in_report_time.delay.max()), windows.dt)
+    begin, episode = windows.start[:, None], windows.episode[:, None]
+    ago = np.clip(begin - 1 - np.arange(memory), 0, None)
+    ahead = np.clip(begin + np.arange(steps), None, windows.commands.shape[1] - 1)
+    flat = starts.reshape(number * width, 13)
+    start = State(
+        position=flat[:, :3],
+        quaternion=flat[:, 3:7],
+        velocity=flat[:, 7:],
+        thrust=actuate(windows, one).thrust.reshape(number * width, -1),
+        commands=np.repeat(windows.commands[episode, ago], width, axis=0),
+        time=(windows.time[:, None] - late).reshape(-1),
+    )
+    commands = np.repeat(windows.commands[episode, ahead], width, axis=0).swapaxes(0, 1)
+    return fleet.replay(start, commands).reshape(number, width, steps + 1, 13)

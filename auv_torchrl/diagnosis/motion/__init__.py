@@ -1,0 +1,1 @@
+"""A flight log in short windows that a simulator follows, and the force that it misses there."""

@@ -1,0 +1,93 @@
+"""The force that a change of the vehicle would have added along the motion that was measured.
+
+At a given motion, an effect is a force in time, however large it is and however far the changed vehicle would have
+drifted from the measured path in a simulation. That makes every effect nearly linear, a reversed or swapped thruster
+included, and one rollout per effect gives its mark on the measurements.
+"""
+
+from typing import cast
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate, grid_thrust, path
+from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, pose_late
+from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.physics.hydrodynamics import acceleration
+from auv_torchrl.physics.kinematics import (
+    matvec,
+    normalise,
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_matrix,
+)
+from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.vehicle import Vehicle
+
+CANDIDATES_AT_ONCE = 16
+
+
+@DIVERGING
+def measured_motion(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed) -> Floats:
+    """States (W, S, 13) in the middle of each grid step along the smoothed windows; ``vehicle`` is a batch (1,)."""
+    force = layout.force(state.bins[:, None], windows.steps)
+    actuation = actuate(windows, vehicle)
+    everything = slice(0, len(windows))
+    states = path(windows, everything, actuation, state.start[:, None], force, windows.steps, 1)[:, 0]
+    middle = 0.5 * (states[:, :-1] + states[:, 1:])
+    middle[..., 3:7] = normalise(middle[..., 3:7])
+    return middle
+
+
+@DIVERGING
+def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: Floats) -> Floats:
+    """Force (W, R, S, 6) in N and N m that the changed vehicles (R,) feel beyond the nominal one (1,).
+
+    It is the nominal mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
+    """
+    before = accelerations(windows, actuate(windows, nominal), motion)
+    mass = actuate(windows, nominal).c.mass_matrix[:, None]
+    rows = changed.batch_size[0]
+    pieces = []
+    for first in range(0, rows, CANDIDATES_AT_ONCE):
+        some = slice(first, min(rows, first + CANDIDATES_AT_ONCE))
+        pieces.append(
+            matvec(mass, accelerations(windows, actuate(windows, cast(Vehicle, changed[some])), motion) - before)
+        )
+    return np.concatenate(pieces, axis=1)
+
+
+def accelerations(windows: Windows, actuation: Actuation, motion: Floats) -> Floats:
+    """(W, R, S, 6) of the vehicles of ``actuation`` along ``motion`` (W, S, 13)."""
+    c, terms = actuation.c, actuation.terms
+    by_step = type(c)(*(field[:, None] for field in c))  # (R, 1, ...) so that steps are a batch axis
+    target = np.stack([grid_thrust(windows, actuation, windows.start + step) for step in range(windows.steps)], axis=2)
+    thrust = target
+    if terms.lag:
+        left = actuation.thrust
+        thrust = np.empty_like(target)
+        for step in range(windows.steps):
+            thrust[:, :, step] = thrust_after(c, terms, left, target[:, :, step], windows.dt / 2)
+            left = thrust_after(c, terms, left, target[:, :, step], windows.dt)
+    time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - c.pose_delay[:, None]
+    wrench = body_wrench(by_step, terms, thrust, time)
+    everywhere = np.broadcast_to(motion[:, None], (*target.shape[:-1], 13))
+    position, quaternion, velocity = np.split(everywhere, [3, 7], axis=-1)
+    if not c.heading_bias.any():
+        return acceleration(by_step, terms, rotation_matrix(quaternion), position, velocity, wrench)
+    zero = np.zeros_like(by_step.heading_bias)
+    turn = quaternion_from_euler(zero, zero, -by_step.heading_bias)  # from the measured to the true heading
+    to_true = np.zeros((*by_step.heading_bias.shape, 6, 6))
+    to_true[..., :3, :3] = to_true[..., 3:, 3:] = rotation_matrix(turn).mT
+    rotation = rotation_matrix(quaternion_product(turn, quaternion))
+    rate = acceleration(by_step, terms, rotation, position, matvec(to_true, velocity), wrench)
+    return matvec(to_true.mT, rate)
+
+
+def marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
+    """How forces (W, R, S, 6) along the measured motion would show in the samples, to first order: (W, K, R)."""
+    moves = layout.start[: len(layout.start) // 2]
+    pushed = forces[..., moves].transpose(0, 2, 3, 1)
+    nothing = np.zeros((1, len(layout.start), forces.shape[1]))
+    tangent = Tangent(state.transition, state.push)
+    return respond(windows, layout.start, tangent, nothing, pushed, pose_late(windows, vehicle))

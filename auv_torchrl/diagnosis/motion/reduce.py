@@ -1,0 +1,166 @@
+"""From windows full of samples to one small quadratic: what the log says about every change at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, noise_per_sample, residual_at
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.vehicle import Vehicle
+
+DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
+SETTLE_STEPS = 2
+BOUND_PASSES = 4  # of fixing numbers at their bounds and fitting the rest again
+OU_TIME = 1.0  # s, correlation time of the disturbance force
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Chi-square of amounts ``a`` (N,) of columns: ``constant - 2 b a + a A a``, starts and disturbance fitted.
+
+    The sums run over windows; ``by_window`` keeps the parts, for change points and held-out windows.
+    """
+
+    constant: float
+    b: Floats  # (N,)
+    A: Floats  # (N, N)
+    constant_by_window: Floats  # (W,)
+    b_by_window: Floats  # (W, N)
+    A_by_window: Floats  # (W, N, N)
+    numbers: int  # measured numbers
+
+    def windows(self, chosen: np.ndarray) -> "Quadratic":
+        """The quadratic of some windows (a boolean mask)."""
+        share = chosen.mean()
+        constant, b, A = self.constant_by_window[chosen], self.b_by_window[chosen], self.A_by_window[chosen]
+        return Quadratic(constant.sum(), b.sum(0), A.sum(0), constant, b, A, round(self.numbers * share))
+
+
+def disturbance_precision(layout: Layout, dt: float, size: Floats) -> Floats:
+    """Inverse covariance (B D, B D) of a first-order Gauss-Markov force of standard deviation ``size`` (D,)."""
+    age = np.arange(layout.bins) * layout.steps_per_bin * dt
+    correlation = np.exp(-np.abs(age[:, None] - age) / OU_TIME)
+    inverse = np.linalg.inv(correlation)
+    return np.kron(inverse, np.diag(size**-2.0))
+
+
+def local_precision(layout: Layout, dt: float, floor: Floats) -> Floats:
+    """Inverse prior covariance (L, L) of the free numbers of a window."""
+    starts = len(layout.start)
+    precision = np.zeros((layout.size, layout.size))
+    precision[:starts, :starts] = np.diag(layout.loose**-2.0)
+    precision[starts:, starts:] = disturbance_precision(layout, dt, floor)
+    return precision
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What the free start and the disturbance of every window can absorb; many explanations share one."""
+
+    weight: Floats  # (K,) one over the noise of each number of a window
+    slope: Floats  # (W, K, L) of the prediction in the free numbers, in units of the noise
+    precision: Floats  # (L, L) prior of the free numbers
+    inverse: Floats  # (W, L, L) posterior covariance of the free numbers
+
+    @staticmethod
+    @DIVERGING
+    def of(windows: Windows, layout: Layout, slope: Floats, sigma: dict[str, float], prior: Floats) -> "Freedom":
+        """Work it out for slopes (W, K, L), sensor noise by channel and a disturbance of ``prior`` (D,)."""
+        weight = 1.0 / noise_per_sample(windows, sigma)
+        scaled = slope * weight[:, None]
+        precision = local_precision(layout, windows.dt, prior)
+        return Freedom(weight, scaled, precision, np.linalg.inv(scaled.swapaxes(1, 2) @ scaled + precision))
+
+    def away(self, windows: Windows, layout: Layout, start: Floats, bins: Floats) -> Floats:
+        """Free numbers (W, R, L) of starts (W, R, 12) and bins (W, R, B, D), less what the prior expects."""
+        moved = (start - windows.guess[:, None])[..., layout.start]
+        return np.concatenate([moved, bins.reshape(*bins.shape[:2], -1)], axis=-1)
+
+    def determined(self, layout: Layout) -> float:
+        """How many entries of all starts the samples tell; an axis that nobody measured costs no number."""
+        at = np.arange(len(layout.start))
+        told = 1.0 - self.inverse[:, at, at] * self.precision[at, at]
+        return float(np.where(np.isfinite(told), told, 1.0).sum())
+
+
+@DIVERGING
+def settle(
+    windows: Windows, vehicle: Vehicle, layout: Layout, freedom: Freedom, start: Floats, bins: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Gauss-Newton steps of the free numbers with slopes that are known: starts, bins and residuals (W, R, K).
+
+    ``vehicle`` is a batch (R,), ``start`` (W, R, 12), ``bins`` (W, R, B, D). One rollout per step: slopes hardly change
+    where a small change of the vehicle moves the windows a little.
+    """
+    residual = residual_at(windows, vehicle, layout, start, bins)
+    for _ in range(SETTLE_STEPS):
+        pull = (residual * freedom.weight) @ freedom.slope
+        pull -= freedom.away(windows, layout, start, bins) @ freedom.precision
+        move = pull @ freedom.inverse  # symmetric
+        start = start.copy()
+        start[..., layout.start] += move[..., : len(layout.start)]
+        bins = bins + move[..., len(layout.start) :].reshape(bins.shape)
+        residual = residual_at(windows, vehicle, layout, start, bins)
+    return start, bins, residual
+
+
+@DIVERGING
+def chi_square(
+    windows: Windows, layout: Layout, freedom: Freedom, start: Floats, bins: Floats, residual: Floats
+) -> Floats:
+    """Chi-square (W, R) of what :func:`settle` returned, the free numbers paid for."""
+    away = freedom.away(windows, layout, start, bins)
+    scaled = residual * freedom.weight
+    pull = scaled @ freedom.slope - away @ freedom.precision
+    parts = (
+        (scaled**2).sum(-1) + ((away @ freedom.precision) * away).sum(-1) - ((pull @ freedom.inverse) * pull).sum(-1)
+    )
+    return np.where(np.isfinite(parts), parts, DIVERGED)
+
+
+@DIVERGING
+def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, columns: Floats) -> Quadratic:
+    """Eliminate the start and the disturbance of every window.
+
+    Args:
+        windows: the data.
+        layout: of the free numbers of ``state``.
+        freedom: what they can absorb.
+        state: where the slopes were taken; its force is part of the gap, not of the disturbance.
+        columns: (W, K, N) marks of the changes.
+    """
+    away = freedom.away(windows, layout, state.start[:, None], state.bins[:, None])[:, 0]
+    right = np.concatenate([state.residual[..., None], columns], axis=2) * freedom.weight[:, None]  # (W, K, 1 + N)
+    cross = freedom.slope.swapaxes(1, 2) @ right
+    cross[..., 0] -= away @ freedom.precision
+    inner = right.swapaxes(1, 2) @ right - cross.swapaxes(1, 2) @ (freedom.inverse @ cross)
+    inner[:, 0, 0] += ((away @ freedom.precision) * away).sum(-1)
+    diverged = ~np.isfinite(inner).all((1, 2))
+    inner[diverged] = 0.0
+    inner[diverged, 0, 0] = DIVERGED
+    whole = inner.sum(0)
+    numbers = int(windows.present.sum()) * len(windows.channels) - round(freedom.determined(layout))
+    return Quadratic(
+        float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], inner[:, 0, 0], inner[:, 0, 1:], inner[:, 1:, 1:], numbers
+    )
+
+
+def bounded_minimum(
+    H: Floats, g: Floats, low: Floats, high: Floats, x: Floats | None = None, free: np.ndarray | None = None
+) -> Floats:
+    """Minimum (N,) of ``x H x - 2 g x`` within bounds: what a number at its bound leaves goes to the others.
+
+    Numbers that are not ``free`` stay as they are in ``x``.
+    """
+    x = np.zeros(len(g)) if x is None else x.copy()
+    free = np.ones(len(g), bool) if free is None else free.copy()
+    for _ in range(BOUND_PASSES):
+        right = g[free] - H[np.ix_(free, ~free)] @ x[~free]
+        x[free] = np.linalg.lstsq(H[np.ix_(free, free)], right, rcond=1e-13)[0]
+        beyond = free & ((x < low) | (x > high))
+        if not beyond.any():
+            break
+        x[beyond] = np.clip(x, low, high)[beyond]
+        free &= ~beyond
+    return np.clip(x, low, high)

@@ -1,0 +1,226 @@
+"""Let each window start freely and let a free force act on it until it follows what was measured.
+
+The force is what the simulator misses, in newtons, without differentiating a noisy position. With a wide prior on the
+force the fit is a smoother and its residual is sensor noise; with the narrow prior of a disturbance the same
+quantities are the innovations that hypotheses are judged by.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, simulate
+from auv_torchrl.diagnosis.motion.tangent import linearise, respond
+from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.physics import prepare
+from auv_torchrl.vehicle import Vehicle
+
+PIECE_BINS = 2  # bins of a short piece
+LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
+TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring moment: prior of roll and pitch
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which numbers are free in every window: entries of its start, and a force per bin and degree of freedom."""
+
+    start: np.ndarray  # indices into the 12 numbers of a start
+    dof: np.ndarray  # indices into the 6 degrees of freedom
+    bins: int
+    steps_per_bin: int
+    loose: Floats  # (len(start),) standard deviations of the prior of a start about the first guess
+
+    @property
+    def size(self) -> int:
+        """Free numbers per window."""
+        return len(self.start) + self.bins * len(self.dof)
+
+    @property
+    def moves_unseen(self) -> bool:
+        """Whether the vehicle moves in degrees of freedom that the log does not measure."""
+        return len(self.start) > 2 * len(self.dof)
+
+    @staticmethod
+    def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
+        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured."""
+        moves = np.flatnonzero(vehicle.free.numpy() > 0)
+        seen = [CHANNELS[d] in windows.channels or CHANNELS[d + 6] in windows.channels for d in moves]
+        per_bin = max(1, round(bin_s / windows.dt))
+        start = np.concatenate([moves, moves + 6])
+        loose = loose_start(vehicle)[start]
+        return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose)
+
+    def force(self, bins: Floats, steps: int) -> Floats:
+        """Force (..., steps, 6) of bins (..., B, D)."""
+        full = np.zeros((*bins.shape[:-1], 6))
+        full[..., self.dof] = bins
+        return np.repeat(full, self.steps_per_bin, axis=-2)[..., :steps, :]
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Windows with their free numbers, what is left, and how that changes with the free numbers."""
+
+    start: Floats  # (W, 12)
+    bins: Floats  # (W, B, D) N, N m
+    residual: Floats  # (W, K) measured less predicted, K = m C
+    slope: Floats  # (W, K, L) of the prediction in the L free numbers
+    transition: Floats  # (W, S, n, n), of the tangent that the slope comes from
+    push: Floats  # (W, S, n, n / 2), likewise
+
+
+def loose_start(vehicle: Vehicle) -> Floats:
+    """Prior standard deviations (12,) of a start: weak, but a vehicle tilts no further than its thrusters hold it."""
+    c = prepare(vehicle.expand(1)).numpy()
+    stiffness = np.abs(c.restoring[0, [3, 4], [1, 0]])  # N m per rad of roll and pitch
+    moment = (np.abs(c.allocation[0, 3:5]) * c.full_thrust[0]).sum(-1)
+    loose = LOOSE_START.copy()
+    with np.errstate(divide="ignore"):
+        tilt = np.minimum(TILTS * np.maximum(moment, moment.max()) / stiffness, loose[3:5])
+    loose[9:11] *= tilt / loose[3:5]
+    loose[3:5] = tilt
+    return loose
+
+
+def noise_per_sample(windows: Windows, sigma: dict[str, float]) -> Floats:
+    """Standard deviation (K,) of each number of a window's residual."""
+    return np.tile([sigma[channel] for channel in windows.channels], windows.measured.shape[1])
+
+
+@DIVERGING
+def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Smoothed:
+    """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
+    residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
+    n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
+    starts = np.eye(n, layout.size)[None]
+    forces = np.zeros((1, windows.steps, len(moves), layout.size))
+    for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
+        during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
+        forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
+    slope = respond(windows, layout.start, tangent, starts, forces, pose_late(windows, vehicle))
+    return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push)
+
+
+def pose_late(windows: Windows, vehicle: Vehicle) -> float:
+    """Grid steps by which poses of one vehicle are reported late."""
+    return float(vehicle.pose_delay.reshape(-1)[0]) / windows.dt
+
+
+@DIVERGING
+def smooth(
+    windows: Windows,
+    vehicle: Vehicle,
+    layout: Layout,
+    sigma: dict[str, float],
+    force_prior: Floats,
+    begin: tuple[Floats, Floats],
+    rounds: int = 3,
+) -> Smoothed:
+    """Levenberg-Marquardt over the free numbers of all windows, forces held near zero by ``force_prior`` (D,).
+
+    ``begin`` are the starts (W, 12) and bins (W, B, D) to begin from.
+    """
+    weight = 1.0 / noise_per_sample(windows, sigma)
+    precision = np.concatenate([layout.loose**-2.0, np.tile(force_prior**-2, layout.bins)])
+
+    def away(state: Smoothed) -> Floats:
+        moved = (state.start - windows.guess)[:, layout.start]
+        return np.concatenate([moved, state.bins.reshape(len(windows), -1)], axis=1)
+
+    def cost(state: Smoothed) -> Floats:
+        return ((state.residual * weight) ** 2).sum(1) + (precision * away(state) ** 2).sum(1)
+
+    state = local_slopes(windows, vehicle, layout, *begin)
+    damping = np.full(len(windows), 1e-4)
+    for _ in range(rounds):
+        slope = state.slope * weight[:, None]
+        gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
+        damped = gram + damping[:, None, None] * np.eye(layout.size) * np.einsum("wll->wl", gram)[:, None]
+        pull = (slope.swapaxes(1, 2) @ (state.residual * weight)[..., None])[..., 0] - precision * away(state)
+        move = np.linalg.solve(damped, pull[..., None])[..., 0]
+        start, bins = state.start.copy(), state.bins.copy()
+        start[:, layout.start] += move[:, : len(layout.start)]
+        bins += move[:, len(layout.start) :].reshape(bins.shape)
+        fresh = local_slopes(windows, vehicle, layout, start, bins)
+        better = cost(fresh) < cost(state)
+        damping = np.where(better, damping * 0.1, damping * 30.0)
+        state = Smoothed(
+            *(
+                np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
+                for new, old in zip(fields(fresh), fields(state), strict=True)
+            )
+        )
+    return state
+
+
+def residual_at(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Floats:
+    """Measured less predicted (W, R, K) at starts (W, R, 12) and bins (W, R, B, D); ``vehicle`` is a batch (R,)."""
+    predicted = simulate(windows, vehicle, start, layout.force(bins, windows.steps))
+    return windows.residual(predicted).reshape(*start.shape[:2], -1)
+
+
+def fields(state: Smoothed) -> tuple[Floats, ...]:
+    """The arrays of a smoothed state, in order."""
+    return state.start, state.bins, state.residual, state.slope, state.transition, state.push
+
+
+def follow(
+    windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], force_prior: Floats, begin: Floats
+) -> Smoothed:
+    """Smooth from far away: first in pieces so short that even a wrong model stays near, then whole windows.
+
+    ``begin`` is a rough force (W, B, D), see :func:`auv_torchrl.diagnosis.motion.rough.rough_force`.
+    """
+    pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
+    short = replace(layout, bins=PIECE_BINS)
+    parts = len(pieces) // len(windows)
+    held = np.setdiff1d(np.arange(12), layout.start)
+    guess = pieces.guess.copy()
+    guess[:, held] = 0.0
+    near = smooth(
+        pieces, vehicle, short, sigma, force_prior, (guess, begin.reshape(len(pieces), PIECE_BINS, -1)), rounds=2
+    )
+    start = near.start.reshape(len(windows), parts, 12)[:, 0]
+    bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
+    return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins), rounds=3)
+
+
+@DIVERGING
+def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Floats:
+    """Root mean square (W,) of the residual of each window in units of the noise; infinite where it diverged."""
+    scaled = (residual / noise_per_sample(windows, sigma)) ** 2
+    mean = scaled.sum(1) / (windows.present.sum(1) * len(windows.channels))
+    return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
+
+
+def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], force_prior: Floats) -> dict[str, float]:
+    """White noise of each channel, from what is left when a free force follows everything slower than its bins."""
+    weight = 1.0 / noise_per_sample(windows, sigma)
+    slope = state.slope * weight[:, None]
+    starts = slope.shape[-1] - state.bins[0].size
+    loose = np.full(starts, 1e-6)
+    precision = np.concatenate([loose, np.tile(force_prior**-2, state.bins.shape[1])])
+    gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
+    leverage = np.einsum("wkl,wlk->wk", slope, np.linalg.solve(gram, slope.swapaxes(1, 2)))
+    left = state.residual.reshape(windows.measured.shape)
+    free = np.clip(1 - leverage.reshape(left.shape), 0.05, 1.0)
+    noise = {}
+    for column, channel in enumerate(windows.channels):
+        squares = (left[..., column] ** 2 * windows.present).sum(1) / (free[..., column] * windows.present).sum(1)
+        noise[channel] = float(np.sqrt(np.median(squares)))  # the median window: a few windows may be badly followed
+    return noise
+
+
+def first_noise(windows: Windows) -> dict[str, float]:
+    """Rough white noise of each channel from third differences, which a smooth motion hardly has."""
+    noise = {}
+    for column, channel in enumerate(windows.channels):
+        series = windows.measured[..., column]
+        if channel in ANGLES:
+            series = np.unwrap(series, axis=1)
+        third = np.diff(series, 3, axis=1)[windows.present[:, 3:]]
+        scale = 1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)
+        floor = 1e-4 if CHANNELS.index(channel) < 6 else 1e-3
+        noise[channel] = float(max(scale, floor))
+    return noise

@@ -1,0 +1,134 @@
+"""The equations of motion linearised along every window: what a small change of a start or of a force does later.
+
+A step is linearised by finite differences of the project's physics; after that every question about small changes is
+a product of small matrices, and no vehicle is simulated again.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, begin, late_steps, sample, step
+from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.physics import State
+from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
+from auv_torchrl.vehicle import Vehicle
+
+STEP_STATE = 1e-3  # m, rad, m/s, rad/s
+STEP_FORCE = np.array([0.1] * 3 + [0.01] * 3)  # N, N m
+COLUMNS_AT_ONCE = 64
+ANGULAR = np.array([channel in ANGLES for channel in CHANNELS])
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Steps of windows, linearised in the ``n`` numbers of the motion that are free (position, angles, velocity)."""
+
+    transition: Floats  # (W, S, n, n) of a step in the state before it
+    push: Floats  # (W, S, n, n / 2) of a step in a force on the vehicle during it, per N and N m
+
+
+@DIVERGING
+def linearise(
+    windows: Windows, vehicle: Vehicle, entries: np.ndarray, start: Floats, force: Floats
+) -> tuple[Floats, Tangent]:
+    """Measured less predicted (W, K) at a start (W, 12) under a force (W, S, 6), and the tangent there.
+
+    Args:
+        windows: the data.
+        vehicle: batch (1,).
+        entries: the ``n`` entries of a start that can move, positions before velocities.
+        start: true position, roll, pitch, measured yaw, and body velocity.
+        force: N and N m, body frame.
+    """
+    actuation = actuate(windows, vehicle)
+    moves = entries[: len(entries) // 2]
+    rows = 1 + len(entries) + len(moves)
+    everything = slice(0, len(windows))
+    steps = windows.steps + late_steps(windows, actuation.c)
+    state = begin(windows, everything, actuation, start[:, None], rows, forced=True)
+    states = np.empty((len(windows), 1, steps + 1, 13))
+    transition = np.empty((len(windows), steps, len(entries), len(entries)))
+    push = np.empty((len(windows), steps, len(entries), len(moves)))
+    for k in range(steps):
+        states[:, :, k] = _body(state)[:, :1]
+        state = _perturbed(state, entries)
+        pushed = np.repeat(force[:, None, min(k, force.shape[1] - 1)], rows, axis=1)
+        pushed[:, 1 + len(entries) + np.arange(len(moves)), moves] += STEP_FORCE[moves]
+        state = step(windows, everything, actuation, state, k, pushed)
+        change = _twelve(state)
+        change = change[:, 1:] - change[:, :1]
+        change[..., ANGULAR] -= 2 * np.pi * np.round(change[..., ANGULAR] / (2 * np.pi))
+        change = change[..., entries].swapaxes(1, 2)
+        transition[:, k] = change[..., : len(entries)] / STEP_STATE
+        push[:, k] = change[..., len(entries) :] / STEP_FORCE[moves]
+    states[:, :, steps] = _body(state)[:, :1]
+    residual = windows.residual(sample(windows, everything, actuation.c, states))[:, 0]
+    return residual.reshape(len(windows), -1), Tangent(transition, push)
+
+
+def respond(
+    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, late: float
+) -> Floats:
+    """Change (W, K, N) of the samples under ``N`` small changes at once.
+
+    Args:
+        windows: the data.
+        entries: as in :func:`linearise`.
+        tangent: of these windows.
+        start: (W or 1, n, N) change of the start.
+        force: (W or 1, S, n / 2, N) change of the force during each step, N and N m; the last one goes on.
+        late: grid steps by which poses are older than velocities.
+    """
+    columns = max(start.shape[-1], force.shape[-1])
+    pieces = []
+    for first in range(0, columns, COLUMNS_AT_ONCE):
+        some = slice(first, first + COLUMNS_AT_ONCE)
+        pieces.append(_respond(windows, entries, tangent, start[..., some], force[..., some], late))
+    return np.concatenate(pieces, axis=-1)
+
+
+@DIVERGING
+def _respond(
+    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, late: float
+) -> Floats:
+    steps = tangent.transition.shape[1]
+    moved = np.broadcast_to(start, (len(windows), *start.shape[1:]))
+    history = np.empty((len(windows), steps + 1, *moved.shape[1:]))
+    history[:, 0] = moved
+    for k in range(steps):
+        pushed = tangent.push[:, k] @ force[:, min(k, force.shape[1] - 1)]
+        moved = history[:, k + 1] = tangent.transition[:, k] @ moved + pushed
+    here = np.arange(len(windows))[:, None]
+    change = np.zeros((*windows.measured.shape, moved.shape[-1]))
+    for column, name in enumerate(windows.channels):
+        entry = np.flatnonzero(entries == CHANNELS.index(name))
+        if not len(entry):
+            continue  # held
+        at = windows.index + windows.fraction + (late if name in CHANNELS[6:] else 0.0)
+        whole = np.minimum(np.floor(at + 1e-9).astype(int), steps)
+        part = np.where(windows.present, at - whole, 0.0)[..., None]
+        values = history[:, :, entry[0]]
+        ahead = values[here, np.minimum(whole + 1, steps)]
+        change[:, :, column] = (1 - part) * values[here, whole] + part * ahead
+    change *= windows.present[:, :, None, None]
+    return change.reshape(len(windows), -1, moved.shape[-1])
+
+
+def _body(state: State) -> Floats:
+    return np.concatenate([state.position, state.quaternion, state.velocity], axis=-1)
+
+
+def _twelve(state: State) -> Floats:
+    """Position, roll, pitch, yaw and velocity (..., 12)."""
+    angles = np.stack(euler_angles(state.quaternion), axis=-1)
+    return np.concatenate([state.position, angles, state.velocity], axis=-1)
+
+
+def _perturbed(state: State, entries: np.ndarray) -> State:
+    """The first row's state in every row, moved by one step in each of ``entries`` from the second row on."""
+    numbers = np.repeat(_twelve(state)[:, :1], state.position.shape[1], axis=1)
+    numbers[:, 1 + np.arange(len(entries)), entries] += STEP_STATE
+    quaternion = quaternion_from_euler(*np.moveaxis(numbers[..., 3:6], -1, 0))
+    return state._replace(position=numbers[..., :3], quaternion=quaternion, velocity=numbers[..., 6:])

@@ -1,0 +1,144 @@
+"""Windows that follow the log under an explanation, each from a start and with a disturbance of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.force import force_changes, measured_motion
+from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
+from auv_torchrl.diagnosis.motion.rollout import actuate, path
+from auv_torchrl.diagnosis.motion.rough import rough_force
+from auv_torchrl.diagnosis.motion.smooth import (
+    Layout,
+    Smoothed,
+    fields,
+    follow,
+    local_slopes,
+    misfit,
+    sensor_noise,
+)
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.ground import Base, Ground
+from auv_torchrl.diagnosis.which.hypotheses import batch
+from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.vehicle import Vehicle
+
+FOLLOWED = 1.15  # misfit of a window that a free force follows
+LOST = 1.6  # misfit of one that it does not
+MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
+STUCK = 1.5  # chi-square per number of a window that has not found its start
+HEIRS = 3  # rounds in which starts are handed on from window to window
+
+
+class Following(Ground):
+    """Settle windows under the nominal vehicle and under explanations."""
+
+    def follow(self) -> Base:
+        """The windows under the nominal vehicle with a wide force; measures the sensor noise on the way.
+
+        The force changes faster where bins of the usual length cannot follow, as under a limit cycle.
+        """
+        vehicle = batch(self.vehicle, [{}])
+        state = self._follow(self.windows, vehicle, self.wide)
+        while np.median(misfit(self.windows, state.residual, self.sigma)) > FOLLOWED and self.layout.steps_per_bin > 2:
+            self.layout = Layout.of(self.windows, self.vehicle, 0.5 * self.layout.steps_per_bin * self.windows.dt)
+            state = self._follow(self.windows, vehicle, self.wide)
+        self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
+        measured = sensor_noise(self.windows, state, self.sigma, self.wide)
+        self.sigma = self._noise({name: min(measured[name], self.sigma[name]) for name in measured})
+        base = Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+        self.measure_slack(base)
+        return base
+
+    def _follow(self, windows: Windows, vehicle: Vehicle, prior: Floats) -> Smoothed:
+        begin = rough_force(windows, vehicle, self.layout)
+        return follow(windows, vehicle, self.layout, self.sigma, prior, begin)
+
+    def rebase(self, explanation: Explanation, start: Base) -> Base:
+        """The windows under another explanation, from what is left of the force when the explanation is taken out."""
+        vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
+        explained = force_changes(self.windows, start.vehicle, vehicle, start.motion)[:, 0, :, self.layout.dof]
+        edges = np.arange(0, self.windows.steps, self.layout.steps_per_bin)
+        counts = np.diff(np.append(edges, self.windows.steps))
+        explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first
+        bins = start.state.bins - np.add.reduceat(explained, edges, axis=1) / counts[:, None]
+        state = local_slopes(self.windows, vehicle, self.layout, start.state.start, bins)
+        base = self._settled(explanation, vehicle, state)
+        lost = misfit(self.windows, base.state.residual, self.sigma) > LOST
+        if lost.any() and lost.mean() < MOSTLY_LOST:  # the start was no good; it may be under the right vehicle
+            fresh = self._follow(self.windows.subset(lost), vehicle, self.floor)
+            merged = [np.copy(field) for field in fields(base.state)]
+            for old, new in zip(merged, fields(fresh), strict=True):
+                old[lost] = new
+            base = self._settled(explanation, vehicle, Smoothed(*merged))
+        return self._handed_on(base)
+
+    def _handed_on(self, base: Base) -> Base:
+        """Windows that got stuck begin anew where the window before them, which did not, ends under this vehicle."""
+        windows, layout = self.windows, self.layout
+        follows = (windows.episode[:, None] == windows.episode) & (
+            windows.start[:, None] == windows.start + windows.steps
+        )
+        before = np.where(follows.any(1), follows.argmax(1), -1)
+        numbers = windows.present.sum(1) * len(windows.channels)
+        for _ in range(HEIRS):
+            state = base.state
+            parts = chi_square(windows, layout, self.freedom(state.slope), *_one_row(state))[:, 0]
+            stuck = ~(parts < STUCK * numbers)
+            heirs = np.flatnonzero(stuck & (before >= 0) & ~stuck[before])
+            if not len(heirs) or stuck.mean() > MOSTLY_LOST:
+                break
+            ends = self._ends(base)[before[heirs]]
+            some = windows.subset(heirs)
+            fresh = local_slopes(some, base.vehicle, layout, ends, np.zeros_like(state.bins[heirs]))
+            freedom = Freedom.of(some, layout, fresh.slope, self.sigma, self.floor)
+            start, bins, residual = settle(some, base.vehicle, layout, freedom, *_one_row(fresh)[:2])
+            better = chi_square(some, layout, freedom, start, bins, residual)[:, 0] < parts[heirs]
+            if not better.any():
+                break
+            fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
+            merged = [np.copy(field) for field in fields(state)]
+            for old, new in zip(merged, fields(fresh), strict=True):
+                old[heirs[better]] = new[better]
+            base = self._settled(base.explanation, base.vehicle, Smoothed(*merged))
+        return base
+
+    def _ends(self, base: Base) -> Floats:
+        """States (W, 12) in which the windows end, as the start of what follows them."""
+        windows, everything = self.windows, slice(0, len(self.windows))
+        force = self.layout.force(base.state.bins[:, None], windows.steps)
+        actuation = actuate(windows, base.vehicle)
+        end = path(windows, everything, actuation, base.state.start[:, None], force, windows.steps, 1)[:, 0, -1]
+        angles = np.stack(euler_angles(end[:, 3:7]), axis=-1)
+        angles[:, 2] += float(base.vehicle.heading_bias.reshape(-1)[0])  # a start has the measured yaw
+        return np.concatenate([end[:, :3], angles, end[:, 7:]], axis=1)
+
+    def nudge(self, explanation: Explanation, start: Base) -> Base:
+        """The windows under an explanation that differs a little from that of ``start``."""
+        vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
+        return self._settled(explanation, vehicle, start.state)
+
+    def nudged_chi2(self, explanations: list[Explanation], start: Base) -> Floats:
+        """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
+        vehicles = batch(self.vehicle, [explanation.values(self.vehicle) for explanation in explanations])
+        freedom = self.freedom(start.state.slope)
+        starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)
+        bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
+        settled = settle(self.windows, vehicles, self.layout, freedom, starts, bins)
+        slack = np.stack([self.slack_now(explanation) for explanation in explanations])
+        chi2 = chi_square(self.windows, self.layout, freedom, *settled).sum(0)
+        return chi2 + ((slack @ self.slack_precision) * slack).sum(-1)
+
+    def _settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
+        settled = self._settle(vehicle, state, self.freedom(state.slope))
+        return Base(explanation, vehicle, settled, measured_motion(self.windows, vehicle, self.layout, settled))
+
+    def _settle(self, vehicle: Vehicle, state: Smoothed, freedom: Freedom) -> Smoothed:
+        fresh = settle(self.windows, vehicle, self.layout, freedom, state.start[:, None], state.bins[:, None])
+        start, bins, residual = (field[:, 0] for field in fresh)
+        return replace(state, start=start, bins=bins, residual=residual)
+
+
+def _one_row(state: Smoothed) -> tuple[Floats, Floats, Floats]:
+    return state.start[:, None], state.bins[:, None], state.residual[:, None]

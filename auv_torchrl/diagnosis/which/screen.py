@@ -1,0 +1,194 @@
+"""Which effects could explain a log, or what an explanation leaves: all atoms judged at once on one quadratic."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.evidence import volume
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.ground import Base
+from auv_torchrl.diagnosis.which.hypotheses import Atom
+from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT
+from auv_torchrl.effects import EFFECTS
+
+ELASTIC = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
+SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
+FIXED = 1e-5  # a discrete change acts wholly
+SEEN = 1e-6  # chi-square of a whole atom
+MOST_KNOBS = 6  # of one family
+
+
+@dataclass(frozen=True)
+class Screened:
+    """An explanation as the screening sees it."""
+
+    explanation: Explanation
+    chi2: float
+    evidence: float
+    chosen: tuple[int, ...] = ()  # atoms
+
+
+@dataclass(frozen=True)
+class Field:
+    """The quadratic of all atoms at a base, slack fitted."""
+
+    bench: Bench
+    explanation: Explanation  # on top of which the atoms act
+    quadratic: Quadratic  # of slack and atoms
+    b: Floats  # (N,) slack fitted
+    A: Floats  # (N, N) slack fitted
+    pull: Floats  # (N,) prior precision of each amount, about 1 for scanned atoms, else about 0
+    centre: Floats  # (N,)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(N,) atoms that leave any mark on this log."""
+        return np.diag(self.A) > SEEN
+
+    @staticmethod
+    def of(bench: Bench, base: Base, around: Explanation | None = None) -> "Field":
+        """Mark every atom on the windows of ``base``, on top of its explanation or of another one."""
+        explanation = base.explanation if around is None else around
+        changes = [explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
+        q = bench.quadratic(base, changes, around).windows(bench.followed)
+        _, b, A, _, _ = bench.without_slack(q, explanation)
+        width = [FIXED if a.discrete else ELASTIC if a.elastic else 1e3 for a in bench.atoms]
+        centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in bench.atoms])
+        return Field(bench, explanation, q, b, A, np.array(width) ** -2.0, centre)
+
+    @property
+    def constant(self) -> float:
+        """Chi-square of the explanation of the base, slack fitted."""
+        return self.fit([])[0]
+
+    def fit(self, chosen: list[int], amounts: Floats | None = None) -> tuple[float, Floats]:
+        """Chi-square and amounts of some atoms together, or chi-square at given amounts.
+
+        Slack is fitted too, but no further than slack goes: what lies beyond must be an effect.
+        """
+        bench, q = self.bench, self.quadratic
+        k = len(bench.slack)
+        at, precision = bench.slack_now(self.explanation), bench.slack_precision
+        columns = [*range(k), *(k + i for i in chosen)]
+        pull = np.zeros((len(columns), len(columns)))
+        pull[:k, :k] = precision
+        if amounts is None:
+            pull[k:, k:] = np.diag(self.pull[chosen])
+        toward = np.concatenate([-at, self.centre[chosen]])
+        H = q.A[np.ix_(columns, columns)] + pull
+        g = q.b[columns] + pull @ toward
+        reach = SLACK_LIMIT * np.sqrt(np.diag(bench.slack_covariance))
+        low = np.concatenate([-reach - at, np.full(len(chosen), -np.inf)])
+        high = np.concatenate([reach - at, np.full(len(chosen), np.inf)])
+        x, free = np.zeros(len(columns)), np.ones(len(columns), bool)
+        if amounts is not None:
+            x[k:], free[k:] = amounts, False
+        x = bounded_minimum(H, g, low, high, x, free)
+        chi2 = q.constant + float(toward @ pull @ toward - 2 * g @ x + x @ H @ x)
+        return chi2, x[k:]
+
+    def judge(self, chosen: list[int]) -> Screened:
+        """Weigh some atoms together, on top of the explanation of the base."""
+        amounts = self.fit(chosen)[1]
+        bench, explanation = self.bench, self.explanation
+        units, widths, fitted, reached = [], [], [], []
+        for i, amount in zip(chosen, amounts, strict=True):
+            atom = bench.atoms[i]
+            before = explanation
+            explanation = explanation.with_atom(atom, bench.vehicle, float(amount))
+            if not atom.discrete:
+                unit, width = self._unit(atom)
+                units.append(unit)
+                widths.append(width)
+                fitted.append(i)
+                reached.append(self._reached(atom, before, explanation, float(amount)))
+            else:
+                reached.append(1.0)
+        curvature = self.A[np.ix_(fitted, fitted)] / np.outer(units, units)
+        chi2 = self.fit(chosen, np.array(reached))[0]
+        evidence = bench.weigh(chi2, explanation) + volume(curvature, np.array(widths))
+        return Screened(explanation, chi2, evidence, tuple(chosen))
+
+    def _unit(self, atom: Atom) -> tuple[float, float]:
+        """Change of the parameter that an atom moves most, and the plausible range of that parameter."""
+        most = self.moved_most(atom)
+        nominal = EFFECTS[atom.effect].nominal(self.bench.vehicle)[most]
+        return atom.values[most] - nominal, self.bench.prior.width(atom.effect, most)
+
+    def moved_most(self, atom: Atom) -> str:
+        """The parameter that an atom moves most, for its plausible range."""
+        nominal = EFFECTS[atom.effect].nominal(self.bench.vehicle)
+        width = self.bench.prior.width
+        return max(atom.values, key=lambda name: abs(atom.values[name] - nominal[name]) / width(atom.effect, name))
+
+    def _reached(self, atom: Atom, before: Explanation, after: Explanation, amount: float) -> float:
+        """The amount that the bounds of the parameters leave, of the ``amount`` asked for."""
+        unbound = amount * self._unit(atom)[0]
+        name = self.moved_most(atom)
+        moved = _value(after, atom.effect, name, self.bench) - _value(before, atom.effect, name, self.bench)
+        return amount * moved / unbound if unbound else 0.0
+
+    def none(self) -> Screened:
+        """The explanation of the base alone."""
+        constant = self.constant
+        return Screened(self.explanation, constant, self.bench.weigh(constant, self.explanation))
+
+    def families(self) -> list[Screened]:
+        """The best explanation of each family alone, members added while that pays."""
+        grown = (self._grow(name, []) for name in self._names)
+        return sorted((family for family in grown if family is not None), key=lambda s: -s.evidence)
+
+    @cached_property
+    def twins(self) -> set[frozenset[str]]:
+        """Effects of which each change leaves the mark of some change of the other: together they explain no more."""
+        size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
+        same = np.abs(self.A) > SAME_MARK * np.outer(size, size)
+        rows = {
+            name: [i for i, a in enumerate(self.bench.atoms) if a.effect == name and self.seen[i]]
+            for name in self._names
+        }
+        return {
+            frozenset({one, other})
+            for one, other in combinations(self._names, 2)
+            if same[np.ix_(rows[one], rows[other])].any(1).all() and same[np.ix_(rows[one], rows[other])].any(0).all()
+        }
+
+    @property
+    def _names(self) -> list[str]:
+        return list(dict.fromkeys(self.bench.atoms[i].effect for i in np.flatnonzero(self.seen)))
+
+    def _grow(self, family: str, chosen: list[int]) -> Screened | None:
+        """Add members of a family while that pays, at least one; None where it adds nothing to the chosen ones."""
+        inside = [i for i, atom in enumerate(self.bench.atoms) if atom.effect == family and self.seen[i]]
+        best: Screened | None = None
+        for _ in range(MOST_KNOBS):
+            free = [i for i in inside if not self._overlaps(i, chosen)]
+            if not free:
+                break
+            trial = [*chosen, min(free, key=lambda i: self.fit([*chosen, i])[0])]
+            judged = self.judge(trial)
+            if best is not None and judged.evidence <= best.evidence:
+                break
+            chosen, best = trial, judged
+        return best
+
+    def _overlaps(self, i: int, chosen: list[int]) -> bool:
+        """Whether an atom says the same as chosen ones, or moves what they move."""
+        mine = self.bench.atoms[i]
+        for j in chosen:
+            other = self.bench.atoms[j]
+            if abs(self.A[i, j]) > SAME_MARK * np.sqrt(self.A[i, i] * self.A[j, j]):
+                return True
+            if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
+                return True
+        return False
+
+
+def _value(explanation: Explanation, effect: str, member: str, bench: Bench) -> float:
+    values = explanation.values(bench.vehicle, slack=False).get(effect, {})
+    return values.get(member, EFFECTS[effect].nominal(bench.vehicle)[member])

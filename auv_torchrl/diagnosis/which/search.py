@@ -1,0 +1,161 @@
+"""Find the explanation: screen everything, polish what could be it, add and take out effects while the log pays."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.ground import Base, Judged
+from auv_torchrl.diagnosis.which.screen import Field, Screened
+from auv_torchrl.diagnosis.which.sketches import CLOSES, is_near, sketch_explanations
+from auv_torchrl.effects import EFFECTS
+
+POLISHED = 4  # candidates that are simulated
+WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
+EVIDENCE_SLIP = 40.0
+AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
+HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
+IDLE = 2.0  # standard deviations, of the estimate or of slack
+WORTH = 5.0  # log evidence that one more effect must bring
+TIE = 3.0  # log evidence that does not speak for more values
+MOST_EFFECTS = 3
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search leaves behind."""
+
+    follow: Base  # nominal vehicle, the gap in a free force
+    none: Judged
+    best: Judged
+    polished: list[Judged]  # all that were simulated, the best first
+    screened: list[Screened]  # every family alone
+    field: Field  # marks of all changes at the nominal vehicle
+
+
+def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Explanation] = ()) -> Found:
+    """Explain the windows of a bench that ``follow`` has followed.
+
+    ``hints`` are simulated besides what the screening finds.
+    """
+    field = Field.of(bench, follow)
+    families = field.families()
+    progress("screening effects", 0.4)
+    hopeless = field.none().evidence < families[0].evidence - HOPELESS
+    none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
+    bench.slack_suffices = not bench.leaves_much(none)
+    polished = [none]
+    for explanation in [*hints, *(shown.explanation for shown in _candidates(bench, follow, field, families))]:
+        polished.append(bench.polish(explanation, follow))
+        progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1 + len(hints)))
+    best = _best(bench, polished)
+    if bench.measure_noise(best):
+        polished = [bench.again(judged) for judged in polished if np.isfinite(judged.chi2)]
+        best = _best(bench, polished)
+        none = polished[0] if np.isfinite(none.chi2) else none
+    if not best.nothing_left or bench.is_strained(best):
+        best = _grow(bench, best, polished, field.twins, progress)
+    best = _prune(bench, best, polished)
+    best = _drop_idle(bench, best, polished)
+    if not best.nothing_left:
+        polished.append(bench.polish(best.explanation, best.base))
+        best = max(best, polished[-1], key=lambda judged: judged.evidence)
+    best = _simplest(bench, best, polished)
+    polished.sort(key=lambda judged: -judged.evidence)
+    return Found(follow, none, best, polished, families, field)
+
+
+def _best(bench: Bench, polished: list[Judged]) -> Judged:
+    none = polished[0].evidence
+    pays = [j for j in polished[1:] if j.evidence > none + WORTH and not bench.minor(j)]
+    return max(pays, key=lambda judged: judged.evidence, default=polished[0])
+
+
+def _simplest(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+    """Of what fits about as well as the best, the explanation with the fewest values."""
+    close = [j for j in polished if j.explanation.effects and j.evidence > best.evidence - TIE and not bench.minor(j)]
+    if not best.explanation.effects:
+        return best
+    return min([best, *close], key=lambda judged: (len(judged.explanation.knobs), -judged.evidence))
+
+
+def _candidates(bench: Bench, follow: Base, field: Field, families: list[Screened]) -> Sequence[Screened | Judged]:
+    """What to simulate: single effects, or where none comes near what a look along the measured motion shows."""
+    if is_near(families[0].chi2, field.quadratic.numbers):
+        return _promising(field, families)
+    sketches = sketch_explanations(bench, follow, field, families)
+    return _promising(field, [sketch for sketch in sketches if sketch.chi2 < AS_GOOD * sketches[0].chi2])
+
+
+def _drop_idle(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+    """Take out values that stand where they would without the effect."""
+    slack = {(effect, member): width for effect, member, _, width in bench.slack}
+    deviation = iter(np.sqrt(np.diag(best.covariance)))
+    kept = []
+    for knob in best.explanation.knobs:
+        if knob.discrete:
+            kept.append(knob)
+            continue
+        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        doubt = max(float(next(deviation)), slack.get((knob.effect, knob.members[0]), 0.0))
+        if abs(knob.value - nominal) > IDLE * doubt:
+            kept.append(knob)
+    if not kept or len(kept) == len(best.explanation.knobs):
+        return best
+    fewer = bench.polish(replace(best.explanation, knobs=tuple(kept)), best.base)
+    polished.append(fewer)
+    return fewer if fewer.evidence > best.evidence - WORTH else best
+
+
+def _promising(field: Field, ranked: Sequence[Screened | Judged]) -> list[Screened | Judged]:
+    """The few that may turn out best once simulated, best first."""
+    none = field.none().evidence
+    least = ranked[0].evidence - EVIDENCE_SLIP - WITHIN * max(0.0, ranked[0].evidence - none)
+    if field.bench.layout.moves_unseen:  # a large tilt that nobody measured is far from where the marks were taken
+        least = -np.inf
+    kept, seen = [], set()
+    for screened in ranked:
+        key = frozenset(screened.explanation.effects)
+        dominated = any(known < key for known in seen)  # the extra effect is added later if it pays
+        if screened.evidence > max(least, none - EVIDENCE_SLIP / 4) and key not in seen and not dominated:
+            kept.append(screened)
+            seen.add(key)
+    return kept[: POLISHED if kept and kept[0].evidence > none + WORTH else 2]
+
+
+def _grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozenset[str]], progress: Progress) -> Judged:
+    while len(best.explanation.effects) < MOST_EFFECTS:
+        progress("looking for further effects", 0.7 + 0.05 * len(best.explanation.effects))
+        field = Field.of(bench, best.base)
+        here = field.none().evidence
+        twins_of = {name for pair in twins for name in pair if pair & set(best.explanation.effects)}
+        fresh_ones = (
+            s for s in field.families() if not (set(s.explanation.effects) - set(best.explanation.effects)) & twins_of
+        )
+        ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)
+        left = best.chi2 - best.quadratic.numbers if bench.leaves_much(best) else 0.0
+        trials = [s for s in ahead[:1] if s.evidence > here + WORTH and field.constant - s.chi2 > CLOSES * left]
+        fresh = [bench.polish(s.explanation, best.base) for s in trials]
+        polished += fresh
+        better = max((j for j in fresh if not bench.minor(j)), key=lambda judged: judged.evidence, default=best)
+        if better.evidence <= best.evidence + WORTH or best.chi2 - better.chi2 < CLOSES * left:
+            return best
+        best = better
+        if best.nothing_left:
+            return best
+    return best
+
+
+def _prune(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+    while len(best.explanation.effects) > 1:
+        fewer = [bench.polish(best.explanation.without(effect), best.base) for effect in best.explanation.effects]
+        polished += fewer
+        better = max(fewer, key=lambda judged: judged.evidence)
+        if better.evidence <= best.evidence - WORTH:
+            return best
+        best = better
+    return best

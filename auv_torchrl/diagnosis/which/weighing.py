@@ -1,0 +1,137 @@
+"""Weigh an explanation at given windows: chi-square, evidence, uncertainty and the step that makes it better."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.force import force_changes, marks
+from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum, reduce
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.which.evidence import volume
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.following import Following
+from auv_torchrl.diagnosis.which.ground import Base, Judged
+from auv_torchrl.diagnosis.which.hypotheses import Values, batch
+from auv_torchrl.effects import EFFECTS
+
+SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
+SLACK_STEP = 0.05  # relative step of slack derivatives
+KNOB_STEP = 0.004  # of the plausible range of a parameter
+
+
+class Weighing(Following):
+    """Chi-square of explanations as a quadratic of their values and of slack."""
+
+    def quadratic(self, base: Base, changes: list[Explanation], around: Explanation | None = None) -> Quadratic:
+        """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
+
+        It is taken ``around`` an explanation, by default that of the base; another one acts as the force that it makes
+        along the motion of the base.
+        """
+        at = base.explanation if around is None else around
+        rows: list[Values] = []
+        steps = np.ones(len(self.slack) + len(changes))
+        for column, (effect, member, nominal, _) in enumerate(self.slack):
+            key = effect, member
+            steps[column] = SLACK_STEP * abs(nominal)
+            slack = {**at.slack, key: at.slack.get(key, 0.0) + steps[column]}
+            rows.append(replace(at, slack=slack).values(self.vehicle))
+        rows += [change.values(self.vehicle) for change in changes]
+        state = base.state
+        if around is not None:
+            rows.append(around.values(self.vehicle))
+        forces = force_changes(self.windows, base.vehicle, batch(self.vehicle, rows), base.motion)
+        columns = marks(self.windows, base.vehicle, self.layout, state, forces)
+        if around is not None:
+            columns, there = columns[..., :-1] - columns[..., -1:], columns[..., -1]
+            state = replace(state, residual=state.residual - there)
+        return reduce(self.windows, self.layout, self.freedom(base.state.slope), state, columns / steps)
+
+    def without_slack(self, q: Quadratic, explanation: Explanation) -> tuple[float, Floats, Floats, Floats, Floats]:
+        """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
+        k = len(self.slack)
+        at, precision = self.slack_now(explanation), self.slack_precision
+        inside = q.A[:k, :k] + precision
+        right = np.concatenate([(q.b[:k] - precision @ at)[:, None], q.A[:k, k:]], axis=1)
+        solved = np.linalg.solve(inside, right)
+        offset, response = solved[:, 0], solved[:, 1:]
+        constant = q.constant + float(at @ precision @ at) - float(right[:, 0] @ offset)
+        b = q.b[k:] - q.A[k:, :k] @ offset
+        A = q.A[k:, k:] - q.A[k:, :k] @ response
+        return constant, b, 0.5 * (A + A.T), at + offset, response
+
+    def knob_changes(self, explanation: Explanation) -> tuple[list[Explanation], Floats]:
+        """The explanation with each fitted knob moved a little, and by how much."""
+        moved, steps = [], []
+        at_slack = {(effect, member): SLACK_STEP * abs(nominal) for effect, member, nominal, _ in self.slack}
+        for place, knob in enumerate(explanation.knobs):
+            if knob.discrete:
+                continue
+            p = EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]]
+            step = KNOB_STEP * self.prior.width(knob.effect, knob.members[0])
+            if (knob.effect, knob.members[0]) in at_slack:  # the same step, so that the two are the same direction
+                step = at_slack[knob.effect, knob.members[0]]
+            if knob.value + step > p.high:
+                step = -step
+            moved.append(explanation.moved({place: knob.value + step}))
+            steps.append(step)
+        return moved, np.array(steps)
+
+    def weigh(self, chi2: float, explanation: Explanation) -> float:
+        """Log evidence less the volume of the fitted values."""
+        return -0.5 * chi2 + self.prior.structure(explanation)
+
+    def judge(self, base: Base, sketched: Explanation | None = None) -> tuple[Judged, Floats, Floats]:
+        """Weigh an explanation as it is, with the Gauss-Newton step of its knobs and of its slack.
+
+        It is that of the base, or one that is ``sketched`` along its motion.
+        """
+        explanation = base.explanation if sketched is None else sketched
+        changes, steps = self.knob_changes(explanation)
+        q = self.quadratic(base, changes, sketched)
+        if sketched is not None:
+            q = q.windows(self.followed)
+        at = self.slack_now(explanation)
+        chi2 = q.constant + float(at @ self.slack_precision @ at)
+        if not np.isfinite(chi2):  # the windows diverge under this vehicle
+            nothing = np.zeros(len(explanation.fitted))
+            return Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q), nothing, np.zeros(len(self.slack))
+        _, _, A, _, _ = self.without_slack(q, explanation)
+        widths = np.array([self.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
+        curvature = A / np.outer(steps, steps)
+        covariance = np.linalg.inv(curvature + np.diag(widths**-2.0))
+        evidence = self.weigh(chi2, explanation) + volume(curvature, widths)
+        judged = Judged(explanation, chi2, evidence, covariance, base, q)
+        return judged, *self._step(q, explanation, steps, widths)
+
+    def _step(self, q: Quadratic, explanation: Explanation, steps: Floats, widths: Floats) -> tuple[Floats, Floats]:
+        """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does."""
+        k, at = len(self.slack), self.slack_now(explanation)
+        pull = np.zeros_like(q.A)
+        pull[:k, :k] = self.slack_precision
+        pull[k:, k:] = np.diag((steps / widths) ** 2)
+        toward = np.concatenate([-self.slack_precision @ at, np.zeros(len(steps))])
+        reach = SLACK_LIMIT * np.array([width for *_, width in self.slack])
+        bounds = [EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]] for knob in explanation.fitted]
+        room = np.array([
+            sorted(((p.low - knob.value) / step, (p.high - knob.value) / step))
+            for p, knob, step in zip(bounds, explanation.fitted, steps, strict=True)
+        ]).reshape(-1, 2)  # fmt: skip
+        low, high = np.concatenate([-reach - at, room[:, 0]]), np.concatenate([reach - at, room[:, 1]])
+        step = bounded_minimum(q.A + pull, q.b + toward, low, high)
+        return step[k:] * steps, step[:k]
+
+    def move(self, explanation: Explanation, step: Floats, slack_step: Floats) -> Explanation:
+        """The explanation after a step of its knobs and of its slack, within bounds."""
+        amounts, order = {}, 0
+        for place, knob in enumerate(explanation.knobs):
+            if knob.discrete:
+                continue
+            p = EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]]
+            amounts[place] = float(np.clip(knob.value + step[order], p.low, p.high))
+            order += 1
+        slack = {
+            (e, m): float(np.clip(explanation.slack.get((e, m), 0.0) + move, -SLACK_LIMIT * width, SLACK_LIMIT * width))
+            for (e, m, _, width), move in zip(self.slack, slack_step, strict=True)
+        }
+        return replace(explanation.moved(amounts), slack=slack)
