@@ -153,7 +153,8 @@ class EffectivenessFilter:
         covariance[:, MOTION, MOTION] = (corner + corner.swapaxes(1, 2)) / 2
         index = np.arange(2 * _D, self.size)
         room = np.clip(1.0 - covariance[:, index, index] / self.drift_limit, 0.0, 1.0)
-        covariance[:, index, index] += self.drift * room
+        drift = self.drift * np.where(index < self.constant.start, 1.0, noise_scale[:, None])
+        covariance[:, index, index] += drift * room
         return step, wrench
 
     def update(self, belief: Belief, entries: Array, measured: Array, variance: Array, usable: Array) -> Innovation:

@@ -1,5 +1,6 @@
-"""Notice that a single thruster has changed, also where it works only now and then: a vehicle that holds its place."""
+"""Notice that one or two thrusters have changed, also where they work only now and then, as in holding a place."""
 
+import itertools
 import math
 from typing import Any, ClassVar
 
@@ -11,19 +12,20 @@ from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
 _D = len(CONTROLLED)
-_CHANGES = np.array((-0.7, 0.7))  # of a gain, that the test is matched to; it grows under any that is larger than half
-_CAP = 0.6  # of the threshold: no single measurement can raise an alarm
+_CHANGES = (-0.7, 0.7)  # of a gain, that the test is matched to; it grows under any that is larger than half
+_CAP = 0.6  # of what a hypothesis needs for an alarm: no single measurement can raise one
 _DOUBT = 0.15  # correlation that a wrong noise model may leave between past noise, to which a controller reacts with
 # commands, and the innovations; without it small commands would seem to speak for a change
 
 
 class GainWatch:
-    """Cumulative sums (Page 1954) of log likelihood ratios, one per thruster and direction of change, for N vehicles.
+    """Cumulative sums (Page 1954) of log likelihood ratios, one per hypothesis, for N vehicles.
 
-    Under a hypothesis, the gain of one thruster differs by a known amount. What that does to the innovations follows
-    from the commands and is worked out beside the filter; where the thruster is idle the sum neither grows nor falls.
-    With a likelihood ratio, a threshold of log n gives at least n steps between false alarms whatever is commanded
-    (Lorden 1971), here of all sums together.
+    Under a hypothesis, the gains of one or two thrusters have differed by known amounts since the sum was last 0.
+    What that does to the innovations follows from the commands and is worked out beside the filter; where these
+    thrusters are idle the sum neither grows nor falls. The mean of the likelihood ratios, half of the weight on single
+    thrusters, is never above the sum over all moments of change (Shiryaev 1963, Roberts 1966), so that a threshold of
+    n for it gives at least n steps between false alarms on average, whatever is commanded (Pollak 1985).
 
     Args:
         count: number of vehicles N.
@@ -34,9 +36,14 @@ class GainWatch:
     FIELDS: ClassVar = ("shift", "total")
 
     def __init__(self, count: int, thrusters: int, steps_between_false_alarms: float):
-        self.threshold = math.log(steps_between_false_alarms * thrusters * len(_CHANGES))
-        self.shift = np.zeros((count, 2 * _D, thrusters))  # of the motion, per change of a gain by 1
-        self.total = np.zeros((count, thrusters, len(_CHANGES)))
+        single, double = _hypotheses(thrusters, 1), _hypotheses(thrusters, 2)
+        self.changes = np.concatenate((single, double)).T  # (n, h) of the gains
+        weight = np.concatenate([np.full(len(kind), 0.5 / len(kind)) for kind in (single, double)])
+        self.log_weight = np.log(weight)
+        self.threshold = math.log(steps_between_false_alarms)
+        self.cap = _CAP * (self.threshold - self.log_weight)
+        self.shift = np.zeros((count, 2 * _D, len(weight)))  # of the motion, under each hypothesis
+        self.total = np.zeros((count, len(weight)))
 
     def reset(self, rows: Array) -> None:
         """Begin anew with some vehicles."""
@@ -48,21 +55,31 @@ class GainWatch:
         onward = np.zeros((len(share), 2 * _D, 2 * _D))
         onward[:, :_D, :_D] = np.eye(_D)
         onward[:, :, _D:] = step.by_velocity
-        self.shift = onward @ self.shift + step.by_wrench @ (effectiveness * share[:, None])
+        self.shift = onward @ self.shift + step.by_wrench @ (effectiveness * share[:, None]) @ self.changes
 
     def update(self, entries: Array, innovation: Innovation, usable: Array) -> None:
         """Weigh what was measured in ``entries`` of the motion; rows (N,) that are not ``usable`` keep their sums."""
-        expected = self.shift[:, entries]  # (N, m, n)
+        expected = self.shift[:, entries]  # (N, m, h)
         weighed = np.linalg.solve(innovation.spread, expected)
-        along = (weighed * innovation.offset[..., None]).sum(1)[..., None]  # (N, n, 1)
-        power = (weighed * expected).sum(1)[..., None]
-        ratio = _CHANGES * along - 0.5 * _CHANGES**2 * power - _DOUBT * np.abs(_CHANGES) * np.sqrt(power)
-        ratio = np.minimum(ratio, _CAP * self.threshold)
-        self.total = np.where(usable[:, None, None], np.maximum(0.0, self.total + ratio), self.total)
-        absorbed = innovation.gain[:, MOTION] @ expected
-        self.shift = self.shift - np.where(usable[:, None, None], absorbed, 0.0)
+        along = (weighed * innovation.offset[..., None]).sum(1)
+        power = (weighed * expected).sum(1)
+        grown = self.total + np.minimum(along - 0.5 * power - _DOUBT * np.sqrt(power), self.cap)
+        self.total = np.where(usable[:, None], np.maximum(0.0, grown), self.total)
+        left = np.where((grown > 0.0)[:, None], self.shift - innovation.gain[:, MOTION] @ expected, 0.0)
+        self.shift = np.where(usable[:, None, None], left, self.shift)
 
     @property
     def statistic(self) -> Array:
-        """Largest sum of each vehicle as a share of the threshold, (N,)."""
-        return self.total.max((1, 2)) / self.threshold
+        """Logarithm of the mean likelihood ratio of each vehicle as a share of its threshold, (N,)."""
+        return np.logaddexp.reduce(self.total + self.log_weight, axis=1) / self.threshold
+
+
+def _hypotheses(thrusters: int, changed: int) -> Array:
+    """Changes of the gains (h, n) under which as many thrusters as ``changed`` have each a changed gain."""
+    return np.array(
+        [
+            np.bincount(which, weights=changes, minlength=thrusters)
+            for which in itertools.combinations(range(thrusters), changed)
+            for changes in itertools.product(_CHANGES, repeat=changed)
+        ]
+    )

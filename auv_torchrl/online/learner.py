@@ -11,6 +11,7 @@ from torch import Tensor
 
 from auv_torchrl.online.allocation import Allocation
 from auv_torchrl.online.config import OnlineConfig
+from auv_torchrl.online.dead_end import DeadEnd
 from auv_torchrl.online.detector import ChangeDetector
 from auv_torchrl.online.filter import VELOCITY, Belief, EffectivenessFilter
 from auv_torchrl.online.gain_watch import GainWatch
@@ -24,17 +25,15 @@ Array = Any
 log = logging.getLogger(__name__)
 _D = len(CONTROLLED)
 _NOISE_RATE = 0.02  # per step, how fast the noise grows that the map cannot explain
-_LATE_NOISE = 10.0  # least of it where thrust comes late: within a step it is no constant
-_LARGEST_NOISE = 1e4  # times the variance of the config
+_LATE_NOISE = 100.0  # least of it where thrust comes late: within a step it is no constant
+_LARGEST_NOISE = 1e5  # times the variance of the config
 _FIELDS = (
-    "phase", "total", "noise_scale", "lost_s", "search_s", "stalled_s", "alarms", "carried", "raw", "sign", "beginning",
+    "phase", "total", "noise_scale", "lost_s", "search_s", "alarms", "carried", "raw", "sign", "beginning",
 )  # fmt: skip
 _LARGEST_GAIN = 3.0  # no thruster does more than this times what it should: such a map explains nothing
 _LEAST_SEARCH_S = 0.25  # s before that is judged
 _SURPRISED = 3.0  # times the variance of the config: so much noise says that the map does not describe the vehicle
-_UNEXPLAINED_NOISE = 1000.0  # times the variance of the config, at least, where no map explains the motion
-_STILL = 0.05  # m/s
-_STALLED_S = 1.5  # s at a limit without moving; a healthy vehicle reaches full speed in less
+_UNEXPLAINED_NOISE = 1e4  # times the variance of the config, at least, where no map explains the motion
 _IMPLAUSIBLE = 4.0  # standard deviations of the prior
 _IMPOSSIBLE_SPEED = 20.0  # m/s and rad/s
 _ROUGH = 0.5  # m/s and rad/s, standard error of a velocity from two poses: it changes between them
@@ -101,7 +100,7 @@ class OnlineLearner:
         self.noise_scale = np.ones(count)
         self.lost_s = np.zeros(count)
         self.search_s = np.zeros(count)
-        self.stalled_s = np.zeros(count)
+        self.dead_end = DeadEnd(count, limits, motion.control_dt)
         self.alarms = np.zeros(count, dtype=np.int64)
         self.carried = np.zeros((count, _D))  # wrench that the dead band has withheld so far
         self.carry_limit = (np.abs(motion.per_share) * edge).max(-1)
@@ -121,6 +120,7 @@ class OnlineLearner:
         self.total[rows] = self.lost_s[rows] = self.search_s[rows] = 0.0
         self.statistic[rows] = 0.0
         self.watch.reset(rows)
+        self.dead_end.begin(rows)
         self.carried[rows] = 0.0
 
     def _place(self, rows: Array, reading: Reading) -> None:
@@ -178,6 +178,7 @@ class OnlineLearner:
         owners: dict[str, tuple[Any, tuple[str, ...]]] = {
             "belief": (self.belief, Belief.FIELDS),
             "guard": (self.guard, MeasurementGuard.FIELDS),
+            "dead_end": (self.dead_end, DeadEnd.FIELDS),
             "sensing": (self.sensing, Sensing.FIELDS),
             "timing": (self.timing, ActuatorTiming.FIELDS),
             "watch": (self.watch, GainWatch.FIELDS),
@@ -252,8 +253,8 @@ class OnlineLearner:
         least = np.where(self.timing.late_s() > 0, _LATE_NOISE, 1.0)
         scaled = self.noise_scale * np.exp(_NOISE_RATE * excess)
         self.noise_scale = np.where(usable, np.clip(scaled, least, _LARGEST_NOISE), self.noise_scale)
-        stalled = self._stalled(share, self.raw[:, :4])
-        alarm = ((self.statistic > 1.0) | self._implausible() | stalled) & (self.phase == FOLLOWING)
+        nowhere = self.dead_end.reached(share, self.raw[:, :4])
+        alarm = ((self.statistic > 1.0) | self._implausible() | nowhere) & (self.phase == FOLLOWING)
         if alarm.any():
             self.search(alarm.nonzero()[0])
         self._end_searches()
@@ -273,21 +274,13 @@ class OnlineLearner:
         missing = np.linalg.solve(step.by_wrench[:, _D:], surprise[..., None])[..., 0]
         self.timing.learn(np.where(usable[:, None], wrench + missing, np.nan))
 
-    def _stalled(self, share: Array, velocity: Array) -> Array:
-        """Vehicles that push with all they have and go nowhere: the map leads into a dead end, (N,) bool."""
-        low, high = self.limits
-        pushing = ((share > 0.98 * high) | (share < 0.98 * low)).any(-1)
-        with np.errstate(invalid="ignore"):
-            still = np.linalg.norm(velocity[:, :3], axis=-1) < _STILL
-        self.stalled_s = np.where(pushing & still, self.stalled_s + self.motion.control_dt, 0.0)
-        return self.stalled_s > _STALLED_S
-
     def search(self, rows: Array) -> None:
         """Drop what has been learnt of some vehicles and learn it anew."""
         self.filter.forget(self.belief, rows)
         self.phase[rows] = SEARCHING
-        self.total[rows] = self.search_s[rows] = self.stalled_s[rows] = 0.0
+        self.total[rows] = self.search_s[rows] = 0.0
         self.watch.reset(rows)
+        self.dead_end.begin(rows)
         self.alarms[rows] += 1
 
     def _end_searches(self) -> None:

@@ -20,7 +20,8 @@ from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
 from bench.comparison import METHODS, Bench, cell
 from bench.comparison_tables import CLOSED, ORACLE, SOURCE, Cell, draw, report, share_closed
-from bench.fault_recovery import CONDITIONS, fly_fault, least_delays, row
+from bench.fault_recovery import CONDITIONS, fly_fault, row
+from bench.least_delay import least_delays
 
 VEHICLE = load_vehicle("paper")
 
@@ -80,7 +81,7 @@ def test_a_fault_in_flight_gives_a_row_of_the_table():
     assert fault_s[0] != fault_s[1]
     found = recoveries(flown, fault_s, VEHICLE)
     assert float(found.largest_m.max()) < 0.4
-    least = least_delays(flown, found, fault_s, VEHICLE)
+    least = least_delays(flown.flight, fault_s + found.felt_s, VEHICLE, load_online_config())
     assert (least <= found.delay_s).all()  # no test is faster than the one that is told everything
     assert row("swap", "still water", found, least).count("|") == 13
 
