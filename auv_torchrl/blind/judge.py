@@ -158,15 +158,21 @@ def _thrusters_right(
         if wanted is None or label["left_out"]:
             continue
         named = {frozenset(f["thrusters"]) for f in found if f["name"] == effect}
-        exchangeable = {
-            thrusters
-            for group in declared
-            if any(_split(entry) == (effect, answer) for entry in group for answer in named)
-            for other, thrusters in map(_split, group)
-            if other == effect
-        }
+        sets = [{_thrusters_of(entry, effect, vehicle) for entry in group} for group in declared]
+        exchangeable = {thrusters for group in sets if group & named for thrusters in group}
         verdicts.append(wanted in named | exchangeable)
     return all(verdicts) if verdicts else None
+
+
+def _thrusters_of(entry: str, effect: str, vehicle: Vehicle) -> frozenset[int] | None:
+    """Thrusters of a declared entry such as ``thruster_gain 5`` or ``gain_5, gain_6``; None where it is of others."""
+    named, thrusters = _split(entry)
+    if named == effect:
+        return thrusters
+    declared, members = get_effect(effect).member_parameters(vehicle), entry.split(", ")
+    if not all(member in declared and declared[member].over == "thruster" for member in members):
+        return None
+    return frozenset(int(member.rsplit("_", 1)[1]) for member in members)
 
 
 def _probability(

@@ -94,13 +94,14 @@ def gain_label(thruster):
     }  # fmt: skip
 
 
-def test_a_wrong_thruster_counts_unless_it_was_declared_exchangeable():
+@pytest.mark.parametrize("prefix", ["thruster_gain ", "gain_"])
+def test_a_wrong_thruster_counts_unless_it_was_declared_exchangeable(prefix):
     """Naming thruster 6 for 5 is wrong, and right where the log cannot tell them apart and the answer says so."""
     label, answer = gain_label(5), perfect(gain_label(6))
     assert judge("a", label, answer, VEHICLE).thrusters_right is False
-    answer["diagnosis"]["indistinguishable"] = [["thruster_gain 5", "thruster_gain 6"]]
+    answer["diagnosis"]["indistinguishable"] = [[f"{prefix}5", f"{prefix}6"]]
     assert judge("a", label, answer, VEHICLE).thrusters_right is True
-    answer["diagnosis"]["indistinguishable"] = [["thruster_gain 1", "thruster_gain 5"]]
+    answer["diagnosis"]["indistinguishable"] = [[f"{prefix}1", f"{prefix}5"]]
     assert judge("a", label, answer, VEHICLE).thrusters_right is False
 
 

@@ -1,5 +1,7 @@
 """Several effects at once, and slack that reaches its limit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flown_logs import fly, hold, with_slack
@@ -61,6 +63,19 @@ def test_an_effect_is_fitted_though_slack_is_at_its_limit():
         stretch = np.abs(bench.slack_now(judged.explanation)) / widths
         assert stretch.max() == pytest.approx(SLACK_LIMIT)
         assert judged.explanation.knobs[0].value == pytest.approx(0.2, rel=0.25)
+
+
+def test_a_window_that_has_lost_its_start_finds_it_again():
+    """A first window that begins with a wrong spin, from which it never settles, ends like the others."""
+    bench = bench_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4)
+    sound = bench.rebase(Explanation(), bench.follow())
+    start = sound.state.start.copy()
+    first = bench.windows.start == bench.windows.start.min()
+    start[first, 11] += 8.0
+    astray = bench.settled(sound.explanation, sound.vehicle, replace(sound.state, start=start))
+    assert np.abs(astray.state.start[first, 11] - sound.state.start[first, 11]).max() > 1.0
+    found = bench.handed_on(astray)
+    np.testing.assert_allclose(found.state.start[:, 11], sound.state.start[:, 11], atol=0.05)
 
 
 def test_a_coefficient_that_is_far_off_by_chance_is_no_effect():

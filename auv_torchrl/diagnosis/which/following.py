@@ -28,6 +28,7 @@ FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
 STUCK = 1.5  # chi-square per number of a window that has not found its start
+ASTRAY = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
 HEIRS = 3  # rounds in which starts are handed on from window to window
 
 
@@ -45,6 +46,7 @@ class Following(Ground):
             self.layout = Layout.of(self.windows, self.vehicle, 0.5 * self.layout.steps_per_bin * self.windows.dt)
             state = self._follow(self.windows, vehicle, self.wide)
         self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
+        self.seen_start = state.start
         measured = sensor_noise(self.windows, state, self.sigma, self.wide)
         self.sigma = self._noise({name: min(measured[name], self.sigma[name]) for name in measured})
         base = Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
@@ -64,45 +66,62 @@ class Following(Ground):
         explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first
         bins = start.state.bins - np.add.reduceat(explained, edges, axis=1) / counts[:, None]
         state = local_slopes(self.windows, vehicle, self.layout, start.state.start, bins)
-        base = self._settled(explanation, vehicle, state)
+        base = self.settled(explanation, vehicle, state)
         lost = misfit(self.windows, base.state.residual, self.sigma) > LOST
         if lost.any() and lost.mean() < MOSTLY_LOST:  # the start was no good; it may be under the right vehicle
             fresh = self._follow(self.windows.subset(lost), vehicle, self.floor)
             merged = [np.copy(field) for field in fields(base.state)]
             for old, new in zip(merged, fields(fresh), strict=True):
                 old[lost] = new
-            base = self._settled(explanation, vehicle, Smoothed(*merged))
-        return self._handed_on(base)
+            base = self.settled(explanation, vehicle, Smoothed(*merged))
+        return self.handed_on(base)
 
-    def _handed_on(self, base: Base) -> Base:
-        """Windows that got stuck begin anew where the window before them, which did not, ends under this vehicle."""
-        windows, layout = self.windows, self.layout
+    def handed_on(self, base: Base) -> Base:
+        """Windows that got stuck begin anew: where a free force had them begin, or where the one before them ends."""
+        windows = self.windows
         follows = (windows.episode[:, None] == windows.episode) & (
             windows.start[:, None] == windows.start + windows.steps
         )
         before = np.where(follows.any(1), follows.argmax(1), -1)
-        numbers = windows.present.sum(1) * len(windows.channels)
+        chi2 = self._chi2_by_window(base.state)
+        astray = np.flatnonzero(~(chi2 < ASTRAY * np.median(chi2)))
+        if len(astray):
+            base = self._begun_anew(base, astray, self.seen_start[astray])
         for _ in range(HEIRS):
-            state = base.state
-            parts = chi_square(windows, layout, self.freedom(state.slope), *_one_row(state))[:, 0]
-            stuck = ~(parts < STUCK * numbers)
+            stuck = self._stuck(base)
             heirs = np.flatnonzero(stuck & (before >= 0) & ~stuck[before])
             if not len(heirs) or stuck.mean() > MOSTLY_LOST:
                 break
-            ends = self._ends(base)[before[heirs]]
-            some = windows.subset(heirs)
-            fresh = local_slopes(some, base.vehicle, layout, ends, np.zeros_like(state.bins[heirs]))
-            freedom = Freedom.of(some, layout, fresh.slope, self.sigma, self.floor)
-            start, bins, residual = settle(some, base.vehicle, layout, freedom, *_one_row(fresh)[:2])
-            better = chi_square(some, layout, freedom, start, bins, residual)[:, 0] < parts[heirs]
-            if not better.any():
+            fresh = self._begun_anew(base, heirs, self._ends(base)[before[heirs]])
+            if fresh is base:
                 break
-            fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
-            merged = [np.copy(field) for field in fields(state)]
-            for old, new in zip(merged, fields(fresh), strict=True):
-                old[heirs[better]] = new[better]
-            base = self._settled(base.explanation, base.vehicle, Smoothed(*merged))
+            base = fresh
         return base
+
+    def _stuck(self, base: Base) -> np.ndarray:
+        """(W,) windows that leave more than an explanation that is about right would."""
+        numbers = self.windows.present.sum(1) * len(self.windows.channels)
+        return ~(self._chi2_by_window(base.state) < STUCK * numbers)
+
+    def _chi2_by_window(self, state: Smoothed) -> Floats:
+        return chi_square(self.windows, self.layout, self.freedom(state.slope), *_one_row(state))[:, 0]
+
+    def _begun_anew(self, base: Base, rows: np.ndarray, starts: Floats) -> Base:
+        """The base with some windows settled from other starts (rows, 12), where that is better."""
+        layout, state = self.layout, base.state
+        some = self.windows.subset(rows)
+        fresh = local_slopes(some, base.vehicle, layout, starts, np.zeros_like(state.bins[rows]))
+        freedom = Freedom.of(some, layout, fresh.slope, self.sigma, self.floor)
+        start, bins, residual = settle(some, base.vehicle, layout, freedom, *_one_row(fresh)[:2])
+        chi2 = chi_square(some, layout, freedom, start, bins, residual)[:, 0]
+        better = chi2 < self._chi2_by_window(state)[rows]
+        if not better.any():
+            return base
+        fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
+        merged = [np.copy(field) for field in fields(state)]
+        for old, new in zip(merged, fields(fresh), strict=True):
+            old[rows[better]] = new[better]
+        return self.settled(base.explanation, base.vehicle, Smoothed(*merged))
 
     def _ends(self, base: Base) -> Floats:
         """States (W, 12) in which the windows end, as the start of what follows them."""
@@ -117,7 +136,7 @@ class Following(Ground):
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""
         vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
-        return self._settled(explanation, vehicle, start.state)
+        return self.settled(explanation, vehicle, start.state)
 
     def nudged_chi2(self, explanations: list[Explanation], start: Base) -> Floats:
         """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
@@ -130,7 +149,8 @@ class Following(Ground):
         chi2 = chi_square(self.windows, self.layout, freedom, *settled).sum(0)
         return chi2 + ((slack @ self.slack_precision) * slack).sum(-1)
 
-    def _settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
+    def settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
+        """The windows under an explanation, settled from a state near by."""
         settled = self._settle(vehicle, state, self.freedom(state.slope))
         return Base(explanation, vehicle, settled, measured_motion(self.windows, vehicle, self.layout, settled))
 
