@@ -52,6 +52,13 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
         assert limit.sentence.startswith("every thruster saturates at")
 
 
+def test_thrusters_that_failed_in_different_ways_are_named_one_by_one():
+    """Three thrusters, reversed, weak and dead, are not taken for one value of all of them and something else."""
+    gains = {"gain_1": -1.0, "gain_2": 0.2, "gain_4": 0.0}
+    (effect,) = diagnose(fly(HELD, {"thruster_gain": gains}, seed=9, **SHORT), PAPER).effects
+    assert {name: round(estimate.value, 1) for name, estimate in effect.parameters.items()} == gains
+
+
 def test_an_effect_is_fitted_though_slack_is_at_its_limit():
     """What slack cannot take goes to the effect that is fitted, sketched along the measured motion or simulated."""
     bench = bench_of(HELD, {"thruster_lag": {"time_constant": 0.2}, "payload": {"mass": 4.0, "weight": 8.0}}, seed=3)
