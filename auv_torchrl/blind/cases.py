@@ -20,8 +20,8 @@ ONE_CAN_HIDE_THE_OTHER = (  # pairs that no log can tell from one effect, or of 
     {"payload", "mass_offset"},
 )
 FAMILIES = (
-    "single", "single_slack", "severity", "length", "noise", "pair", "no_gap", "no_gap_slack", "outside", "left_out",
-    "onset",
+    "single", "single_slack", "failures", "severity", "length", "noise", "pair", "no_gap", "no_gap_slack", "outside",
+    "left_out", "onset",
 )  # fmt: skip
 
 
@@ -40,6 +40,7 @@ class Case:
     episodes: int = 6
     episode_s: float = 30.0
     noise: float = 1.0
+    failed: int = 0  # thrusters that have each failed in their own way; 0 where effects are drawn as usual
     onset: bool = False  # the effects begin during the log
 
     @property
@@ -101,6 +102,11 @@ def _single_slack(count: int, rng: np.random.Generator) -> list[dict]:
     return [{**case, "family": "single_slack", "slack": SLACK} for case in _single(count, rng)]
 
 
+def _failures(count: int, rng: np.random.Generator) -> list[dict]:
+    numbers = cycle((2, 3))
+    return [{"family": "failures", "effects": ("thruster_gain",), "failed": next(numbers)} for _ in range(count)]
+
+
 def _severity(count: int, rng: np.random.Generator) -> list[dict]:
     names = _shuffled((name for name in CLEAR if name != "thruster_swap"), count, rng)
     scales = cycle(STEPS_DOWN)
@@ -150,7 +156,7 @@ def _onset(count: int, rng: np.random.Generator) -> list[dict]:
 
 
 _FAMILY = {
-    "single": _single, "single_slack": _single_slack, "severity": _severity, "length": _length, "noise": _noise,
-    "pair": _pair, "no_gap": _no_gap, "no_gap_slack": _no_gap_slack, "outside": _outside, "left_out": _left_out,
-    "onset": _onset,
+    "single": _single, "single_slack": _single_slack, "failures": _failures, "severity": _severity, "length": _length,
+    "noise": _noise, "pair": _pair, "no_gap": _no_gap, "no_gap_slack": _no_gap_slack, "outside": _outside,
+    "left_out": _left_out, "onset": _onset,
 }  # fmt: skip

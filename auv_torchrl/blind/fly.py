@@ -14,7 +14,7 @@ from auv_torchrl.blind.mujoco_plant import MujocoPlant, loosened
 from auv_torchrl.blind.outside import OUTSIDE, Motion, Outside
 from auv_torchrl.blind.pilots import Pilots
 from auv_torchrl.blind.plant import Influences, Plant, Slack
-from auv_torchrl.blind.sizes import draw_values
+from auv_torchrl.blind.sizes import draw_failures, draw_values
 from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import POSE, Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT
@@ -87,7 +87,10 @@ def _draw(case: Case, vehicle: Vehicle, seed: int) -> Draw:
 
 def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
     case = draw.case
-    draw.values = {name: draw_values(name, vehicle, draw.rng, case.scale) for name in case.effects}
+    if case.failed:
+        draw.values = {"thruster_gain": draw_failures(vehicle, draw.rng, case.failed)}
+    else:
+        draw.values = {name: draw_values(name, vehicle, draw.rng, case.scale) for name in case.effects}
     if case.outside:
         draw.outside = OUTSIDE[case.outside](draw.rng, case.episodes, vehicle.thrusters, CONTROL_DT)
 

@@ -30,7 +30,8 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
     single, slack = of_families(judgements, "single"), of_families(judgements, "single_slack")
     clean, loose = of_families(judgements, "no_gap"), of_families(judgements, "no_gap_slack")
     outside, pairs = of_families(judgements, "outside"), of_families(judgements, "pair")
-    known = [j for j in judgements if j.family in ("single", "single_slack", "pair")]
+    failed = of_families(judgements, "failures")
+    known = [j for j in judgements if j.family in ("single", "single_slack", "failures", "pair")]
     p_truth = [j.probability_of_truth for j in calibration_cases(judgements) if j.probability_of_truth is not None]
     errors = [error for j in single for error in j.errors.values()]
     covered = [held for j in single for held in j.covered.values()]
@@ -41,6 +42,9 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
     def thrusters(group: list[Judgement]) -> Share:
         return Share.of([j.thrusters_right for j in group if j.thrusters_right is not None])
 
+    def all_named(group: list[Judgement]) -> Share:
+        return Share.of([j.named == (j.truth,) and bool(j.thrusters_right) for j in group])
+
     def alarms(group: list[Judgement]) -> Share:
         return Share.of([j.verdict != "no_gap" for j in group])
 
@@ -48,6 +52,7 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
         ("single effect named first", "≥ 95 %", "≥ 99 %", Share.of([j.right for j in single])),
         ("… or one declared indistinguishable from it", "", "", Share.of([j.right_class for j in single])),
         ("thrusters at fault named (exchangeable ones declared)", "≥ 95 %", "≥ 99 %", thrusters(single)),
+        ("two or three thrusters failed, each in its own way: these named, no others", "", "", all_named(failed)),
         ("single effect named first, 3 % slack on everything", "≥ 88 %", "≥ 95 %", Share.of([j.right for j in slack])),
         ("… or one declared indistinguishable from it", "", "", Share.of([j.right_class for j in slack])),
         ("thrusters at fault named, 3 % slack", "", "", thrusters(slack)),

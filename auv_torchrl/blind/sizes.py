@@ -20,8 +20,12 @@ def _sign(rng: Rng) -> float:
     return float(rng.choice((-1.0, 1.0)))
 
 
+def _faulty_gain(rng: Rng) -> float:
+    return -rng.uniform(0.5, 1.0) if rng.random() < 0.25 else rng.uniform(0.0, 0.75)
+
+
 def _gain(rng: Rng) -> dict[str, Any]:
-    value = -rng.uniform(0.5, 1.0) if rng.random() < 0.25 else rng.uniform(0.0, 0.75)
+    value = _faulty_gain(rng)
     return {f"gain_{rng.integers(1, 7)}": value}
 
 
@@ -122,3 +126,9 @@ def draw_values(name: str, vehicle: Vehicle, rng: Rng, scale: float = 1.0) -> di
     return {
         key: value if key in kept else nominal[key] + scale * (value - nominal[key]) for key, value in values.items()
     }
+
+
+def draw_failures(vehicle: Vehicle, rng: Rng, failed: int) -> dict[str, float]:
+    """Gains of several horizontal thrusters that failed each in its own way; the vertical ones share a command."""
+    faulty = rng.choice(HORIZONTAL, failed, replace=False)
+    return get_effect("thruster_gain").read(vehicle, {f"gain_{i}": _faulty_gain(rng) for i in faulty})

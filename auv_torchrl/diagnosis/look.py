@@ -22,7 +22,7 @@ from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.vehicle import Vehicle
 
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
-HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt
+HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def look(
     sound = calibrate(healthy, vehicle, settings) if healthy else None
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
-    hints = best_singles(seen.found) if seen else ()
+    hints = hints_of(seen.found) if seen else ()
     follow = bench.follow()
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(bench, follow)
@@ -60,6 +60,7 @@ def look(
         found = search(behind, behind.follow(), report, hints)
         if seen or is_absent(bench, onset, found.best.explanation, own, settings):
             return Looked(behind, found, sound, onset)
+        hints = hints_of(found)  # what explains a part may explain all
     return Looked(bench, search(bench, follow, report, hints), sound)
 
 
@@ -79,12 +80,13 @@ def look_both_ways(
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
 
 
-def best_singles(found: Found) -> list[Explanation]:
-    """The likeliest explanations by one effect each, without their slack."""
-    singles = {
-        j.explanation.effects: j.explanation for j in reversed(found.polished) if len(j.explanation.effects) == 1
-    }
-    return [replace(explanation, slack={}) for explanation in [*singles.values()][::-1][:HINTS]]
+def hints_of(found: Found) -> list[Explanation]:
+    """The best explanation and the likeliest one by one other effect, without their slack."""
+    hints: dict[tuple[str, ...], Explanation] = {}
+    for judged in [found.best, *(j for j in found.polished if len(j.explanation.effects) == 1)]:
+        if judged.explanation.effects:
+            hints.setdefault(judged.explanation.effects, replace(judged.explanation, slack={}))
+    return list(hints.values())[:HINTS]
 
 
 def excess(found: Found) -> float:

@@ -15,13 +15,10 @@ def found_effects(
     bench: Bench, found: Found, probability: dict[str, float], closed: float | None
 ) -> tuple[FoundEffect, ...]:
     """The effects of the best explanation with values, intervals and shares, the one that closes most first."""
-    best = found.best
-    deviation = np.sqrt(np.diag(best.covariance))
-    spread = {knob.key: float(d) for knob, d in zip(best.explanation.fitted, deviation, strict=True)}
     shares = leave_one_out(found)
     effects = [
-        _found_effect(bench, best, name, spread, probability[name], (closed or 0.0) * shares[name])
-        for name in best.explanation.effects
+        _found_effect(bench, found.best, name, probability[name], (closed or 0.0) * shares[name])
+        for name in found.best.explanation.effects
     ]
     return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
 
@@ -52,27 +49,24 @@ def cannot_tell(bench: Bench, found: Found) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _found_effect(
-    bench: Bench, best: Judged, name: str, spread: dict[tuple, float], probability: float, closed: float
-) -> FoundEffect:
+def _found_effect(bench: Bench, best: Judged, name: str, probability: float, closed: float) -> FoundEffect:
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(bench.vehicle), effect.nominal(bench.vehicle)
+    values = best.explanation.values(bench.vehicle, slack=False)[name]  # where two knobs move a member, both count
     parameters: dict[str, Estimate] = {}
     thrusters: set[int] = set()
     sentences = []
-    for knob in best.explanation.knobs:
-        if knob.effect != name:
-            continue
-        for member in knob.members:
-            p = declared[member]
-            model = 0.0 if knob.discrete else MODEL_ERROR * abs(knob.value - nominal[member])
-            half = Z95 * float(np.hypot(spread.get(knob.key, 0.0), model))
-            low, high = max(p.low, knob.value - half), min(p.high, knob.value + half)
-            parameters[member] = Estimate(knob.value, low, high, nominal[member], p.unit)
-            which = member.removeprefix(f"{p.name}_")
-            sentences.append(p.sentence.format(value=knob.value, which=which))
-            if p.over == "thruster":
-                thrusters.add(int(which))
+    for member, value in values.items():
+        p = declared[member]
+        moving = [i for i, k in enumerate(best.explanation.fitted) if k.effect == name and member in k.members]
+        model = MODEL_ERROR * abs(value - nominal[member]) if moving else 0.0  # a discrete value has no error
+        half = Z95 * float(np.hypot(np.sqrt(best.covariance[np.ix_(moving, moving)].sum()), model))
+        low, high = max(p.low, value - half), min(p.high, value + half)
+        parameters[member] = Estimate(value, low, high, nominal[member], p.unit)
+        which = member.removeprefix(f"{p.name}_")
+        sentences.append(p.sentence.format(value=value, which=which))
+        if p.over == "thruster":
+            thrusters.add(int(which))
     if len(knob_members := {k.members for k in best.explanation.knobs if k.effect == name}) == 1:
         (members,) = knob_members
         if len(members) > 1:

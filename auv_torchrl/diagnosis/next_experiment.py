@@ -22,6 +22,7 @@ from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 SECONDS = 12.0
 SIZE = 0.4  # of the full command: a tank leaves no room for more
 OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
+MOST_RIVALS = 4  # pairs that manoeuvres are flown for in simulation
 SEPARATES = 3.0  # noise standard deviations, root mean square, below which flying it is no use
 
 
@@ -51,7 +52,7 @@ def choose_experiment(bench: Bench, found: Found, verdict: Verdict, where: Where
 
     The manoeuvre under which the two closest rivals differ most, or one that shows alone what no effect explains.
     """
-    for name, other, explanation in rivals(bench, found):
+    for name, other, explanation in rivals(bench, found)[:MOST_RIVALS]:
         separates = separate(bench, (name, found.best.explanation), (other, explanation))
         if separates is not None:
             return separates

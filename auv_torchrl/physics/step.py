@@ -77,18 +77,28 @@ def control_step(
 
 
 def runge_kutta_step(
-    c: Coefficients, terms: ActiveTerms, body: Array, thrust: Array, target: Array, time: Array, h: float
+    c: Coefficients,
+    terms: ActiveTerms,
+    body: Array,
+    thrust: Array,
+    target: Array,
+    time: Array,
+    h: float,
+    force: Array | float = 0.0,
 ) -> tuple[Array, Array]:
-    """``body`` (..., 13), position, quaternion and velocity, and ``thrust`` (..., n), ``h`` seconds later."""
+    """``body`` (..., 13), position, quaternion and velocity, and ``thrust`` (..., n), ``h`` seconds later.
+
+    ``force`` (..., 6) in N and N m, body frame, acts besides the thrusters.
+    """
     xp = array_namespace(body)
     later = thrust_after(c, terms, thrust, target, h)
     if terms.lag or terms.battery_sag:
         first = thrust_after(c, terms, thrust, target, 0.0)  # the new target at once where a thruster has no lag
         midway = thrust_after(c, terms, thrust, target, h / 2)
         stages = ((first, 0.0), (midway, h / 2), (later, h))
-        wrenches = [body_wrench(c, terms, force, time + elapsed) for force, elapsed in stages]
+        wrenches = [body_wrench(c, terms, given, time + elapsed) + force for given, elapsed in stages]
     else:
-        wrenches = [body_wrench(c, terms, later, time)] * 3
+        wrenches = [body_wrench(c, terms, later, time) + force] * 3
 
     def slope(body: Array, wrench: Array) -> Array:
         velocity = body[..., 7:]

@@ -10,7 +10,7 @@ from auv_torchrl.blind.influence import CLEAR_AT
 from auv_torchrl.blind.mujoco_plant import MujocoPlant
 from auv_torchrl.blind.outside import OUTSIDE, Outside
 from auv_torchrl.blind.plant import Influences, Slack
-from auv_torchrl.blind.sizes import CLEAR, COEFFICIENTS, NOT_A_GAP, draw_values
+from auv_torchrl.blind.sizes import CLEAR, COEFFICIENTS, HORIZONTAL, NOT_A_GAP, draw_failures, draw_values
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
@@ -44,6 +44,16 @@ def distance(one, other):
 def test_sizes_cover_the_registry():
     """Every effect that opens a gap of its own has a clear size."""
     assert set(CLEAR) | set(NOT_A_GAP) | set(COEFFICIENTS) == set(EFFECTS)
+
+
+@pytest.mark.parametrize("failed", [2, 3])
+def test_failed_thrusters_are_as_many_as_asked_for(failed):
+    """Several thrusters fail, each one in its own way, and no vertical one, which shares its command with another."""
+    for seed in range(20):
+        values = draw_failures(VEHICLE, np.random.default_rng(seed), failed)
+        faulty = {name: gain for name, gain in values.items() if gain != 1.0}
+        assert len(set(faulty.values())) == failed
+        assert set(faulty) <= {f"gain_{i}" for i in HORIZONTAL}
 
 
 @pytest.mark.parametrize("effect", CLEAR)

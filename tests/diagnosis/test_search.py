@@ -79,7 +79,7 @@ def test_a_window_that_has_lost_its_start_finds_it_again():
     start = sound.state.start.copy()
     first = bench.windows.start == bench.windows.start.min()
     start[first, 11] += 8.0
-    astray = bench.settled(sound.explanation, sound.vehicle, replace(sound.state, start=start))
+    astray = bench.nudge(sound.explanation, replace(sound, state=replace(sound.state, start=start)))
     assert np.abs(astray.state.start[first, 11] - sound.state.start[first, 11]).max() > 1.0
     found = bench.handed_on(astray)
     np.testing.assert_allclose(found.state.start[:, 11], sound.state.start[:, 11], atol=0.05)

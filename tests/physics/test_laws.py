@@ -20,6 +20,7 @@ from auv_torchrl.physics.kinematics import (
     rotation_matrix,
     wrap_angle,
 )
+from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.vehicle import GRAVITY, load_vehicle
 
 VEHICLES = config_names("vehicle")
@@ -270,3 +271,19 @@ def test_a_delayed_command_arrives_within_the_control_step(seed, quarters):
         fine = control_step(prepare(vehicle), at_once, fine, command, 0.0125, 1)
     torch.testing.assert_close(coarse.position, fine.position, rtol=0, atol=1e-9)
     torch.testing.assert_close(coarse.velocity, fine.velocity, rtol=0, atol=1e-9)
+
+
+@given(seed=seeds)
+@by_seed
+def test_a_force_from_outside_does_what_thrusters_that_make_it_do(seed):
+    """The wrench of the thrusters, given as a force besides silent ones, moves the vehicle in the same way."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    c = prepare(vehicle.expand(4))
+    state, _ = random_state(vehicle, 4, seed)
+    body = torch.cat((state.position, state.quaternion, state.velocity), dim=-1)
+    silent = torch.zeros(4, vehicle.thrusters, dtype=torch.float64)
+    thrust = torch.as_tensor(np.random.default_rng(seed).uniform(-20, 20, silent.shape))
+    terms = ActiveTerms.of(c)
+    by_thrusters, _ = runge_kutta_step(c, terms, body, silent, thrust, state.time, 0.02)
+    by_force, _ = runge_kutta_step(c, terms, body, silent, silent, state.time, 0.02, matvec(c.allocation, thrust))
+    torch.testing.assert_close(by_force, by_thrusters, rtol=0, atol=1e-12)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import actuate, path, simulate
+from auv_torchrl.diagnosis.motion.rollout import actuate, fly, simulate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows, cut_windows, grid_step
@@ -68,9 +68,9 @@ def predict(
     errors, states = [], []
     for vehicle in vehicles:
         one = batch(vehicle, [{}])
-        errors.append(windows.residual(simulate(windows, one, state.start[:, None]))[:, 0])
-        every = slice(0, len(windows))
-        states.append(path(windows, every, actuate(windows, one), state.start[:, None], None, windows.steps, 1)[:, 0])
+        predicted, passed = fly(actuate(windows, one), state.start[:, None])
+        errors.append(windows.residual(predicted)[:, 0])
+        states.append(passed[:, 0])
     return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1))
 
 

@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate, grid_thrust, path
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, pose_late
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -28,12 +28,8 @@ CANDIDATES_AT_ONCE = 16
 
 
 @DIVERGING
-def measured_motion(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed) -> Floats:
-    """States (W, S, 13) in the middle of each grid step along the smoothed windows; ``vehicle`` is a batch (1,)."""
-    force = layout.force(state.bins[:, None], windows.steps)
-    actuation = actuate(windows, vehicle)
-    everything = slice(0, len(windows))
-    states = path(windows, everything, actuation, state.start[:, None], force, windows.steps, 1)[:, 0]
+def middles(states: Floats) -> Floats:
+    """States (W, S, 13) in the middle of each grid step, of states (W, S + 1, 13) on the grid."""
     middle = 0.5 * (states[:, :-1] + states[:, 1:])
     middle[..., 3:7] = normalise(middle[..., 3:7])
     return middle
@@ -45,23 +41,21 @@ def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: 
 
     It is the nominal mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
     """
-    before = accelerations(windows, actuate(windows, nominal), motion)
+    before = accelerations(actuate(windows, nominal), motion)
     mass = actuate(windows, nominal).c.mass_matrix[:, None]
     rows = changed.batch_size[0]
     pieces = []
     for first in range(0, rows, CANDIDATES_AT_ONCE):
         some = slice(first, min(rows, first + CANDIDATES_AT_ONCE))
-        pieces.append(
-            matvec(mass, accelerations(windows, actuate(windows, cast(Vehicle, changed[some])), motion) - before)
-        )
+        pieces.append(matvec(mass, accelerations(actuate(windows, cast(Vehicle, changed[some])), motion) - before))
     return np.concatenate(pieces, axis=1)
 
 
-def accelerations(windows: Windows, actuation: Actuation, motion: Floats) -> Floats:
+def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     """(W, R, S, 6) of the vehicles of ``actuation`` along ``motion`` (W, S, 13)."""
-    c, terms = actuation.c, actuation.terms
-    by_step = type(c)(*(field[:, None] for field in c))  # (R, 1, ...) so that steps are a batch axis
-    target = np.stack([grid_thrust(windows, actuation, windows.start + step) for step in range(windows.steps)], axis=2)
+    windows, c, terms = actuation.windows, actuation.c, actuation.terms
+    by_step = c.rows((slice(None), None))  # (R, 1, ...) so that steps are a batch axis
+    (target,) = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))
     thrust = target
     if terms.lag:
         left = actuation.thrust

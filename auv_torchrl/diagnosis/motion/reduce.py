@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, noise_per_sample, residual_at
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate
+from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, flown, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.vehicle import Vehicle
 
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
-SETTLE_STEPS = 2
 BOUND_PASSES = 4  # of fixing numbers at their bounds and fitting the rest again
 OU_TIME = 1.0  # s, correlation time of the disturbance force
 
@@ -86,23 +85,33 @@ class Freedom:
 
 @DIVERGING
 def settle(
-    windows: Windows, vehicle: Vehicle, layout: Layout, freedom: Freedom, start: Floats, bins: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Gauss-Newton steps of the free numbers with slopes that are known: starts, bins and residuals (W, R, K).
+    windows: Windows,
+    vehicle: Vehicle,
+    layout: Layout,
+    freedom: Freedom,
+    start: Floats,
+    bins: Floats,
+    residual: Floats | None = None,
+    steps: int = 1,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Gauss-Newton steps of the free numbers; starts, bins, residuals (W, R, K) and states (W, R, S + 1, 13) then.
 
-    ``vehicle`` is a batch (R,), ``start`` (W, R, 12), ``bins`` (W, R, B, D). One rollout per step: slopes hardly change
-    where a small change of the vehicle moves the windows a little.
+    ``vehicle`` is a batch (R,), ``start`` (W, R, 12), ``bins`` (W, R, B, D); ``residual`` is theirs where it is known.
+    Slopes are known: they hardly change where a small change of the vehicle moves the windows a little.
     """
-    residual = residual_at(windows, vehicle, layout, start, bins)
-    for _ in range(SETTLE_STEPS):
+    actuation = actuate(windows, vehicle)
+    states = np.empty(0)
+    if residual is None:
+        residual, states = flown(actuation, layout, start, bins)
+    for _ in range(steps):
         pull = (residual * freedom.weight) @ freedom.slope
         pull -= freedom.away(windows, layout, start, bins) @ freedom.precision
         move = pull @ freedom.inverse  # symmetric
         start = start.copy()
         start[..., layout.start] += move[..., : len(layout.start)]
         bins = bins + move[..., len(layout.start) :].reshape(bins.shape)
-        residual = residual_at(windows, vehicle, layout, start, bins)
-    return start, bins, residual
+        residual, states = flown(actuation, layout, start, bins)
+    return start, bins, residual, states
 
 
 @DIVERGING

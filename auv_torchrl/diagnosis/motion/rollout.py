@@ -1,24 +1,22 @@
 """Many vehicles over many windows in one batched rollout of the project's physics.
 
 Thrust depends on commands alone, so it is worked out before the body moves: each window starts with the thrust that
-its commands have left behind. A force that no term explains enters through six virtual thrusters, one per degree of
-freedom, so that the equations of motion stay those of :mod:`auv_torchrl.physics`.
+its commands have left behind, and the targets of all its steps are found at once.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
-from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step, prepare
+from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
 from auv_torchrl.physics.sensors import measured_pose
+from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.physics.thrusters import thrust_after, thrust_targets
 from auv_torchrl.vehicle import Vehicle
 
-VIRTUAL_FULL = 1e5  # N and N m at a virtual command of 1, far above any force on these vehicles
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
 LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
 
@@ -30,77 +28,76 @@ DIVERGING = np.errstate(over="ignore", invalid="ignore", divide="ignore")  # suc
 class Actuation:
     """What ``R`` vehicles do with the logged commands, before any motion."""
 
+    windows: Windows
     c: Coefficients  # (R, ...); their delay is what is left of it behind whole grid steps
     terms: ActiveTerms
-    late: bool  # whether any delay is left
-    reaching: Floats  # (U, E, T, n) commands behind whole grid steps of delay, for each different number of them
-    which: np.ndarray  # (R,) row of reaching
+    whole: np.ndarray  # (R,) grid steps of delay
     thrust: Floats  # (W, R, n) N, at the start of each window
     substeps: int  # Runge-Kutta steps per grid step
 
-    @cached_property
-    def pushed(self) -> Coefficients:
-        """The coefficients with virtual thrusters."""
-        return with_virtual_thrusters(self.c)
+    @property
+    def late(self) -> bool:
+        """Whether some commands arrive within a grid step."""
+        return bool((self.c.delay > 1e-6 * self.windows.dt).any())
 
-    def memory(self, episode: np.ndarray, grid: np.ndarray) -> Floats:
-        """Commands (w, R, L, n) for grid steps (w,) of episodes (w,), the newest first, as the physics takes them."""
-        grid = np.clip(grid, 0, self.reaching.shape[2] - 1)
+    def targets(self, chunk: slice, steps: np.ndarray, parts: int = 1) -> list[Floats]:
+        """Mean thrust target (w, R, S, n) in N during each of ``parts`` parts of grid steps (S,) of some windows."""
+        windows = self.windows
+        grid = np.clip(windows.start[chunk, None] + steps, 0, windows.commands.shape[1] - 1)
+        shifts = self.whole[:1] if (self.whole == self.whole[0]).all() else self.whole
+        arrived = grid[:, None] - shifts[:, None]  # (w, R or 1, S)
         ages = (0, 1) if self.late else (0,)
-        held = np.stack([self.reaching[:, episode, np.maximum(grid - age, 0)] for age in ages], axis=-2)
-        return held[self.which].swapaxes(0, 1)
+        episode = windows.episode[chunk, None, None]
+        held = np.stack([windows.commands[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
+        by_step = self.c.rows((slice(None), None))
+        return thrust_targets(by_step, self.terms, held, windows.dt, parts)
 
 
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
     """Delay the commands and let the lag run up to the start of each window; ``vehicle`` is a batch (R,)."""
     c = prepare(vehicle).numpy()
-    terms = ActiveTerms.of(c)
     total = np.maximum(c.delay + c.pose_delay, 0.0)  # a late pose sees the motion that older commands made
     whole = np.floor(total / windows.dt + 1e-6)
     c = c._replace(delay=np.maximum(total - whole * windows.dt, 0.0))
-    different, which = np.unique(whole.astype(int), return_inverse=True)
-    steps = np.arange(windows.commands.shape[1])
-    reaching = np.stack([windows.commands[:, np.maximum(steps - shift, 0)] for shift in different])
-    late = bool((c.delay > 1e-6 * windows.dt).any())
     silent = np.zeros((len(windows), len(total), c.full_thrust.shape[-1]))
-    number = max(_substeps(windows, c), 2 if late else 1)  # some commands arrive within a grid step
-    actuation = Actuation(c, terms, late, reaching, which, silent, number)
-    if terms.lag:
-        thrust = actuation.thrust
+    actuation = Actuation(windows, c, ActiveTerms.of(c), whole.astype(int), silent, _substeps(windows, c))
+    if actuation.late:
+        actuation = replace(actuation, substeps=max(actuation.substeps, 2))
+    if actuation.terms.lag:
         back = int(np.ceil(LAG_MEMORY * c.lag.max() / windows.dt))
-        for ago in range(back, 0, -1):
-            target = grid_thrust(windows, actuation, windows.start - ago)
-            thrust = target if ago == back else thrust_after(c, terms, thrust, target, windows.dt)
+        (targets,) = actuation.targets(slice(0, len(windows)), np.arange(-back, 0))
+        thrust = targets[:, :, 0]
+        for ago in range(1, back):
+            thrust = thrust_after(c, actuation.terms, thrust, targets[:, :, ago], windows.dt)
         actuation = replace(actuation, thrust=thrust)
     return actuation
 
 
-def grid_thrust(windows: Windows, actuation: Actuation, grid: np.ndarray) -> Floats:
-    """Mean thrust target (W, R, n) in N of every window during a grid step (W,) of its episode."""
-    memory = actuation.memory(windows.episode, grid)
-    return thrust_targets(actuation.c, actuation.terms, memory, windows.dt, 1)[0]
+def simulate(windows: Windows, vehicle: Vehicle, start: Floats, force: Floats | None = None) -> Floats:
+    """Predicted samples (W, R, m, C) of ``R`` vehicles over all windows, see :func:`fly`."""
+    return fly(actuate(windows, vehicle), start, force)[0]
 
 
 @DIVERGING
-def simulate(windows: Windows, vehicle: Vehicle, start: Floats, force: Floats | None = None) -> Floats:
-    """Predicted samples (W, R, m, C) of ``R`` vehicles over all windows.
+def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tuple[Floats, Floats]:
+    """Predicted samples (W, R, m, C) of ``R`` vehicles over all windows, and their states (W, R, S + 1, 13).
 
     Args:
-        windows: what was commanded and when samples were taken.
-        vehicle: batch (R,).
+        actuation: what the vehicles (R,) do with the commands of the windows.
         start: (W, R, 12) true position, roll, pitch, measured yaw, and body velocity at the start.
         force: (W, R, S, 6) in N and N m, body frame, that acts besides what the vehicle does; None for none.
 
     Any of the three may have one row for all the others'.
     """
-    actuation = actuate(windows, vehicle)
+    windows = actuation.windows
     steps = windows.steps + late_steps(windows, actuation.c)
-    rows = max(len(actuation.which), start.shape[1], 1 if force is None else force.shape[1])
-    pieces = [
-        sample(windows, chunk, actuation.c, path(windows, chunk, actuation, start, force, steps, rows))
-        for chunk in _chunks(len(windows), rows)
-    ]
-    return np.concatenate(pieces)
+    rows = max(len(actuation.whole), start.shape[1], 1 if force is None else force.shape[1])
+    samples, states = [], []
+    for chunk in _chunks(len(windows), rows):
+        flown = path(actuation, chunk, start, force, steps, rows)
+        samples.append(sample(windows, chunk, actuation.c, flown))
+        states.append(flown[:, :, : windows.steps + 1])
+    return np.concatenate(samples), np.concatenate(states)
 
 
 def _substeps(windows: Windows, c: Coefficients) -> int:
@@ -118,76 +115,51 @@ def _chunks(windows: int, rows: int) -> Iterator[slice]:
 
 
 @DIVERGING
-def path(
-    windows: Windows, chunk: slice, actuation: Actuation, start: Floats, force: Floats | None, steps: int, rows: int
-) -> Floats:
+def path(actuation: Actuation, chunk: slice, start: Floats, force: Floats | None, steps: int, rows: int) -> Floats:
     """True states (w, R, steps + 1, 13) on the grid: position, quaternion, body velocity."""
-    state = begin(windows, chunk, actuation, start, rows, force is not None)
-    states = np.empty((*state.position.shape[:2], steps + 1, 13))
-    states[:, :, 0] = np.concatenate([state.position, state.quaternion, state.velocity], axis=-1)
+    body = begin(actuation, chunk, start, rows)
+    states = np.empty((*body.shape[:2], steps + 1, 13))
+    states[:, :, 0] = body
+    run = Run(actuation, chunk, steps)
     for k in range(steps):
-        pushed = None if force is None else force[chunk, :, min(k, force.shape[2] - 1)]
-        state = step(windows, chunk, actuation, state, k, pushed)
-        states[:, :, k + 1] = np.concatenate([state.position, state.quaternion, state.velocity], axis=-1)
+        body = run.step(body, 0.0 if force is None else force[chunk, :, min(k, force.shape[2] - 1)])
+        states[:, :, k + 1] = body
     return states
+
+
+def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Floats:
+    """States (w, rows, 13) at the start of some windows."""
+    first = np.broadcast_to(start[chunk], (chunk.stop - chunk.start, rows, 12))
+    quaternion = quaternion_from_euler(first[..., 3], first[..., 4], first[..., 5] - actuation.c.heading_bias)
+    return np.concatenate([first[..., :3], quaternion, first[..., 6:]], axis=-1)
+
+
+class Run:
+    """Some windows on their way, one grid step after another; rows of one vehicle share its thrust."""
+
+    def __init__(self, actuation: Actuation, chunk: slice, steps: int):
+        self._actuation = actuation
+        self._targets = actuation.targets(chunk, np.arange(steps), actuation.substeps)
+        self._thrust = actuation.thrust[chunk]
+        self._time = actuation.windows.time[chunk, None] - actuation.c.pose_delay
+        self._k = 0
+
+    def step(self, body: Floats, force: Floats | float = 0.0) -> Floats:
+        """States (w, rows, 13) one grid step after ``body``, pushed by a force (w, rows, 6) in the body frame."""
+        c, terms = self._actuation.c, self._actuation.terms
+        h = self._actuation.windows.dt / self._actuation.substeps
+        for targets in self._targets:
+            target = targets[:, :, self._k]
+            body, self._thrust = runge_kutta_step(c, terms, body, self._thrust, target, self._time, h, force)
+            self._time = self._time + h
+        self._k += 1
+        return body
 
 
 def late_steps(windows: Windows, c: Coefficients) -> int:
     """Grid steps behind the end of a window in which its last velocities are measured, where poses are late."""
     late = c.pose_delay.max() if any(channel in CHANNELS[6:] for channel in windows.channels) else 0.0
     return int(np.ceil(late / windows.dt - 1e-9))
-
-
-def begin(windows: Windows, chunk: slice, actuation: Actuation, start: Floats, rows: int, forced: bool) -> State:
-    """State (w, R, ...) at the start of some windows, with virtual thrusters where a force will act."""
-    c = actuation.c
-    first = np.broadcast_to(start[chunk], (chunk.stop - chunk.start, rows, 12))
-    quaternion = quaternion_from_euler(first[..., 3], first[..., 4], first[..., 5] - c.heading_bias)
-    thrust = np.broadcast_to(actuation.thrust[chunk], (*first.shape[:2], actuation.thrust.shape[-1]))
-    if forced:
-        thrust = np.concatenate([thrust, np.zeros((*thrust.shape[:-1], 6))], axis=-1)
-    commands = np.zeros((*first.shape[:2], 1, thrust.shape[-1]))
-    time = windows.time[chunk, None] - c.pose_delay
-    return State(first[..., :3], quaternion, first[..., 6:], thrust, commands, time)
-
-
-def step(
-    windows: Windows, chunk: slice, actuation: Actuation, state: State, k: int, force: Floats | None = None
-) -> State:
-    """The state one grid step later than step ``k`` of some windows, pushed by a force (w, R, 6) if one is given."""
-    shape = state.position.shape[:2]
-    memory = actuation.memory(windows.episode[chunk], windows.start[chunk] + k)
-    memory = np.broadcast_to(memory, (*shape, *memory.shape[-2:]))
-    c = actuation.c
-    if force is not None:
-        c = actuation.pushed
-        pushed = np.broadcast_to(force[:, :, None] / VIRTUAL_FULL, (*shape, memory.shape[-2], 6))
-        memory = np.concatenate([memory, pushed], axis=-1)
-    if actuation.late:
-        state = state._replace(commands=memory[..., [1, 1], :])  # the physics puts the newest before them
-    return control_step(c, actuation.terms, state, memory[..., 0, :], windows.dt, actuation.substeps)
-
-
-def with_virtual_thrusters(c: Coefficients) -> Coefficients:
-    """The coefficients (R, ...) with six more thrusters, linear and instant, one per degree of freedom."""
-    rows, n = c.full_thrust.shape
-
-    def more(values: Floats, fill: float) -> Floats:
-        return np.concatenate([values, np.full((rows, 6), fill)], axis=-1)
-
-    routing = np.tile(np.eye(n + 6), (rows, 1, 1))
-    routing[:, :n, :n] = c.routing
-    axes = np.broadcast_to(np.eye(6), (rows, 6, 6))
-    return c._replace(
-        allocation=np.concatenate([c.allocation, axes], axis=-1),
-        routing=routing,
-        full_thrust=more(c.full_thrust, VIRTUAL_FULL),
-        asymmetry=more(c.asymmetry, 0.0),
-        exponent=more(c.exponent, 1.0),
-        dead_band=more(c.dead_band, 0.0),
-        limit=more(c.limit, VIRTUAL_FULL),
-        lag=more(c.lag, 0.0),
-    )
 
 
 def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats) -> Floats:

@@ -56,7 +56,7 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     motion = np.concatenate([value[..., :3], quaternion, velocity], axis=-1)
     by_step = np.repeat(motion, layout.steps_per_bin, axis=1)[:, : windows.steps]
     actuation = actuate(windows, vehicle)
-    predicted = accelerations(windows, actuation, by_step)[:, 0]
+    predicted = accelerations(actuation, by_step)[:, 0]
     missing = np.repeat(rate, layout.steps_per_bin, axis=1)[:, : windows.steps] - predicted
     force = matvec(actuation.c.mass_matrix[0], missing)[..., layout.dof]
     edges = np.arange(0, windows.steps, layout.steps_per_bin)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, simulate
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, fly
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
@@ -154,10 +154,11 @@ def smooth(
     return state
 
 
-def residual_at(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Floats:
-    """Measured less predicted (W, R, K) at starts (W, R, 12) and bins (W, R, B, D); ``vehicle`` is a batch (R,)."""
-    predicted = simulate(windows, vehicle, start, layout.force(bins, windows.steps))
-    return windows.residual(predicted).reshape(*start.shape[:2], -1)
+def flown(actuation: Actuation, layout: Layout, start: Floats, bins: Floats) -> tuple[Floats, Floats]:
+    """Measured less predicted (W, R, K) and states (W, R, S + 1, 13) at starts (W, R, 12) and bins (W, R, B, D)."""
+    windows = actuation.windows
+    predicted, states = fly(actuation, start, layout.force(bins, windows.steps))
+    return windows.residual(predicted).reshape(*start.shape[:2], -1), states
 
 
 def fields(state: Smoothed) -> tuple[Floats, ...]:

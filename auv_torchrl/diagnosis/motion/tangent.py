@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, begin, late_steps, sample, step
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, actuate, begin, late_steps, sample
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
-from auv_torchrl.physics import State
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
 from auv_torchrl.vehicle import Vehicle
 
@@ -47,23 +46,23 @@ def linearise(
     rows = 1 + len(entries) + len(moves)
     everything = slice(0, len(windows))
     steps = windows.steps + late_steps(windows, actuation.c)
-    state = begin(windows, everything, actuation, start[:, None], rows, forced=True)
+    body = begin(actuation, everything, start[:, None], rows)
+    run = Run(actuation, everything, steps)
     states = np.empty((len(windows), 1, steps + 1, 13))
     transition = np.empty((len(windows), steps, len(entries), len(entries)))
     push = np.empty((len(windows), steps, len(entries), len(moves)))
     for k in range(steps):
-        states[:, :, k] = _body(state)[:, :1]
-        state = _perturbed(state, entries)
+        states[:, :, k] = body[:, :1]
         pushed = np.repeat(force[:, None, min(k, force.shape[1] - 1)], rows, axis=1)
         pushed[:, 1 + len(entries) + np.arange(len(moves)), moves] += STEP_FORCE[moves]
-        state = step(windows, everything, actuation, state, k, pushed)
-        change = _twelve(state)
+        body = run.step(_perturbed(body, entries), pushed)
+        change = _twelve(body)
         change = change[:, 1:] - change[:, :1]
         change[..., ANGULAR] -= 2 * np.pi * np.round(change[..., ANGULAR] / (2 * np.pi))
         change = change[..., entries].swapaxes(1, 2)
         transition[:, k] = change[..., : len(entries)] / STEP_STATE
         push[:, k] = change[..., len(entries) :] / STEP_FORCE[moves]
-    states[:, :, steps] = _body(state)[:, :1]
+    states[:, :, steps] = body[:, :1]
     residual = windows.residual(sample(windows, everything, actuation.c, states))[:, 0]
     return residual.reshape(len(windows), -1), Tangent(transition, push)
 
@@ -116,19 +115,14 @@ def _respond(
     return change.reshape(len(windows), -1, moved.shape[-1])
 
 
-def _body(state: State) -> Floats:
-    return np.concatenate([state.position, state.quaternion, state.velocity], axis=-1)
+def _twelve(body: Floats) -> Floats:
+    """Position, roll, pitch, yaw and velocity (..., 12) of states (..., 13)."""
+    return np.concatenate([body[..., :3], np.stack(euler_angles(body[..., 3:7]), axis=-1), body[..., 7:]], axis=-1)
 
 
-def _twelve(state: State) -> Floats:
-    """Position, roll, pitch, yaw and velocity (..., 12)."""
-    angles = np.stack(euler_angles(state.quaternion), axis=-1)
-    return np.concatenate([state.position, angles, state.velocity], axis=-1)
-
-
-def _perturbed(state: State, entries: np.ndarray) -> State:
+def _perturbed(body: Floats, entries: np.ndarray) -> Floats:
     """The first row's state in every row, moved by one step in each of ``entries`` from the second row on."""
-    numbers = np.repeat(_twelve(state)[:, :1], state.position.shape[1], axis=1)
+    numbers = np.repeat(_twelve(body[:, :1]), body.shape[1], axis=1)
     numbers[:, 1 + np.arange(len(entries)), entries] += STEP_STATE
     quaternion = quaternion_from_euler(*np.moveaxis(numbers[..., 3:6], -1, 0))
-    return state._replace(position=numbers[..., :3], quaternion=quaternion, velocity=numbers[..., 6:])
+    return np.concatenate([numbers[..., :3], quaternion, numbers[..., 6:]], axis=-1)

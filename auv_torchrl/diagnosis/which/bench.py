@@ -27,8 +27,11 @@ SKETCHED = 0.02  # of chi-square: a sketch that gains less is done
 class Bench(Weighing):
     """A log, a vehicle and settings, with all that is needed to fit and weigh explanations."""
 
-    def polish(self, explanation: Explanation, start: Base, rounds: int = 4) -> Judged:
-        """Fit all values of an explanation by simulating it, and weigh it."""
+    def polish(self, explanation: Explanation, start: Base, rounds: int = 4, enough: float = np.inf) -> Judged:
+        """Fit all values of an explanation by simulating it, and weigh it.
+
+        One that is still beyond a chi-square of ``enough`` when it was fitted once is left at that.
+        """
         best, moving = self._descend(self.rebase(explanation, start), rounds)
         if not rounds:
             return best
@@ -37,7 +40,7 @@ class Bench(Weighing):
             best, moving = self._descend(searched.base, rounds)
         moving |= self.layout.moves_unseen  # a tilt that nobody measured bends the windows
         for _ in range(REPEATS):  # slopes are out of date where the fit went far
-            if not moving or best.nothing_left or not np.isfinite(best.chi2):
+            if not moving or best.nothing_left or not np.isfinite(best.chi2) or best.chi2 > enough:
                 break
             again, _ = self._descend(self.rebase(best.explanation, best.base), rounds)
             if not again.chi2 < best.chi2:
@@ -55,7 +58,7 @@ class Bench(Weighing):
         stride = 1.0
         for _ in range(rounds):
             moved = self.move(best.explanation, stride * step, stride * slack_step)
-            trial, trial_step, trial_slack_step = self.judge(follow, moved)
+            trial, trial_step, trial_slack_step = self.judge(follow, moved, best)
             if not trial.chi2 < best.chi2:
                 stride *= 0.3
                 continue
@@ -72,7 +75,7 @@ class Bench(Weighing):
         stride, even = 1.0, np.ones(len(self.slack), bool)
         for _ in range(rounds):
             moved = self.move(best.explanation, stride * step, stride * slack_step * even)
-            trial, trial_step, trial_slack_step = self.judge(self.nudge(moved, best.base))
+            trial, trial_step, trial_slack_step = self.judge(self.nudge(moved, best.base), before=best)
             if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
                 stride, even = (stride, self.even) if even.all() else (0.3 * stride, even)
                 continue
@@ -106,13 +109,15 @@ class Bench(Weighing):
             return best
         chi2 = self.nudged_chi2(trials, best.base)
         return (
-            self.judge(self.nudge(trials[int(chi2.argmin())], best.base))[0] if chi2.min() < best.chi2 - 0.1 else best
+            self.judge(self.nudge(trials[int(chi2.argmin())], best.base), before=best)[0]
+            if chi2.min() < best.chi2 - 0.1
+            else best
         )
 
     def measure_noise(self, judged: Judged) -> bool:
         """Measure the sensor noise again under a better vehicle; tells whether it is another."""
         state = judged.base.state
-        free = self._settle(judged.base.vehicle, state, self.freedom(state.slope, self.wide))
+        free, _ = self._settle(judged.base.vehicle, state, self.freedom(state.slope, self.wide))
         measured = sensor_noise(self.windows, free, self.sigma, self.wide)
         sigma = self._noise({name: min(measured[name], self.rough_noise[name]) for name in measured})
         changed = any(abs(sigma[name] / self.sigma[name] - 1) > NOISE_MATTERS for name in sigma)

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.force import force_changes, measured_motion
+from auv_torchrl.diagnosis.motion.force import force_changes
 from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
-from auv_torchrl.diagnosis.motion.rollout import actuate, path
+from auv_torchrl.diagnosis.motion.rollout import actuate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
     Layout,
     Smoothed,
     fields,
+    flown,
     follow,
     local_slopes,
     misfit,
@@ -29,6 +30,7 @@ LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
 STUCK = 1.5  # chi-square per number of a window that has not found its start
 ASTRAY = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
+SETTLING = 2  # steps of the free numbers where windows begin; a small change of the vehicle needs one
 HEIRS = 3  # rounds in which starts are handed on from window to window
 
 
@@ -49,7 +51,8 @@ class Following(Ground):
         self.seen_start = state.start
         measured = sensor_noise(self.windows, state, self.sigma, self.wide)
         self.sigma = self._noise({name: min(measured[name], self.sigma[name]) for name in measured})
-        base = Base(Explanation(), vehicle, state, measured_motion(self.windows, vehicle, self.layout, state))
+        states = flown(actuate(self.windows, vehicle), self.layout, *_one_row(state)[:2])[1]
+        base = Base(Explanation(), vehicle, state, states[:, 0])
         self.measure_slack(base)
         return base
 
@@ -70,10 +73,7 @@ class Following(Ground):
         lost = misfit(self.windows, base.state.residual, self.sigma) > LOST
         if lost.any() and lost.mean() < MOSTLY_LOST:  # the start was no good; it may be under the right vehicle
             fresh = self._follow(self.windows.subset(lost), vehicle, self.floor)
-            merged = [np.copy(field) for field in fields(base.state)]
-            for old, new in zip(merged, fields(fresh), strict=True):
-                old[lost] = new
-            base = self.settled(explanation, vehicle, Smoothed(*merged))
+            base = self.settled(explanation, vehicle, _replaced(base.state, lost, fresh))
         return self.handed_on(base)
 
     def handed_on(self, base: Base) -> Base:
@@ -85,7 +85,7 @@ class Following(Ground):
         before = np.where(follows.any(1), follows.argmax(1), -1)
         chi2 = self._chi2_by_window(base.state)
         astray = np.flatnonzero(~(chi2 < ASTRAY * np.median(chi2)))
-        if len(astray):
+        if len(astray) and self._stuck(base).mean() <= MOSTLY_LOST:
             base = self._begun_anew(base, astray, self.seen_start[astray])
         for _ in range(HEIRS):
             stuck = self._stuck(base)
@@ -112,31 +112,27 @@ class Following(Ground):
         some = self.windows.subset(rows)
         fresh = local_slopes(some, base.vehicle, layout, starts, np.zeros_like(state.bins[rows]))
         freedom = Freedom.of(some, layout, fresh.slope, self.sigma, self.floor)
-        start, bins, residual = settle(some, base.vehicle, layout, freedom, *_one_row(fresh)[:2])
+        start, bins, residual, _ = settle(some, base.vehicle, layout, freedom, *_one_row(fresh), SETTLING)
         chi2 = chi_square(some, layout, freedom, start, bins, residual)[:, 0]
         better = chi2 < self._chi2_by_window(state)[rows]
         if not better.any():
             return base
         fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
-        merged = [np.copy(field) for field in fields(state)]
-        for old, new in zip(merged, fields(fresh), strict=True):
-            old[rows[better]] = new[better]
-        return self.settled(base.explanation, base.vehicle, Smoothed(*merged))
+        found = Smoothed(*(field[better] for field in fields(fresh)))
+        return self.settled(base.explanation, base.vehicle, _replaced(state, rows[better], found))
 
     def _ends(self, base: Base) -> Floats:
         """States (W, 12) in which the windows end, as the start of what follows them."""
-        windows, everything = self.windows, slice(0, len(self.windows))
-        force = self.layout.force(base.state.bins[:, None], windows.steps)
-        actuation = actuate(windows, base.vehicle)
-        end = path(windows, everything, actuation, base.state.start[:, None], force, windows.steps, 1)[:, 0, -1]
+        end = base.states[:, -1]
         angles = np.stack(euler_angles(end[:, 3:7]), axis=-1)
         angles[:, 2] += float(base.vehicle.heading_bias.reshape(-1)[0])  # a start has the measured yaw
         return np.concatenate([end[:, :3], angles, end[:, 7:]], axis=1)
 
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""
-        vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
-        return self.settled(explanation, vehicle, start.state)
+        vehicle, state = batch(self.vehicle, [explanation.values(self.vehicle)]), start.state
+        there, _ = flown(actuate(self.windows, vehicle), self.layout, *_one_row(state)[:2])
+        return self.settled(explanation, vehicle, replace(state, residual=there[:, 0]), steps=1)
 
     def nudged_chi2(self, explanations: list[Explanation], start: Base) -> Floats:
         """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
@@ -144,20 +140,30 @@ class Following(Ground):
         freedom = self.freedom(start.state.slope)
         starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)
         bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
-        settled = settle(self.windows, vehicles, self.layout, freedom, starts, bins)
+        *settled, _ = settle(self.windows, vehicles, self.layout, freedom, starts, bins)
         slack = np.stack([self.slack_now(explanation) for explanation in explanations])
         chi2 = chi_square(self.windows, self.layout, freedom, *settled).sum(0)
         return chi2 + ((slack @ self.slack_precision) * slack).sum(-1)
 
-    def settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
-        """The windows under an explanation, settled from a state near by."""
-        settled = self._settle(vehicle, state, self.freedom(state.slope))
-        return Base(explanation, vehicle, settled, measured_motion(self.windows, vehicle, self.layout, settled))
+    def settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed, steps: int = SETTLING) -> Base:
+        """The windows under an explanation, settled from a state near by whose residual is that of the vehicle."""
+        return Base(explanation, vehicle, *self._settle(vehicle, state, self.freedom(state.slope), steps))
 
-    def _settle(self, vehicle: Vehicle, state: Smoothed, freedom: Freedom) -> Smoothed:
-        fresh = settle(self.windows, vehicle, self.layout, freedom, state.start[:, None], state.bins[:, None])
-        start, bins, residual = (field[:, 0] for field in fresh)
-        return replace(state, start=start, bins=bins, residual=residual)
+    def _settle(
+        self, vehicle: Vehicle, state: Smoothed, freedom: Freedom, steps: int = SETTLING
+    ) -> tuple[Smoothed, Floats]:
+        """The state after steps of its free numbers, and the motion (W, S + 1, 13) that it goes through."""
+        fresh = settle(self.windows, vehicle, self.layout, freedom, *_one_row(state), steps)
+        start, bins, residual, states = (field[:, 0] for field in fresh)
+        return replace(state, start=start, bins=bins, residual=residual), states
+
+
+def _replaced(state: Smoothed, rows: np.ndarray, by: Smoothed) -> Smoothed:
+    """The state with some of its windows, by mask or number, from another one."""
+    merged = [np.copy(field) for field in fields(state)]
+    for old, new in zip(merged, fields(by), strict=True):
+        old[rows] = new
+    return Smoothed(*merged)
 
 
 def _one_row(state: Smoothed) -> tuple[Floats, Floats, Floats]:

@@ -1,10 +1,11 @@
 """What judging explanations of one log rests on: windows, vehicle, settings, noise, disturbance and slack."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.force import force_changes
+from auv_torchrl.diagnosis.motion.force import force_changes, middles
 from auv_torchrl.diagnosis.motion.reduce import Freedom, Quadratic
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, first_noise
@@ -29,7 +30,12 @@ class Base:
     explanation: Explanation
     vehicle: Vehicle  # (1,) with the explanation, slack included
     state: Smoothed
-    motion: Floats  # (W, S, 13)
+    states: Floats  # (W, S + 1, 13) on the grid
+
+    @cached_property
+    def motion(self) -> Floats:
+        """(W, S, 13) in the middle of each grid step."""
+        return middles(self.states)
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class Judged:
     covariance: Floats  # (k, k) of the fitted knobs, slack included
     base: Base
     quadratic: Quadratic  # of slack, then fitted knobs, at the base
+    slack_marks: Floats  # (W, K, k) that it was made of
 
     @property
     def nothing_left(self) -> bool:

@@ -35,11 +35,12 @@ class Screened:
 
 @dataclass(frozen=True)
 class Field:
-    """The quadratic of all atoms at a base, slack fitted."""
+    """The quadratic of all atoms at a base, slack and the values of its explanation fitted."""
 
     bench: Bench
     explanation: Explanation  # on top of which the atoms act
-    quadratic: Quadratic  # of slack and atoms
+    quadratic: Quadratic  # of slack, the values of the explanation, and atoms
+    values: tuple[Floats, Floats, Floats]  # (m,) prior precision of steps of these values, and their bounds in steps
     b: Floats  # (N,) slack fitted
     A: Floats  # (N, N) slack fitted
     pull: Floats  # (N,) prior precision of each amount, about 1 for scanned atoms, else about 0
@@ -54,43 +55,49 @@ class Field:
     def of(bench: Bench, base: Base, around: Explanation | None = None) -> "Field":
         """Mark every atom on the windows of ``base``, on top of its explanation or of another one."""
         explanation = base.explanation if around is None else around
-        changes = [explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
-        q = bench.quadratic(base, changes, around).windows(bench.followed)
+        moved, steps = bench.knob_changes(explanation)
+        atoms = [explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
+        q = bench.quadratic(base, [*moved, *atoms], around).windows(bench.followed)
         _, b, A, _, _ = bench.without_slack(q, explanation)
+        b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
+        values = bench.value_steps(explanation, steps)
         width = [FIXED if a.discrete else ELASTIC if a.elastic else 1e3 for a in bench.atoms]
         centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in bench.atoms])
-        return Field(bench, explanation, q, b, A, np.array(width) ** -2.0, centre)
+        return Field(bench, explanation, q, values, b, A, np.array(width) ** -2.0, centre)
 
     @property
     def constant(self) -> float:
-        """Chi-square of the explanation of the base, slack fitted."""
+        """Chi-square of the explanation of the base, slack and values fitted."""
         return self.fit([])[0]
 
     def fit(self, chosen: list[int], amounts: Floats | None = None) -> tuple[float, Floats]:
         """Chi-square and amounts of some atoms together, or chi-square at given amounts.
 
-        Slack is fitted too, but no further than slack goes: what lies beyond must be an effect.
+        Slack is fitted too, but no further than slack goes: what lies beyond must be an effect. So are the values that
+        the explanation has already, because what is added may take over a part of what they do.
         """
         bench, q = self.bench, self.quadratic
-        k = len(bench.slack)
+        stiffness, least, most = self.values
+        k, first = len(bench.slack), len(bench.slack) + len(stiffness)
         at, precision = bench.slack_now(self.explanation), bench.slack_precision
-        columns = [*range(k), *(k + i for i in chosen)]
+        columns = [*range(first), *(first + i for i in chosen)]
         pull = np.zeros((len(columns), len(columns)))
         pull[:k, :k] = precision
+        pull[k:first, k:first] = np.diag(stiffness)
         if amounts is None:
-            pull[k:, k:] = np.diag(self.pull[chosen])
-        toward = np.concatenate([-at, self.centre[chosen]])
+            pull[first:, first:] = np.diag(self.pull[chosen])
+        toward = np.concatenate([-at, np.zeros(len(stiffness)), self.centre[chosen]])
         H = q.A[np.ix_(columns, columns)] + pull
         g = q.b[columns] + pull @ toward
         reach = SLACK_LIMIT * np.sqrt(np.diag(bench.slack_covariance))
-        low = np.concatenate([-reach - at, np.full(len(chosen), -np.inf)])
-        high = np.concatenate([reach - at, np.full(len(chosen), np.inf)])
+        low = np.concatenate([-reach - at, least, np.full(len(chosen), -np.inf)])
+        high = np.concatenate([reach - at, most, np.full(len(chosen), np.inf)])
         x, free = np.zeros(len(columns)), np.ones(len(columns), bool)
         if amounts is not None:
-            x[k:], free[k:] = amounts, False
+            x[first:], free[first:] = amounts, False
         x = bounded_minimum(H, g, low, high, x, free)
         chi2 = q.constant + float(toward @ pull @ toward - 2 * g @ x + x @ H @ x)
-        return chi2, x[k:]
+        return chi2, x[first:]
 
     def judge(self, chosen: list[int]) -> Screened:
         """Weigh some atoms together, on top of the explanation of the base."""

@@ -16,11 +16,15 @@ POLISHED = 4  # candidates that are simulated
 WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
 EVIDENCE_SLIP = 40.0
 AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
+CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
+FITTED_ON = 3  # times at most, of rivals
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
 IDLE = 2.0  # standard deviations, of the estimate or of slack
+TRIED = 3  # further effects that are simulated where much is left, of those that promise about the same
 WORTH = 5.0  # log evidence that one more effect must bring
 TIE = 3.0  # log evidence that does not speak for more values
 MOST_EFFECTS = 3
+FEW = 4  # values
 
 Progress = Callable[[str, float], None]
 
@@ -40,7 +44,7 @@ class Found:
 def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Explanation] = ()) -> Found:
     """Explain the windows of a bench that ``follow`` has followed.
 
-    ``hints`` are simulated besides what the screening finds.
+    ``hints`` are simulated first; what the screening finds only where none of them explains the log by a few values.
     """
     field = Field.of(bench, follow)
     families = field.families()
@@ -49,14 +53,22 @@ def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Expla
     none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
     bench.slack_suffices = not bench.leaves_much(none)
     polished = [none]
-    for explanation in [*hints, *(shown.explanation for shown in _candidates(bench, follow, field, families))]:
+    for explanation in hints:
         polished.append(bench.polish(explanation, follow))
-        progress("fitting candidates", 0.4 + 0.3 * len(polished) / (POLISHED + 1 + len(hints)))
+        if len(explanation.knobs) <= FEW and not bench.leaves_much(polished[-1]):
+            break
+    else:
+        for shown in _candidates(bench, follow, field, families):
+            enough = AS_GOOD * min(judged.chi2 for judged in polished)
+            polished.append(bench.polish(shown.explanation, follow, enough=enough))
+            progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
     best = _best(bench, polished)
     if bench.measure_noise(best):
         polished = [bench.again(judged) for judged in polished if np.isfinite(judged.chi2)]
         best = _best(bench, polished)
         none = polished[0] if np.isfinite(none.chi2) else none
+    polished = _fitted_on(bench, best, polished, field.twins)
+    best = _best(bench, polished)
     if not best.nothing_left or bench.is_strained(best):
         best = _grow(bench, best, polished, field.twins, progress)
     best = _prune(bench, best, polished)
@@ -67,6 +79,27 @@ def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Expla
     best = _simplest(bench, best, polished)
     polished.sort(key=lambda judged: -judged.evidence)
     return Found(follow, none, best, polished, families, field)
+
+
+def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
+    """What may still win is fitted until nothing moves: a fit that leaves nothing is good, but not yet the best."""
+
+    def contends(judged: Judged) -> bool:
+        others = set(judged.explanation.effects) ^ set(best.explanation.effects)
+        return bool(others) and frozenset(others) not in twins and judged.evidence > best.evidence - CONTENDS
+
+    rivals = [judged for judged in polished[1:] if contends(judged)]
+    if not rivals or not best.explanation.effects:
+        return polished
+    fitted = []
+    for judged in polished:
+        fitted.append(judged)
+        for _ in range(FITTED_ON if judged is best or judged in rivals else 0):
+            further = bench.polish(judged.explanation, judged.base)
+            if not further.evidence > fitted[-1].evidence + 1.0:
+                break
+            judged = fitted[-1] = further
+    return fitted
 
 
 def _best(bench: Bench, polished: list[Judged]) -> Judged:
@@ -136,9 +169,11 @@ def _grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozens
         fresh_ones = (
             s for s in field.families() if not (set(s.explanation.effects) - set(best.explanation.effects)) & twins_of
         )
-        ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)
+        tried = TRIED if bench.leaves_much(best) else 1
+        ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)[:tried]
         left = best.chi2 - best.quadratic.numbers if bench.leaves_much(best) else 0.0
-        trials = [s for s in ahead[:1] if s.evidence > here + WORTH and field.constant - s.chi2 > CLOSES * left]
+        least = max(here + WORTH, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
+        trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > CLOSES * left]
         fresh = [bench.polish(s.explanation, best.base) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not bench.minor(j)), key=lambda judged: judged.evidence, default=best)
@@ -152,10 +187,16 @@ def _grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozens
 
 def _prune(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
     while len(best.explanation.effects) > 1:
-        fewer = [bench.polish(best.explanation.without(effect), best.base) for effect in best.explanation.effects]
+        fewer = [_without(bench, best, effect) for effect in best.explanation.effects]
         polished += fewer
         better = max(fewer, key=lambda judged: judged.evidence)
         if better.evidence <= best.evidence - WORTH:
             return best
         best = better
     return best
+
+
+def _without(bench: Bench, best: Judged, effect: str) -> Judged:
+    """The explanation without an effect, simulated where a sketch does not show that it is far worse."""
+    sketch = bench.sketch(best.explanation.without(effect), best.base)
+    return sketch if sketch.chi2 > AS_GOOD * best.chi2 else bench.polish(sketch.explanation, best.base)

@@ -10,9 +10,8 @@ from auv_torchrl.diagnosis.which.screen import Field, Screened
 from auv_torchrl.effects import EFFECTS
 
 NEAR = 1.5  # chi-square per number above which an explanation is missing something
-FIRSTS = 8  # single effects
-GROWN = (3, 1)  # explanations of one and of two effects that are grown
-MORE = 6  # effects that are added to each, one at a time
+MOST = (8, 12, 6)  # explanations by one, two and three effects that are sketched
+GROWN = (6, 1)  # explanations by one and by two effects that are grown
 CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close: an unknown effect is not to be
 # pieced together from many known ones
 
@@ -24,19 +23,27 @@ def is_near(chi2: float, numbers: int) -> bool:
 
 def sketch_explanations(bench: Bench, follow: Base, field: Field, families: list[Screened]) -> list[Judged]:
     """Explanations by one effect, by two where one is not enough, by three where two are not; the likeliest first."""
-    sketches = _sketched(bench, follow, families, field.twins, FIRSTS)
-    for effects, grown in enumerate(GROWN, start=1):
+    sketches = _sketched(bench, follow, families, field.twins, MOST[0])
+    for effects in range(1, len(MOST)):
         sketches.sort(key=lambda sketch: -sketch.evidence)
-        for start in [s for s in sketches if len(s.explanation.effects) == effects][:grown]:
-            if is_near(sketches[0].chi2, sketches[0].quadratic.numbers):
-                return sketches
-            around = start.explanation
-            more = [s for s in Field.of(bench, follow, around).families() if len(s.explanation.effects) == effects + 1]
-            left = CLOSES * (start.chi2 - start.quadratic.numbers)
-            wider = _sketched(bench, follow, more, field.twins, MORE)
-            sketches += [sketch for sketch in wider if start.chi2 - sketch.chi2 > left]
-            sketches.sort(key=lambda sketch: -sketch.evidence)
-    return sketches
+        if is_near(sketches[0].chi2, sketches[0].quadratic.numbers):
+            break
+        starts = [s for s in sketches if len(s.explanation.effects) == effects][: GROWN[effects - 1]]
+        sketches += _sketched(bench, follow, _grown(bench, follow, starts), field.twins, MOST[effects])
+    return sorted(sketches, key=lambda sketch: -sketch.evidence)
+
+
+def _grown(bench: Bench, follow: Base, starts: list[Judged]) -> list[Screened]:
+    """Explanations with one effect more that promise to close much of what is left, each set of effects once."""
+    grown: dict[frozenset[str], Screened] = {}
+    for start in starts:
+        enough = start.chi2 - CLOSES * (start.chi2 - start.quadratic.numbers)
+        for screened in Field.of(bench, follow, start.explanation).families():
+            effects = frozenset(screened.explanation.effects)
+            better = effects not in grown or screened.evidence > grown[effects].evidence
+            if len(effects) > len(start.explanation.effects) and screened.chi2 < enough and better:
+                grown[effects] = screened
+    return sorted(grown.values(), key=lambda screened: -screened.evidence)
 
 
 def _sketched(

@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.which.evidence import volume
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.following import Following
 from auv_torchrl.diagnosis.which.ground import Base, Judged
-from auv_torchrl.diagnosis.which.hypotheses import Values, batch
+from auv_torchrl.diagnosis.which.hypotheses import batch
 from auv_torchrl.effects import EFFECTS
 
 SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
@@ -22,30 +22,48 @@ KNOB_STEP = 0.004  # of the plausible range of a parameter
 class Weighing(Following):
     """Chi-square of explanations as a quadratic of their values and of slack."""
 
-    def quadratic(self, base: Base, changes: list[Explanation], around: Explanation | None = None) -> Quadratic:
+    def quadratic(
+        self,
+        base: Base,
+        changes: list[Explanation],
+        around: Explanation | None = None,
+        slack_marks: Floats | None = None,
+    ) -> Quadratic:
         """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
 
         It is taken ``around`` an explanation, by default that of the base; another one acts as the force that it makes
-        along the motion of the base.
+        along the motion of the base. ``slack_marks`` are those of :meth:`slack_marks` if they are known.
         """
-        at = base.explanation if around is None else around
-        rows: list[Values] = []
-        steps = np.ones(len(self.slack) + len(changes))
+        if slack_marks is None:
+            slack_marks = self.slack_marks(base, base.explanation if around is None else around)
+        state = base.state
+        columns, there = self._marks(base, changes, around)
+        if there is not None:
+            state = replace(state, residual=state.residual - there)
+        columns = np.concatenate([slack_marks, columns], axis=-1)
+        return reduce(self.windows, self.layout, self.freedom(base.state.slope), state, columns)
+
+    def slack_marks(self, base: Base, at: Explanation) -> Floats:
+        """Marks (W, K, k) of the slack parameters, per unit, around an explanation on the windows of a base."""
+        moved, steps = [], np.empty(len(self.slack))
         for column, (effect, member, nominal, _) in enumerate(self.slack):
             key = effect, member
             steps[column] = SLACK_STEP * abs(nominal)
-            slack = {**at.slack, key: at.slack.get(key, 0.0) + steps[column]}
-            rows.append(replace(at, slack=slack).values(self.vehicle))
-        rows += [change.values(self.vehicle) for change in changes]
-        state = base.state
-        if around is not None:
-            rows.append(around.values(self.vehicle))
+            moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
+        return self._marks(base, moved, None if at == base.explanation else at)[0] / steps
+
+    def _marks(
+        self, base: Base, changes: list[Explanation], around: Explanation | None
+    ) -> tuple[Floats, Floats | None]:
+        """Marks (W, K, N) of changes beyond ``around``, and the mark (W, K) of that; None is that of the base."""
+        rows = [change.values(self.vehicle) for change in (*changes, *([around] if around else []))]
+        if not rows:
+            return np.empty((*base.state.residual.shape, 0)), None
         forces = force_changes(self.windows, base.vehicle, batch(self.vehicle, rows), base.motion)
-        columns = marks(self.windows, base.vehicle, self.layout, state, forces)
-        if around is not None:
-            columns, there = columns[..., :-1] - columns[..., -1:], columns[..., -1]
-            state = replace(state, residual=state.residual - there)
-        return reduce(self.windows, self.layout, self.freedom(base.state.slope), state, columns / steps)
+        columns = marks(self.windows, base.vehicle, self.layout, base.state, forces)
+        if around is None:
+            return columns, None
+        return columns[..., :-1] - columns[..., -1:], columns[..., -1]
 
     def without_slack(self, q: Quadratic, explanation: Explanation) -> tuple[float, Floats, Floats, Floats, Floats]:
         """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
@@ -81,43 +99,57 @@ class Weighing(Following):
         """Log evidence less the volume of the fitted values."""
         return -0.5 * chi2 + self.prior.structure(explanation)
 
-    def judge(self, base: Base, sketched: Explanation | None = None) -> tuple[Judged, Floats, Floats]:
+    def judge(
+        self, base: Base, sketched: Explanation | None = None, before: Judged | None = None
+    ) -> tuple[Judged, Floats, Floats]:
         """Weigh an explanation as it is, with the Gauss-Newton step of its knobs and of its slack.
 
-        It is that of the base, or one that is ``sketched`` along its motion.
+        It is that of the base, or one that is ``sketched`` along its motion. The marks of slack are those of the
+        explanation ``before`` it, where there is one: they hardly change on the way down.
         """
         explanation = base.explanation if sketched is None else sketched
         changes, steps = self.knob_changes(explanation)
-        q = self.quadratic(base, changes, sketched)
+        slack_marks = self.slack_marks(base, explanation) if before is None else before.slack_marks
+        q = self.quadratic(base, changes, sketched, slack_marks)
         if sketched is not None:
             q = q.windows(self.followed)
         at = self.slack_now(explanation)
         chi2 = q.constant + float(at @ self.slack_precision @ at)
         if not np.isfinite(chi2):  # the windows diverge under this vehicle
             nothing = np.zeros(len(explanation.fitted))
-            return Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q), nothing, np.zeros(len(self.slack))
+            return (
+                Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q, slack_marks),
+                nothing,
+                np.zeros(len(self.slack)),
+            )
         _, _, A, _, _ = self.without_slack(q, explanation)
         widths = np.array([self.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
         curvature = A / np.outer(steps, steps)
         covariance = np.linalg.inv(curvature + np.diag(widths**-2.0))
         evidence = self.weigh(chi2, explanation) + volume(curvature, widths)
-        judged = Judged(explanation, chi2, evidence, covariance, base, q)
-        return judged, *self._step(q, explanation, steps, widths)
+        judged = Judged(explanation, chi2, evidence, covariance, base, q, slack_marks)
+        return judged, *self._step(q, explanation, steps)
 
-    def _step(self, q: Quadratic, explanation: Explanation, steps: Floats, widths: Floats) -> tuple[Floats, Floats]:
-        """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does."""
-        k, at = len(self.slack), self.slack_now(explanation)
-        pull = np.zeros_like(q.A)
-        pull[:k, :k] = self.slack_precision
-        pull[k:, k:] = np.diag((steps / widths) ** 2)
-        toward = np.concatenate([-self.slack_precision @ at, np.zeros(len(steps))])
-        reach = SLACK_LIMIT * np.array([width for *_, width in self.slack])
+    def value_steps(self, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:
+        """Prior precision and bounds (m,) of the fitted values, in ``steps`` away from where they are."""
         bounds = [EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]] for knob in explanation.fitted]
+        widths = np.array([self.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
         room = np.array([
             sorted(((p.low - knob.value) / step, (p.high - knob.value) / step))
             for p, knob, step in zip(bounds, explanation.fitted, steps, strict=True)
         ]).reshape(-1, 2)  # fmt: skip
-        low, high = np.concatenate([-reach - at, room[:, 0]]), np.concatenate([reach - at, room[:, 1]])
+        return (steps / widths) ** 2, room[:, 0], room[:, 1]
+
+    def _step(self, q: Quadratic, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats]:
+        """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does."""
+        k, at = len(self.slack), self.slack_now(explanation)
+        stiffness, least, most = self.value_steps(explanation, steps)
+        pull = np.zeros_like(q.A)
+        pull[:k, :k] = self.slack_precision
+        pull[k:, k:] = np.diag(stiffness)
+        toward = np.concatenate([-self.slack_precision @ at, np.zeros(len(steps))])
+        reach = SLACK_LIMIT * np.array([width for *_, width in self.slack])
+        low, high = np.concatenate([-reach - at, least]), np.concatenate([reach - at, most])
         step = bounded_minimum(q.A + pull, q.b + toward, low, high)
         return step[k:] * steps, step[:k]
 
