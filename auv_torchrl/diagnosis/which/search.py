@@ -17,7 +17,8 @@ WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what sc
 EVIDENCE_SLIP = 40.0
 AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
-FITTED_ON = 3  # times at most, of rivals
+FITTED_ON = 3  # times at most, of rivals, while each gains ...
+STILL = 1.0  # ... this log evidence
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
 IDLE = 2.0  # standard deviations, of the estimate or of slack
 TRIED = 3  # further effects that are simulated where much is left, of those that promise about the same
@@ -91,15 +92,17 @@ def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[fr
     rivals = [judged for judged in polished[1:] if contends(judged)]
     if not rivals or not best.explanation.effects:
         return polished
-    fitted = []
-    for judged in polished:
-        fitted.append(judged)
-        for _ in range(FITTED_ON if judged is best or judged in rivals else 0):
-            further = bench.polish(judged.explanation, judged.base)
-            if not further.evidence > fitted[-1].evidence + 1.0:
-                break
-            judged = fitted[-1] = further
-    return fitted
+    fitted = {id(judged): _until_still(bench, judged) for judged in (best, *rivals)}
+    return [fitted.get(id(judged), judged) for judged in polished]
+
+
+def _until_still(bench: Bench, judged: Judged) -> Judged:
+    for _ in range(FITTED_ON):
+        further = bench.polish(judged.explanation, judged.base)
+        if not further.evidence > judged.evidence + STILL:
+            break
+        judged = further
+    return judged
 
 
 def _best(bench: Bench, polished: list[Judged]) -> Judged:
