@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
-from auv_torchrl.diagnosis.which.search import Found, Progress, search
+from auv_torchrl.diagnosis.which.search import POLISHED, Found, Progress, search
 from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.vehicle import Vehicle
 
@@ -60,7 +60,8 @@ def look(
         found = search(behind, behind.follow(), report, hints)
         if seen or is_absent(bench, onset, found.best.explanation, own, settings):
             return Looked(behind, found, sound, onset)
-        hints = hints_of(found)  # what explains a part may explain all
+        hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]
+        return Looked(bench, search(bench, follow, report, hints[:POLISHED], further=False), sound)
     return Looked(bench, search(bench, follow, report, hints), sound)
 
 

@@ -66,7 +66,7 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - c.pose_delay[:, None]
     wrench = body_wrench(by_step, terms, thrust, time)
     everywhere = np.broadcast_to(motion[:, None], (*target.shape[:-1], 13))
-    position, quaternion, velocity = np.split(everywhere, [3, 7], axis=-1)
+    position, quaternion, velocity = everywhere[..., :3], motion[:, None, :, 3:7], everywhere[..., 7:]
     if not c.heading_bias.any():
         return acceleration(by_step, terms, rotation_matrix(quaternion), position, velocity, wrench)
     zero = np.zeros_like(by_step.heading_bias)

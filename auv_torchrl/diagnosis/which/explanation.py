@@ -42,8 +42,10 @@ class Explanation:
     def values(self, vehicle: Vehicle, slack: bool = True) -> Values:
         """Parameter values by effect, slack added unless told otherwise."""
         values: Values = {}
+        names = {knob.effect for knob in self.knobs} | {effect for effect, _ in self.slack}
+        nominals = {name: EFFECTS[name].nominal(vehicle) for name in names}
         for knob in self.knobs:
-            declared, nominal = EFFECTS[knob.effect].member_parameters(vehicle), EFFECTS[knob.effect].nominal(vehicle)
+            declared, nominal = EFFECTS[knob.effect].member_parameters(vehicle), nominals[knob.effect]
             row = values.setdefault(knob.effect, {})
             for member in knob.members:
                 if knob.discrete or member not in row:
@@ -53,9 +55,8 @@ class Explanation:
                     row[member] = min(max(both, declared[member].low), declared[member].high)
         if slack:
             for (effect, member), deviation in self.slack.items():
-                nominal = EFFECTS[effect].nominal(vehicle)[member]
                 row = values.setdefault(effect, {})
-                row[member] = row.get(member, nominal) + deviation
+                row[member] = row.get(member, nominals[effect][member]) + deviation
         return values
 
     def moved(self, amounts: dict[int, float]) -> "Explanation":

@@ -16,6 +16,7 @@ POLISHED = 4  # candidates that are simulated
 WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
 EVIDENCE_SLIP = 40.0
 AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
+MISSED = 1.0  # chi-square per number that comes back without an effect that is not needless
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
 STILL = 1.0  # ... this log evidence
@@ -42,32 +43,33 @@ class Found:
     field: Field  # marks of all changes at the nominal vehicle
 
 
-def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Explanation] = ()) -> Found:
+def search(
+    bench: Bench, follow: Base, progress: Progress, hints: Sequence[Explanation] = (), further: bool = True
+) -> Found:
     """Explain the windows of a bench that ``follow`` has followed.
 
-    ``hints`` are simulated first; what the screening finds only where none of them explains the log by a few values.
+    ``hints`` are simulated first; what the screening finds only where none of them explains the log by a few values,
+    and not at all unless ``further``.
     """
     field = Field.of(bench, follow)
     families = field.families()
     progress("screening effects", 0.4)
     hopeless = field.none().evidence < families[0].evidence - HOPELESS
-    none = bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)
-    bench.slack_suffices = not bench.leaves_much(none)
-    polished = [none]
+    polished = [bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)]  # without any effect, then with some
+    bench.slack_suffices = not bench.leaves_much(polished[0])
     for explanation in hints:
         polished.append(bench.polish(explanation, follow))
         if len(explanation.knobs) <= FEW and not bench.leaves_much(polished[-1]):
             break
     else:
-        for shown in _candidates(bench, follow, field, families):
+        for shown in _candidates(bench, follow, field, families) if further else ():
             enough = AS_GOOD * min(judged.chi2 for judged in polished)
             polished.append(bench.polish(shown.explanation, follow, enough=enough))
             progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
     best = _best(bench, polished)
     if bench.measure_noise(best):
-        polished = [bench.again(judged) for judged in polished if np.isfinite(judged.chi2)]
+        polished = [bench.again(judged) if np.isfinite(judged.chi2) else judged for judged in polished]
         best = _best(bench, polished)
-        none = polished[0] if np.isfinite(none.chi2) else none
     polished = _fitted_on(bench, best, polished, field.twins)
     best = _best(bench, polished)
     if not best.nothing_left or bench.is_strained(best):
@@ -78,8 +80,8 @@ def search(bench: Bench, follow: Base, progress: Progress, hints: Sequence[Expla
         polished.append(bench.polish(best.explanation, best.base))
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
     best = _simplest(bench, best, polished)
-    polished.sort(key=lambda judged: -judged.evidence)
-    return Found(follow, none, best, polished, families, field)
+    ranked = sorted(polished, key=lambda judged: -judged.evidence)
+    return Found(follow, polished[0], best, ranked, families, field)
 
 
 def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
@@ -89,7 +91,7 @@ def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[fr
         others = set(judged.explanation.effects) ^ set(best.explanation.effects)
         return bool(others) and frozenset(others) not in twins and judged.evidence > best.evidence - CONTENDS
 
-    rivals = [judged for judged in polished[1:] if contends(judged)]
+    rivals = [judged for judged in polished if contends(judged)]
     if not rivals or not best.explanation.effects:
         return polished
     fitted = {id(judged): _until_still(bench, judged) for judged in (best, *rivals)}
@@ -202,4 +204,5 @@ def _prune(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
 def _without(bench: Bench, best: Judged, effect: str) -> Judged:
     """The explanation without an effect, simulated where a sketch does not show that it is far worse."""
     sketch = bench.sketch(best.explanation.without(effect), best.base)
-    return sketch if sketch.chi2 > AS_GOOD * best.chi2 else bench.polish(sketch.explanation, best.base)
+    far = sketch.chi2 > best.chi2 + MISSED * sketch.quadratic.numbers
+    return sketch if far else bench.polish(sketch.explanation, best.base)
