@@ -48,8 +48,8 @@ def search(
 ) -> Found:
     """Explain the windows of a bench that ``follow`` has followed.
 
-    ``hints`` are simulated first; what the screening finds only where none of them explains the log by a few values,
-    and not at all unless ``further``.
+    ``hints`` are simulated first, and what the screening finds only where none of them explains the log by a few
+    values. Without ``further`` all hints are simulated, and nothing else.
     """
     field = Field.of(bench, follow)
     families = field.families()
@@ -59,7 +59,7 @@ def search(
     bench.slack_suffices = not bench.leaves_much(polished[0])
     for explanation in hints:
         polished.append(bench.polish(explanation, follow))
-        if len(explanation.knobs) <= FEW and not bench.leaves_much(polished[-1]):
+        if further and len(explanation.knobs) <= FEW and not bench.leaves_much(polished[-1]):
             break
     else:
         for shown in _candidates(bench, follow, field, families) if further else ():
