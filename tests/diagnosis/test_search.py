@@ -9,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from auv_torchrl.blind.cases import Case
+from auv_torchrl.blind.fly import fly as sealed_flights
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.how_far.predict import predict
 from auv_torchrl.diagnosis.how_far.veto import falls_short
@@ -50,6 +52,21 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
     assert lag.parameters["time_constant"].value == pytest.approx(values["thruster_lag"]["time_constant"], rel=0.03)
     for limit in (effect for effect in diagnosis.effects if effect.name == "thrust_limit"):
         assert limit.sentence.startswith("every thruster saturates at")
+
+
+def test_an_effect_takes_over_what_another_one_did_in_its_place():
+    """A steady sinking of the water pushes down like weight; once weight is tried beside it, the water stands still."""
+    values = {"buoyancy": {"force": -9.4}, "current": {"north": 0.073, "east": -0.17}}
+    diagnosis = diagnose(fly(HELD, values, seed=11, **SHORT), PAPER)
+    assert diagnosis.verdict is Verdict.EXPLAINED
+    found = {effect.name: {name: e.value for name, e in effect.parameters.items()} for effect in diagnosis.effects}
+    assert found == {name: pytest.approx(row, rel=0.02) for name, row in values.items()}
+
+
+def test_a_healthy_vehicle_is_fitted_as_long_as_what_contends_with_it():
+    """A flight in which the first fit of "no gap" stops 200 of chi-square short of its best is still without a gap."""
+    ((log, _),) = sealed_flights([Case(4, "no_gap_slack", plant="foreign", slack=0.03)], PAPER, 5150)
+    assert diagnose(log, PAPER).verdict is Verdict.NO_GAP
 
 
 def test_thrusters_that_failed_in_different_ways_are_named_one_by_one():
