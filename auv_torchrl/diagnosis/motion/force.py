@@ -41,8 +41,8 @@ def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: 
 
     It is the nominal mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
     """
-    before = accelerations(actuate(windows, nominal), motion)
-    mass = actuate(windows, nominal).c.mass_matrix[:, None]
+    sound = actuate(windows, nominal)
+    before, mass = accelerations(sound, motion), sound.c.mass_matrix[:, None]
     rows = changed.batch_size[0]
     pieces = []
     for first in range(0, rows, CANDIDATES_AT_ONCE):

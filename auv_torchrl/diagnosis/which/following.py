@@ -131,8 +131,8 @@ class Following(Ground):
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""
         vehicle, state = batch(self.vehicle, [explanation.values(self.vehicle)]), start.state
-        there, _ = flown(actuate(self.windows, vehicle), self.layout, *_one_row(state)[:2])
-        return self.settled(explanation, vehicle, replace(state, residual=there[:, 0]), steps=1)
+        fresh = settle(self.windows, vehicle, self.layout, self.freedom(state.slope), *_one_row(state)[:2])
+        return Base(explanation, vehicle, *_taken_on(state, fresh))
 
     def nudged_chi2(self, explanations: list[Explanation], start: Base) -> Floats:
         """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
@@ -145,17 +145,19 @@ class Following(Ground):
         chi2 = chi_square(self.windows, self.layout, freedom, *settled).sum(0)
         return chi2 + ((slack @ self.slack_precision) * slack).sum(-1)
 
-    def settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed, steps: int = SETTLING) -> Base:
+    def settled(self, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
         """The windows under an explanation, settled from a state near by whose residual is that of the vehicle."""
-        return Base(explanation, vehicle, *self._settle(vehicle, state, self.freedom(state.slope), steps))
+        return Base(explanation, vehicle, *self._settle(vehicle, state, self.freedom(state.slope)))
 
-    def _settle(
-        self, vehicle: Vehicle, state: Smoothed, freedom: Freedom, steps: int = SETTLING
-    ) -> tuple[Smoothed, Floats]:
+    def _settle(self, vehicle: Vehicle, state: Smoothed, freedom: Freedom) -> tuple[Smoothed, Floats]:
         """The state after steps of its free numbers, and the motion (W, S + 1, 13) that it goes through."""
-        fresh = settle(self.windows, vehicle, self.layout, freedom, *_one_row(state), steps)
-        start, bins, residual, states = (field[:, 0] for field in fresh)
-        return replace(state, start=start, bins=bins, residual=residual), states
+        return _taken_on(state, settle(self.windows, vehicle, self.layout, freedom, *_one_row(state), SETTLING))
+
+
+def _taken_on(state: Smoothed, settled: tuple[Floats, ...]) -> tuple[Smoothed, Floats]:
+    """The state with what :func:`settle` found for it, and the motion."""
+    start, bins, residual, states = (field[:, 0] for field in settled)
+    return replace(state, start=start, bins=bins, residual=residual), states
 
 
 def _replaced(state: Smoothed, rows: np.ndarray, by: Smoothed) -> Smoothed:
