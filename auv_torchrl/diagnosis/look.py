@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from auv_torchrl.diagnosis.calibration.healthy import Calibration, calibrate
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.verdict import Verdict
@@ -18,10 +20,12 @@ from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.which.search import POLISHED, Found, Progress, search
+from auv_torchrl.diagnosis.which.sketches import NEAR
 from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.vehicle import Vehicle
 
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
+TILTS_MATTER = 0.5  # of the chi-square beyond noise, that a free vehicle must promise to leave of what a level one does
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
 
 
@@ -51,18 +55,19 @@ def look(
     sound = calibrate(healthy, vehicle, settings) if healthy else None
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
-    hints = hints_of(seen.found) if seen else ()
+    hints, below = (hints_of(seen.found), _worth_flying(seen)) if seen else ((), np.inf)
     follow = bench.follow()
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(bench, follow)
     if onset is not None:
         behind = Bench(bench.windows.subset(onset.behind), own, settings, known)
-        found = search(behind, behind.follow(), report, hints)
+        found = search(behind, behind.follow(), report, hints, below)
         if seen or is_absent(bench, onset, found.best.explanation, own, settings):
             return Looked(behind, found, sound, onset)
         hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]
-        return Looked(bench, search(bench, follow, report, hints[:POLISHED], further=False), sound)
-    return Looked(bench, search(bench, follow, report, hints), sound)
+        whole = search(bench, follow, report, hints[:POLISHED], below=0.0)
+        return Looked(bench, replace(whole, promise=found.promise), sound)
+    return Looked(bench, search(bench, follow, report, hints, below), sound)
 
 
 def look_both_ways(
@@ -88,6 +93,13 @@ def hints_of(found: Found) -> list[Explanation]:
         if judged.explanation.effects:
             hints.setdefault(judged.explanation.effects, replace(judged.explanation, slack={}))
     return list(hints.values())[:HINTS]
+
+
+def _worth_flying(level: Looked) -> float:
+    """Chi-square per number that a vehicle free to tilt must promise to leave, where a level one leaves much."""
+    if not level.bench.leaves_much(level.found.best) or not np.isfinite(level.found.promise):
+        return np.inf
+    return max(NEAR, 1 + TILTS_MATTER * (level.found.promise - 1))
 
 
 def excess(found: Found) -> float:

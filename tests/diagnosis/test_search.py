@@ -19,6 +19,8 @@ from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.which.search import search
+from auv_torchrl.diagnosis.which.sketches import NEAR
 from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT
 from auv_torchrl.vehicle import load_vehicle
 
@@ -52,6 +54,14 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
     assert lag.parameters["time_constant"].value == pytest.approx(values["thruster_lag"]["time_constant"], rel=0.03)
     for limit in (effect for effect in diagnosis.effects if effect.name == "thrust_limit"):
         assert limit.sentence.startswith("every thruster saturates at")
+
+
+def test_what_promises_too_little_along_the_measured_motion_is_not_simulated():
+    """A search for less than the noise leaves "no gap" alone, and says what it could have had."""
+    bench = bench_of(HELD, {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER}, seed=11)
+    found = search(bench, bench.follow(), lambda *_: None, below=0.5)
+    assert {judged.explanation.effects for judged in found.polished} == {()}
+    assert 0.5 < found.promise < NEAR
 
 
 def test_an_effect_takes_over_what_another_one_did_in_its_place():

@@ -17,7 +17,8 @@ WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what sc
 EVIDENCE_SLIP = 40.0
 AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
 MISSED = 1.0  # chi-square per number that comes back without an effect that is not needless
-CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
+CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best ...
+ADDS = 20.0  # ... and by which one that only adds effects to the best may be worse
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
 STILL = 1.0  # ... this log evidence
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
@@ -41,15 +42,17 @@ class Found:
     polished: list[Judged]  # all that were simulated, the best first
     screened: list[Screened]  # every family alone
     field: Field  # marks of all changes at the nominal vehicle
+    promise: float  # chi-square per number that the best look along the measured motion leaves; infinite without one
 
 
 def search(
-    bench: Bench, follow: Base, progress: Progress, hints: Sequence[Explanation] = (), further: bool = True
+    bench: Bench, follow: Base, progress: Progress, hints: Sequence[Explanation] = (), below: float = np.inf
 ) -> Found:
     """Explain the windows of a bench that ``follow`` has followed.
 
     ``hints`` are simulated first, and what the screening finds only where none of them explains the log by a few
-    values. Without ``further`` all hints are simulated, and nothing else.
+    values, and where it promises to leave less than ``below`` of chi-square per number. With 0 all hints are simulated,
+    and nothing else.
     """
     field = Field.of(bench, follow)
     families = field.families()
@@ -57,12 +60,18 @@ def search(
     hopeless = field.none().evidence < families[0].evidence - HOPELESS
     polished = [bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)]  # without any effect, then with some
     bench.slack_suffices = not bench.leaves_much(polished[0])
+    promise = np.inf
     for explanation in hints:
         polished.append(bench.polish(explanation, follow))
-        if further and len(explanation.knobs) <= FEW and not bench.leaves_much(polished[-1]):
+        if below and len(explanation.knobs) <= FEW and not bench.leaves_much(polished[-1]):
             break
     else:
-        for shown in _candidates(bench, follow, field, families) if further else ():
+        candidates: Sequence[Screened | Judged] = ()
+        if below:
+            one_does = any(len(j.explanation.effects) == 1 and not bench.leaves_much(j) for j in polished[1:])
+            below = np.inf if one_does else below
+            candidates, promise = _candidates(bench, follow, field, families, one_does)
+        for shown in candidates if promise < below else ():
             enough = AS_GOOD * min(judged.chi2 for judged in polished)
             polished.append(bench.polish(shown.explanation, follow, enough=enough))
             progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
@@ -70,9 +79,11 @@ def search(
     if bench.measure_noise(best):
         polished = [bench.again(judged) if np.isfinite(judged.chi2) else judged for judged in polished]
         best = _best(bench, polished)
-    polished = _fitted_on(bench, best, polished, field.twins)
-    best = _best(bench, polished)
-    if not best.nothing_left or bench.is_strained(best):
+    if not bench.leaves_much(best):
+        polished = _fitted_on(bench, best, polished, field.twins)
+        best = _best(bench, polished)
+    given_up = below <= promise < np.inf
+    if not given_up and (not best.nothing_left or bench.is_strained(best)):
         best = _grow(bench, best, polished, field.twins, progress)
     best = _prune(bench, best, polished)
     best = _drop_idle(bench, best, polished)
@@ -81,15 +92,16 @@ def search(
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
     best = _simplest(bench, best, polished)
     ranked = sorted(polished, key=lambda judged: -judged.evidence)
-    return Found(follow, polished[0], best, ranked, families, field)
+    return Found(follow, polished[0], best, ranked, families, field, promise)
 
 
 def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
     """What may still win is fitted until nothing moves: a fit that leaves nothing is good, but not yet the best."""
 
     def contends(judged: Judged) -> bool:
-        others = set(judged.explanation.effects) ^ set(best.explanation.effects)
-        return bool(others) and frozenset(others) not in twins and judged.evidence > best.evidence - CONTENDS
+        own, its = set(best.explanation.effects), set(judged.explanation.effects)
+        far = ADDS if own < its else CONTENDS
+        return own != its and frozenset(own ^ its) not in twins and judged.evidence > best.evidence - far
 
     rivals = [judged for judged in polished if contends(judged)]
     if not rivals or not best.explanation.effects:
@@ -121,12 +133,20 @@ def _simplest(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
     return min([best, *close], key=lambda judged: (len(judged.explanation.knobs), -judged.evidence))
 
 
-def _candidates(bench: Bench, follow: Base, field: Field, families: list[Screened]) -> Sequence[Screened | Judged]:
-    """What to simulate: single effects, or where none comes near what a look along the measured motion shows."""
-    if is_near(families[0].chi2, field.quadratic.numbers):
-        return _promising(field, families)
+def _candidates(
+    bench: Bench, follow: Base, field: Field, families: list[Screened], one_does: bool
+) -> tuple[Sequence[Screened | Judged], float]:
+    """What to simulate, and the chi-square per number that the best of it promises to leave.
+
+    They are single effects, or where none comes near, and none is known to do, what a look along the measured motion
+    shows.
+    """
+    numbers = field.quadratic.numbers
+    if one_does or is_near(families[0].chi2, numbers):
+        return _promising(field, families), families[0].chi2 / numbers
     sketches = sketch_explanations(bench, follow, field, families)
-    return _promising(field, [sketch for sketch in sketches if sketch.chi2 < AS_GOOD * sketches[0].chi2])
+    as_good = [sketch for sketch in sketches if sketch.chi2 < AS_GOOD * sketches[0].chi2]
+    return _promising(field, as_good), sketches[0].chi2 / numbers
 
 
 def _drop_idle(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
