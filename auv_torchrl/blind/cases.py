@@ -124,12 +124,13 @@ def _noise(count: int, rng: np.random.Generator) -> list[dict]:
 
 
 def _pair(count: int, rng: np.random.Generator) -> list[dict]:
-    pairs = []
+    pairs: list[dict] = []
     while len(pairs) < count:
-        pair = tuple(str(name) for name in rng.choice(list(CLEAR), 2, replace=False))
-        if set(pair) not in ONE_CAN_HIDE_THE_OTHER:
-            pairs.append({"family": "pair", "effects": pair})
-    return pairs
+        names = _shuffled(CLEAR, 2 * len(CLEAR), rng)  # of so many pairs, each effect is in two
+        drawn = list(zip(names[::2], names[1::2], strict=True))
+        if all(one != other and {one, other} not in ONE_CAN_HIDE_THE_OTHER for one, other in drawn):
+            pairs += [{"family": "pair", "effects": pair} for pair in drawn]
+    return pairs[:count]
 
 
 def _no_gap(count: int, rng: np.random.Generator) -> list[dict]:

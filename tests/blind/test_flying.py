@@ -1,9 +1,11 @@
 """What is sealed is what it says it is."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
-from auv_torchrl.blind.cases import FAMILIES, Case, count_by_family, draw_cases
+from auv_torchrl.blind.cases import FAMILIES, ONE_CAN_HIDE_THE_OTHER, Case, count_by_family, draw_cases
 from auv_torchrl.blind.fly import fly
 from auv_torchrl.blind.foreign import ForeignPlant
 from auv_torchrl.blind.influence import CLEAR_AT
@@ -169,6 +171,13 @@ def test_bad_families_are_refused(cases, shares, message):
     """A misspelt family, no share or no case is an error."""
     with pytest.raises(ValueError, match=message):
         draw_cases(cases, shares, seed=0)
+
+
+def test_every_effect_is_in_as_many_pairs_as_the_others():
+    """In 42 pairs each of the 21 effects acts four times, beside another one that a log can tell from it."""
+    pairs = [case.effects for case in draw_cases(42, {"pair": 1.0}, seed=1)]
+    assert set(Counter(name for pair in pairs for name in pair).values()) == {4}
+    assert all(one != other and {one, other} not in ONE_CAN_HIDE_THE_OTHER for one, other in pairs)
 
 
 def test_each_effect_is_left_out_once_in_a_full_benchmark():

@@ -99,6 +99,16 @@ def test_an_effect_is_fitted_though_slack_is_at_its_limit():
         assert judged.explanation.knobs[0].value == pytest.approx(0.2, rel=0.25)
 
 
+def test_a_thrust_curve_is_fitted_together_with_the_dead_band():
+    """A flatter curve with a wider dead band lets the same commands through; a fit that begins there comes back."""
+    bench = bench_of(HELD, {"thrust_curve": {"exponent": 1.56}, "buoyancy": {"force": -9.5}}, seed=4)
+    ((key, width),) = (((effect, member), width) for effect, member, _, width in bench.slack if effect == "dead_band")
+    knobs = Knob("thrust_curve", ("exponent",), 1.585), Knob("buoyancy", ("force",), -9.5)
+    fitted = bench.polish(Explanation(knobs, {key: -0.8 * width}), bench.follow())
+    assert fitted.nothing_left
+    assert fitted.explanation.knobs[0].value == pytest.approx(1.56, abs=0.004)
+
+
 def test_a_window_that_has_lost_its_start_finds_it_again():
     """A first window that begins with a wrong spin, from which it never settles, ends like the others."""
     bench = bench_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4)

@@ -4,17 +4,18 @@ Sketching looks along the measured motion, where effects are nearly linear, and 
 one explanation and fits its values, its slack, the starts and the disturbance until nothing moves.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.smooth import sensor_noise
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Base, Judged
 from auv_torchrl.diagnosis.which.weighing import Weighing
-from auv_torchrl.effects import EFFECTS
+from auv_torchrl.physics import prepare
 
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
+TRIED = np.linspace(-1.0, 1.0, 9)  # of each reach
+EXPONENT, ASYMMETRY = ("thrust_curve", ("exponent",)), ("thrust_curve", ("asymmetry",))
+DEAD_BAND = ("dead_band", ("width",))
 SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried ...
 SLACK_MOVED = 0.2  # ... where they moved by this much
 NOISE_MATTERS = 0.02  # relative
@@ -69,44 +70,72 @@ class Bench(Weighing):
         return best
 
     def _descend(self, base: Base, rounds: int) -> tuple[Judged, bool]:
-        """Gauss-Newton with a shrinking stride; tells whether it went far."""
-        best, step, slack_step = self.judge(base)
+        """Gauss-Newton with a shrinking stride; tells whether it went far.
+
+        Where a step fails, the slack of thresholds stays from there on.
+        """
+        best, *step = self.judge(base)
         began = best.chi2
-        stride, even = 1.0, np.ones(len(self.slack), bool)
+        stride, even = 1.0, bool(self.even.all())
         for _ in range(rounds):
-            moved = self.move(best.explanation, stride * step, stride * slack_step * even)
-            trial, trial_step, trial_slack_step = self.judge(self.nudge(moved, best.base), before=best)
+            if not np.isfinite(best.chi2):
+                break
+            knobs, slack = self.even_step(best) if even else step
+            moved = self.move(best.explanation, stride * knobs, stride * slack)
+            trial, *trial_step = self.judge(self.nudge(moved, best.base), before=best)
             if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
-                stride, even = (stride, self.even) if even.all() else (0.3 * stride, even)
+                stride, even = (0.3 * stride if even else stride), True
                 continue
             settled = best.chi2 - trial.chi2 < 0.5
-            best, step, slack_step = trial, trial_step, trial_slack_step
+            best, step = trial, trial_step
             if settled:
                 break
         return best, not began < (1 + FAR) * best.chi2
 
     def _search_thresholds(self, best: Judged) -> Judged:
-        """Try values near by for effects that switch single samples: there chi-square is rough."""
-        for place, knob in enumerate(best.explanation.knobs):
-            if knob.effect not in self.settings.thresholds:
-                continue
-            p = EFFECTS[knob.effect].member_parameters(self.vehicle)[knob.members[0]]
-            for reach in THRESHOLD_REACH:
-                width = reach * self.prior.width(knob.effect, knob.members[0])
-                values = np.clip(best.explanation.knobs[place].value + width * np.linspace(-1, 1, 9), p.low, p.high)
-                best = self._best_of(best, [best.explanation.moved({place: float(value)}) for value in values])
-        for effect, member, _, width in self.slack:
-            moved = abs(best.explanation.slack.get((effect, member), 0.0)) > SLACK_MOVED * width
-            if effect in self.settings.thresholds and (moved or not best.nothing_left):
-                values = SLACK_REACH * width * np.linspace(-1, 1, 9)
-                slacks = [{**best.explanation.slack, (effect, member): float(value)} for value in values]
-                best = self._best_of(best, [replace(best.explanation, slack=slack) for slack in slacks])
+        """Try values near by for effects that switch single samples, because there chi-square is rough.
+
+        The smooth numbers go along with each.
+        """
+        for order, knob in enumerate(best.explanation.fitted):
+            if knob.effect in self.settings.thresholds:
+                for reach in THRESHOLD_REACH:
+                    width = reach * self.prior.width(knob.effect, knob.members[0])
+                    best = self._best_along(best, [{len(self.slack) + order: width * u} for u in TRIED])
+        for column, (effect, _, _, width) in enumerate(self.slack):
+            now = self.slack_now(best.explanation)[column]
+            if effect in self.settings.thresholds and (abs(now) > SLACK_MOVED * width or not best.nothing_left):
+                best = self._best_along(best, [{column: SLACK_REACH * width * u - now} for u in TRIED])
+        return best if self.leaves_much(best) else self._search_curve(best)
+
+    def _search_curve(self, best: Judged) -> Judged:
+        """Try exponents of the thrust curve near by, with a dead band that lets the same commands through.
+
+        Either alone lets others through, so that chi-square is a narrow valley along the two, which slopes do not show.
+        """
+        column = {knob.key: len(self.slack) + order for order, knob in enumerate(best.explanation.fitted)}
+        column |= {(effect, (member,)): order for order, (effect, member, _, _) in enumerate(self.slack)} | column
+        exponent, band, asymmetry = (column.get(key) for key in (EXPONENT, DEAD_BAND, ASYMMETRY))
+        if exponent is None or band is None:
+            return best
+        c = prepare(best.base.vehicle).numpy()
+        now, width, full, weaker = (float(x[0, 0]) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
+        for reach in THRESHOLD_REACH[1:]:
+            trials = []
+            for step in reach * self.prior.width("thrust_curve", "exponent") * TRIED:
+                power = (now + step) / now  # the same commands have their thrust, over the full one, to this power
+                trial = {exponent: step, band: full * (width / full) ** power - width}
+                if asymmetry is not None:
+                    trial[asymmetry] = (1 - weaker) - (1 - weaker) ** power
+                trials.append(trial)
+            best = self._best_along(best, trials)
         return best
 
-    def _best_of(self, best: Judged, trials: list[Explanation]) -> Judged:
-        """The best of explanations that differ a little."""
+    def _best_along(self, best: Judged, amounts: list[dict[int, float]]) -> Judged:
+        """The best of an explanation and of those with some of its numbers moved by amounts."""
         if not np.isfinite(best.chi2):
             return best
+        trials = [self.moved_along(best, some) for some in amounts]
         chi2 = self.nudged_chi2(trials, best.base)
         return (
             self.judge(self.nudge(trials[int(chi2.argmin())], best.base), before=best)[0]

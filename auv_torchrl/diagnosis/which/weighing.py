@@ -1,5 +1,6 @@
 """Weigh an explanation at given windows: chi-square, evidence, uncertainty and the step that makes it better."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -140,8 +141,29 @@ class Weighing(Following):
         ]).reshape(-1, 2)  # fmt: skip
         return (steps / widths) ** 2, room[:, 0], room[:, 1]
 
-    def _step(self, q: Quadratic, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats]:
-        """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does."""
+    def moved_along(self, judged: Judged, amounts: Mapping[int, float]) -> Explanation:
+        """The explanation with some numbers, of slack or fitted knobs, moved by amounts, and the others as fits best.
+
+        ``amounts`` are by column of the quadratic: slack first, then fitted knobs.
+        """
+        steps = self.knob_changes(judged.explanation)[1]
+        units = np.concatenate([np.ones(len(self.slack)), steps])
+        held = {column: amount / units[column] for column, amount in amounts.items()}
+        return self.move(judged.explanation, *self._step(judged.quadratic, judged.explanation, steps, held))
+
+    def even_step(self, judged: Judged) -> tuple[Floats, Floats]:
+        """Gauss-Newton step of knobs and slack in which no slack of a threshold moves."""
+        rough = dict.fromkeys(np.flatnonzero(~self.even).tolist(), 0.0)
+        explanation = judged.explanation
+        return self._step(judged.quadratic, explanation, self.knob_changes(explanation)[1], rough)
+
+    def _step(
+        self, q: Quadratic, explanation: Explanation, steps: Floats, held: Mapping[int, float] | None = None
+    ) -> tuple[Floats, Floats]:
+        """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does.
+
+        Some columns may be ``held`` at an amount.
+        """
         k, at = len(self.slack), self.slack_now(explanation)
         stiffness, least, most = self.value_steps(explanation, steps)
         pull = np.zeros_like(q.A)
@@ -150,7 +172,10 @@ class Weighing(Following):
         toward = np.concatenate([-self.slack_precision @ at, np.zeros(len(steps))])
         reach = SLACK_LIMIT * np.array([width for *_, width in self.slack])
         low, high = np.concatenate([-reach - at, least]), np.concatenate([reach - at, most])
-        step = bounded_minimum(q.A + pull, q.b + toward, low, high)
+        x, free = np.zeros(len(low)), np.ones(len(low), bool)
+        for column, amount in (held or {}).items():
+            x[column], free[column] = amount, False
+        step = bounded_minimum(q.A + pull, q.b + toward, low, high, x, free)
         return step[k:] * steps, step[:k]
 
     def move(self, explanation: Explanation, step: Floats, slack_step: Floats) -> Explanation:
