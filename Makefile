@@ -5,6 +5,7 @@ SCENARIO ?= thruster_gain
 VEHICLE ?= paper
 LOG ?= examples/flight.csv
 CASES ?= 346
+JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
@@ -33,8 +34,8 @@ diagnose: $(READY) ## say what is wrong with the vehicle of a log: LOG=flight.cs
 sweep: $(READY) ## all scenarios x seeds on the local cores, one table and one picture
 	$(BIN)/python train.py -m +experiment=sweep
 
-test: check $(READY) ## lint, types and all tests
-	$(BIN)/python -m pytest
+test: check $(READY) ## lint, types and all tests: JOBS=2
+	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile
 
 test-fast: $(READY) ## the tests that take seconds
 	$(BIN)/python -m pytest -m "not slow"

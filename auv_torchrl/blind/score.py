@@ -34,7 +34,7 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
     known = [j for j in judgements if j.family in ("single", "single_slack", "failures", "pair")]
     p_truth = [j.probability_of_truth for j in calibration_cases(judgements) if j.probability_of_truth is not None]
     errors = [error for j in single for error in j.errors.values()]
-    covered = [held for j in single for held in j.covered.values()]
+    covered, covered_slack = ([held for j in group for held in j.covered.values()] for group in (single, slack))
     closed = [j.closed for j in known if j.closed is not None]
 
     mean_p = _number(p_truth, lambda v: sum(v) / len(v), ".3f")
@@ -64,6 +64,7 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
         ("mean probability on the truth (a declared class counts as one)", "≥ 0.9", "≥ 0.97", mean_p),
         ("expected calibration error", "≤ 0.08", "≤ 0.04", f"{calibration_error(calibration(judgements)):.3f}"),
         ("95 % intervals that hold the truth", "88 to 99 %", "92 to 98 %", Share.of(covered)),
+        ("… with the 3 % slack that they allow for", "", "", Share.of(covered_slack)),
         ("parameter error, median", "≤ 4 %", "≤ 2 %", _number(errors, lambda v: quantile(v, 0.5), ".1%")),
         ("parameter error, 90th percentile", "≤ 15 %", "≤ 8 %", _number(errors, lambda v: quantile(v, 0.9), ".1%")),
         ("closed share, median, known effects", "≥ 0.90", "≥ 0.97", _number(closed, lambda v: quantile(v, 0.5), ".3f")),

@@ -79,6 +79,12 @@ def test_a_healthy_vehicle_is_fitted_as_long_as_what_contends_with_it():
     assert diagnose(log, PAPER).verdict is Verdict.NO_GAP
 
 
+def test_no_gap_is_fitted_though_a_window_diverges_on_the_way():
+    """A vehicle with slack alone, whose nominal simulation flies off in one window, has no gap."""
+    ((log, _),) = sealed_flights([Case(20, "no_gap_slack", plant="foreign", slack=0.03)], PAPER, 20261122)
+    assert diagnose(log, PAPER).verdict is Verdict.NO_GAP
+
+
 def test_thrusters_that_failed_in_different_ways_are_named_one_by_one():
     """Three thrusters, reversed, weak and dead, are not taken for one value of all of them and something else."""
     gains = {"gain_1": -1.0, "gain_2": 0.2, "gain_4": 0.0}

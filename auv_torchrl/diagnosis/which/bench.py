@@ -14,10 +14,12 @@ from auv_torchrl.physics import prepare
 
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED = np.linspace(-1.0, 1.0, 9)  # of each reach
+WALK = (0.015, 0.004) * 3  # of the plausible range of the exponent, one after another
 EXPONENT, ASYMMETRY = ("thrust_curve", ("exponent",)), ("thrust_curve", ("asymmetry",))
 DEAD_BAND = ("dead_band", ("width",))
-SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried ...
-SLACK_MOVED = 0.2  # ... where they moved by this much
+SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
+SLACK_MOVED = 0.2  # ... where they moved by this much; "no gap" also within ...
+SLACK_NEAR = 0.4  # ... of the best of them
 NOISE_MATTERS = 0.02  # relative
 REPEATS = 3  # of linearising windows again
 FAR = 0.3  # of chi-square, that a descent gains where slopes need to be taken again
@@ -72,17 +74,20 @@ class Bench(Weighing):
     def _descend(self, base: Base, rounds: int) -> tuple[Judged, bool]:
         """Gauss-Newton with a shrinking stride; tells whether it went far.
 
-        Where a step fails, the slack of thresholds stays from there on.
+        Where a step fails, the slack of thresholds stays from there on. Where it does because single windows diverge,
+        they begin anew behind it.
         """
         best, *step = self.judge(base)
         began = best.chi2
         stride, even = 1.0, bool(self.even.all())
-        for _ in range(rounds):
+        for turn in range(rounds):
             if not np.isfinite(best.chi2):
                 break
             knobs, slack = self.even_step(best) if even else step
             moved = self.move(best.explanation, stride * knobs, stride * slack)
             trial, *trial_step = self.judge(self.nudge(moved, best.base), before=best)
+            if turn == 0 and not trial.chi2 <= best.chi2 and self.some_diverged(best.base, trial.base):
+                trial, *trial_step = self.judge(self.rebase(moved, best.base))
             if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
                 stride, even = (0.3 * stride if even else stride), True
                 continue
@@ -104,8 +109,12 @@ class Bench(Weighing):
                     best = self._best_along(best, [{len(self.slack) + order: width * u} for u in TRIED])
         for column, (effect, _, _, width) in enumerate(self.slack):
             now = self.slack_now(best.explanation)[column]
-            if effect in self.settings.thresholds and (abs(now) > SLACK_MOVED * width or not best.nothing_left):
+            alone = not best.explanation.effects  # "no gap" has no knob by which a threshold would be tried
+            moved = abs(now) > SLACK_MOVED * width or not best.nothing_left
+            if effect in self.settings.thresholds and (moved or alone):
                 best = self._best_along(best, [{column: SLACK_REACH * width * u - now} for u in TRIED])
+                if alone:
+                    best = self._best_along(best, [{column: SLACK_NEAR * width * u} for u in TRIED])
         return best if self.leaves_much(best) else self._search_curve(best)
 
     def _search_curve(self, best: Judged) -> Judged:
@@ -113,14 +122,14 @@ class Bench(Weighing):
 
         Either alone lets others through, so that chi-square is a narrow valley along the two, which slopes do not show.
         """
-        column = {knob.key: len(self.slack) + order for order, knob in enumerate(best.explanation.fitted)}
-        column |= {(effect, (member,)): order for order, (effect, member, _, _) in enumerate(self.slack)} | column
+        column = {(effect, (member,)): order for order, (effect, member, _, _) in enumerate(self.slack)}
+        column |= {knob.key: len(self.slack) + order for order, knob in enumerate(best.explanation.fitted)}
         exponent, band, asymmetry = (column.get(key) for key in (EXPONENT, DEAD_BAND, ASYMMETRY))
         if exponent is None or band is None:
             return best
-        c = prepare(best.base.vehicle).numpy()
-        now, width, full, weaker = (float(x[0, 0]) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
-        for reach in THRESHOLD_REACH[1:]:
+        for reach in WALK:
+            c = prepare(best.base.vehicle).numpy()  # both effects make all thrusters alike
+            now, width, full, weaker = (float(x[0, 0]) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
             trials = []
             for step in reach * self.prior.width("thrust_curve", "exponent") * TRIED:
                 power = (now + step) / now  # the same commands have their thrust, over the full one, to this power
@@ -132,10 +141,10 @@ class Bench(Weighing):
         return best
 
     def _best_along(self, best: Judged, amounts: list[dict[int, float]]) -> Judged:
-        """The best of an explanation and of those with some of its numbers moved by amounts."""
+        """The best of an explanation and of those with some numbers moved by amounts, alone or the others along."""
         if not np.isfinite(best.chi2):
             return best
-        trials = [self.moved_along(best, some) for some in amounts]
+        trials = [self.moved_along(best, some, along) for along in (True, False) for some in amounts]
         chi2 = self.nudged_chi2(trials, best.base)
         return (
             self.judge(self.nudge(trials[int(chi2.argmin())], best.base), before=best)[0]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import force_changes
-from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
+from auv_torchrl.diagnosis.motion.reduce import DIVERGED, Freedom, chi_square, settle
 from auv_torchrl.diagnosis.motion.rollout import actuate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
@@ -28,6 +28,7 @@ from auv_torchrl.vehicle import Vehicle
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
+FEW_LOST = 0.1  # share of diverged windows below which each is an accident
 STUCK = 1.5  # chi-square per number of a window that has not found its start
 ASTRAY = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
 SETTLING = 2  # steps of the free numbers where windows begin; a small change of the vehicle needs one
@@ -102,6 +103,11 @@ class Following(Ground):
         """(W,) windows that leave more than an explanation that is about right would."""
         numbers = self.windows.present.sum(1) * len(self.windows.channels)
         return ~(self._chi2_by_window(base.state) < STUCK * numbers)
+
+    def some_diverged(self, *bases: Base) -> bool:
+        """Whether some windows, but few, diverge in one of these."""
+        astray = [self._chi2_by_window(base.state) >= DIVERGED for base in bases]
+        return any(lost.any() for lost in astray) and all(lost.mean() < FEW_LOST for lost in astray)
 
     def _chi2_by_window(self, state: Smoothed) -> Floats:
         return chi_square(self.windows, self.layout, self.freedom(state.slope), *_one_row(state))[:, 0]

@@ -24,6 +24,7 @@ STILL = 1.0  # ... this log evidence
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
 IDLE = 2.0  # standard deviations, of the estimate or of slack
 TRIED = 3  # further effects that are simulated where much is left, of those that promise about the same
+EASED = 0.2  # of what the screening says of an effect: the start of a fit that went astray from the whole of it
 WORTH = 5.0  # log evidence that one more effect must bring
 TIE = 3.0  # log evidence that does not speak for more values
 MOST_EFFECTS = 3
@@ -106,8 +107,18 @@ def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[fr
     rivals = [judged for judged in polished if contends(judged)]
     if not rivals or not best.explanation.effects:
         return polished
-    fitted = {id(judged): _until_still(bench, judged) for judged in (best, *rivals)}
+    fitted = {id(best): _until_still(bench, best)}
+    for rival in rivals:
+        fitted[id(rival)] = _until_still(bench, _from_best(bench, rival, fitted[id(best)]))
     return [fitted.get(id(judged), judged) for judged in polished]
+
+
+def _from_best(bench: Bench, rival: Judged, best: Judged) -> Judged:
+    """A rival, or its fit from the slack and the shared values of the best where that is better: one may be stuck."""
+    shared = {knob.key: knob for knob in best.explanation.knobs}
+    knobs = tuple(shared.get(knob.key, knob) for knob in rival.explanation.knobs)
+    trial = bench.polish(Explanation(knobs, best.explanation.slack), best.base)
+    return trial if trial.evidence > rival.evidence else rival
 
 
 def _until_still(bench: Bench, judged: Judged) -> Judged:
@@ -199,7 +210,7 @@ def _grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozens
         left = best.chi2 - best.quadratic.numbers if bench.leaves_much(best) else 0.0
         least = max(here + WORTH, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
         trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > CLOSES * left]
-        fresh = [bench.polish(s.explanation, best.base) for s in trials]
+        fresh = [_added(bench, best, s.explanation) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not bench.minor(j)), key=lambda judged: judged.evidence, default=best)
         if better.evidence <= best.evidence + WORTH or best.chi2 - better.chi2 < CLOSES * left:
@@ -208,6 +219,21 @@ def _grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozens
         if best.nothing_left:
             return best
     return best
+
+
+def _added(bench: Bench, best: Judged, explanation: Explanation) -> Judged:
+    """An explanation that adds an effect to the best; where that made it worse, from a small amount of the effect."""
+    judged = bench.polish(explanation, best.base)
+    if judged.chi2 <= best.chi2:
+        return judged
+    known = {knob.key: knob for knob in best.explanation.knobs}
+    knobs = []
+    for knob in explanation.knobs:
+        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        eased = knob if knob.discrete else replace(knob, value=nominal + EASED * (knob.value - nominal))
+        knobs.append(known.get(knob.key, eased))
+    again = bench.polish(Explanation(tuple(knobs), best.explanation.slack), best.base)
+    return max(judged, again, key=lambda judged: judged.evidence)
 
 
 def _prune(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:

@@ -141,14 +141,16 @@ class Weighing(Following):
         ]).reshape(-1, 2)  # fmt: skip
         return (steps / widths) ** 2, room[:, 0], room[:, 1]
 
-    def moved_along(self, judged: Judged, amounts: Mapping[int, float]) -> Explanation:
-        """The explanation with some numbers, of slack or fitted knobs, moved by amounts, and the others as fits best.
+    def moved_along(self, judged: Judged, amounts: Mapping[int, float], along: bool = True) -> Explanation:
+        """The explanation with some numbers, of slack or fitted knobs, moved by amounts.
 
-        ``amounts`` are by column of the quadratic: slack first, then fitted knobs.
+        ``amounts`` are by column of the quadratic: slack first, then fitted knobs. The others go ``along`` as fits
+        best, or stay.
         """
         steps = self.knob_changes(judged.explanation)[1]
         units = np.concatenate([np.ones(len(self.slack)), steps])
-        held = {column: amount / units[column] for column, amount in amounts.items()}
+        held = dict.fromkeys(range(0 if along else len(units)), 0.0)
+        held |= {column: amount / units[column] for column, amount in amounts.items()}
         return self.move(judged.explanation, *self._step(judged.quadratic, judged.explanation, steps, held))
 
     def even_step(self, judged: Judged) -> tuple[Floats, Floats]:
