@@ -139,8 +139,8 @@ def test_what_predicts_worse_is_vetoed(monkeypatch):
     module = sys.modules["auv_torchrl.diagnosis.look"]
     search = module.search
 
-    def misled(bench, follow, progress, hints):
-        found = search(bench, follow, progress, hints)
+    def misled(bench, follow, *others):
+        found = search(bench, follow, *others)
         wrong = Explanation((Knob("buoyancy", ("force",), 20.0),))
         judged = bench.polish(wrong, found.follow, rounds=0)
         return replace(found, best=judged, polished=[judged, *found.polished])
