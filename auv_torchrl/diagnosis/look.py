@@ -97,7 +97,7 @@ def hints_of(found: Found) -> list[Explanation]:
 
 def _worth_flying(level: Looked) -> float:
     """Chi-square per number that a vehicle free to tilt must promise to leave, where a level one leaves much."""
-    if not level.bench.leaves_much(level.found.best) or not np.isfinite(level.found.promise):
+    if not level.bench.leaves_much(level.found.best):
         return np.inf
     return max(NEAR, 1 + TILTS_MATTER * (level.found.promise - 1))
 

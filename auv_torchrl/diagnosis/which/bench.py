@@ -14,7 +14,7 @@ from auv_torchrl.physics import prepare
 
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED = np.linspace(-1.0, 1.0, 9)  # of each reach
-WALK = (0.015, 0.004) * 3  # of the plausible range of the exponent, one after another
+WALKS = 3  # at most, over exponents of the thrust curve
 EXPONENT, ASYMMETRY = ("thrust_curve", ("exponent",)), ("thrust_curve", ("asymmetry",))
 DEAD_BAND = ("dead_band", ("width",))
 SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
@@ -127,18 +127,28 @@ class Bench(Weighing):
         exponent, band, asymmetry = (column.get(key) for key in (EXPONENT, DEAD_BAND, ASYMMETRY))
         if exponent is None or band is None:
             return best
-        for reach in WALK:
-            c = prepare(best.base.vehicle).numpy()  # both effects make all thrusters alike
-            now, width, full, weaker = (float(x[0, 0]) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
-            trials = []
-            for step in reach * self.prior.width("thrust_curve", "exponent") * TRIED:
-                power = (now + step) / now  # the same commands have their thrust, over the full one, to this power
-                trial = {exponent: step, band: full * (width / full) ** power - width}
-                if asymmetry is not None:
-                    trial[asymmetry] = (1 - weaker) - (1 - weaker) ** power
-                trials.append(trial)
-            best = self._best_along(best, trials)
+        for _ in range(WALKS):
+            before = best
+            for reach in THRESHOLD_REACH[1:]:
+                best = self._best_along(best, self._same_commands(best, reach, exponent, band, asymmetry))
+            if best is before:
+                break
         return best
+
+    def _same_commands(
+        self, best: Judged, reach: float, exponent: int, band: int, asymmetry: int | None
+    ) -> list[dict[int, float]]:
+        """Moves of the columns of an exponent, a dead band and an asymmetry that keep the commands that get through."""
+        c = prepare(best.base.vehicle).numpy()  # both effects make all thrusters alike
+        now, width, full, weaker = (float(x[0, 0]) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
+        moves = []
+        for step in reach * self.prior.width("thrust_curve", "exponent") * TRIED:
+            power = (now + step) / now  # the same commands have their thrust, over the full one, to this power
+            move = {exponent: step, band: full * (width / full) ** power - width}
+            if asymmetry is not None:
+                move[asymmetry] = (1 - weaker) - (1 - weaker) ** power
+            moves.append(move)
+        return moves
 
     def _best_along(self, best: Judged, amounts: list[dict[int, float]]) -> Judged:
         """The best of an explanation and of those with some numbers moved by amounts, alone or the others along."""

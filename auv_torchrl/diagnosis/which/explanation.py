@@ -64,6 +64,11 @@ class Explanation:
         knobs = [replace(k, value=amounts[i]) if i in amounts else k for i, k in enumerate(self.knobs)]
         return replace(self, knobs=tuple(knobs))
 
+    def starting_from(self, other: "Explanation") -> "Explanation":
+        """The explanation with the slack of another one, and its values of the knobs that both have."""
+        known = {knob.key: knob for knob in other.knobs}
+        return Explanation(tuple(known.get(knob.key, knob) for knob in self.knobs), other.slack)
+
     def without(self, effect: str) -> "Explanation":
         """The explanation less one effect."""
         return replace(self, knobs=tuple(knob for knob in self.knobs if knob.effect != effect))

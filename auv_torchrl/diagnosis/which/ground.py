@@ -58,6 +58,7 @@ class Judged:
     covariance: Floats  # (k, k) of the fitted knobs, slack included
     base: Base
     quadratic: Quadratic  # of slack, then fitted knobs, at the base
+    steps: Floats  # (k,) one unit of the quadratic, of each fitted knob
     slack_marks: Floats  # (W, K, k) that it was made of
 
     @property

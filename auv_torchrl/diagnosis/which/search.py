@@ -115,9 +115,7 @@ def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[fr
 
 def _from_best(bench: Bench, rival: Judged, best: Judged) -> Judged:
     """A rival, or its fit from the slack and the shared values of the best where that is better: one may be stuck."""
-    shared = {knob.key: knob for knob in best.explanation.knobs}
-    knobs = tuple(shared.get(knob.key, knob) for knob in rival.explanation.knobs)
-    trial = bench.polish(Explanation(knobs, best.explanation.slack), best.base)
+    trial = bench.polish(rival.explanation.starting_from(best.explanation), best.base)
     return trial if trial.evidence > rival.evidence else rival
 
 
@@ -226,13 +224,12 @@ def _added(bench: Bench, best: Judged, explanation: Explanation) -> Judged:
     judged = bench.polish(explanation, best.base)
     if judged.chi2 <= best.chi2:
         return judged
-    known = {knob.key: knob for knob in best.explanation.knobs}
-    knobs = []
-    for knob in explanation.knobs:
+    eased = {}
+    for place, knob in enumerate(explanation.knobs):
         nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
-        eased = knob if knob.discrete else replace(knob, value=nominal + EASED * (knob.value - nominal))
-        knobs.append(known.get(knob.key, eased))
-    again = bench.polish(Explanation(tuple(knobs), best.explanation.slack), best.base)
+        if not knob.discrete:
+            eased[place] = nominal + EASED * (knob.value - nominal)
+    again = bench.polish(explanation.moved(eased).starting_from(best.explanation), best.base)
     return max(judged, again, key=lambda judged: judged.evidence)
 
 

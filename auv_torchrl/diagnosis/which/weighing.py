@@ -119,7 +119,7 @@ class Weighing(Following):
         if not np.isfinite(chi2):  # the windows diverge under this vehicle
             nothing = np.zeros(len(explanation.fitted))
             return (
-                Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q, slack_marks),
+                Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q, steps, slack_marks),
                 nothing,
                 np.zeros(len(self.slack)),
             )
@@ -128,8 +128,8 @@ class Weighing(Following):
         curvature = A / np.outer(steps, steps)
         covariance = np.linalg.inv(curvature + np.diag(widths**-2.0))
         evidence = self.weigh(chi2, explanation) + volume(curvature, widths)
-        judged = Judged(explanation, chi2, evidence, covariance, base, q, slack_marks)
-        return judged, *self._step(q, explanation, steps)
+        judged = Judged(explanation, chi2, evidence, covariance, base, q, steps, slack_marks)
+        return judged, *self._step(judged)
 
     def value_steps(self, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:
         """Prior precision and bounds (m,) of the fitted values, in ``steps`` away from where they are."""
@@ -147,27 +147,23 @@ class Weighing(Following):
         ``amounts`` are by column of the quadratic: slack first, then fitted knobs. The others go ``along`` as fits
         best, or stay.
         """
-        steps = self.knob_changes(judged.explanation)[1]
-        units = np.concatenate([np.ones(len(self.slack)), steps])
+        units = np.concatenate([np.ones(len(self.slack)), judged.steps])
         held = dict.fromkeys(range(0 if along else len(units)), 0.0)
         held |= {column: amount / units[column] for column, amount in amounts.items()}
-        return self.move(judged.explanation, *self._step(judged.quadratic, judged.explanation, steps, held))
+        return self.move(judged.explanation, *self._step(judged, held))
 
     def even_step(self, judged: Judged) -> tuple[Floats, Floats]:
         """Gauss-Newton step of knobs and slack in which no slack of a threshold moves."""
-        rough = dict.fromkeys(np.flatnonzero(~self.even).tolist(), 0.0)
-        explanation = judged.explanation
-        return self._step(judged.quadratic, explanation, self.knob_changes(explanation)[1], rough)
+        return self._step(judged, dict.fromkeys(np.flatnonzero(~self.even).tolist(), 0.0))
 
-    def _step(
-        self, q: Quadratic, explanation: Explanation, steps: Floats, held: Mapping[int, float] | None = None
-    ) -> tuple[Floats, Floats]:
+    def _step(self, judged: Judged, held: Mapping[int, float] | None = None) -> tuple[Floats, Floats]:
         """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does.
 
         Some columns may be ``held`` at an amount.
         """
-        k, at = len(self.slack), self.slack_now(explanation)
-        stiffness, least, most = self.value_steps(explanation, steps)
+        q, steps = judged.quadratic, judged.steps
+        k, at = len(self.slack), self.slack_now(judged.explanation)
+        stiffness, least, most = self.value_steps(judged.explanation, steps)
         pull = np.zeros_like(q.A)
         pull[:k, :k] = self.slack_precision
         pull[k:, k:] = np.diag(stiffness)
