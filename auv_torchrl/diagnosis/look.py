@@ -19,7 +19,8 @@ from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
-from auv_torchrl.diagnosis.which.search import POLISHED, Found, Progress, search
+from auv_torchrl.diagnosis.which.refine import Progress, explains
+from auv_torchrl.diagnosis.which.search import POLISHED, Found, Others, search
 from auv_torchrl.diagnosis.which.sketches import NEAR
 from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.vehicle import Vehicle
@@ -55,19 +56,19 @@ def look(
     sound = calibrate(healthy, vehicle, settings) if healthy else None
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
-    hints, below = (hints_of(seen.found), _worth_flying(seen)) if seen else ((), np.inf)
+    hints, others, below = (hints_of(seen.found), *_worth_flying(seen)) if seen else ((), Others.ALL, np.inf)
     follow = bench.follow()
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(bench, follow)
     if onset is not None:
         behind = Bench(bench.windows.subset(onset.behind), own, settings, known)
-        found = search(behind, behind.follow(), report, hints, below)
+        found = search(behind, behind.follow(), report, hints, others, below)
         if seen or is_absent(bench, onset, found.best.explanation, own, settings):
             return Looked(behind, found, sound, onset)
         hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]
-        whole = search(bench, follow, report, hints[:POLISHED], below=0.0)
+        whole = search(bench, follow, report, hints[:POLISHED], Others.NONE)
         return Looked(bench, replace(whole, promise=found.promise), sound)
-    return Looked(bench, search(bench, follow, report, hints, below), sound)
+    return Looked(bench, search(bench, follow, report, hints, others, below), sound)
 
 
 def look_both_ways(
@@ -95,11 +96,13 @@ def hints_of(found: Found) -> list[Explanation]:
     return list(hints.values())[:HINTS]
 
 
-def _worth_flying(level: Looked) -> float:
-    """Chi-square per number that a vehicle free to tilt must promise to leave, where a level one leaves much."""
+def _worth_flying(level: Looked) -> tuple[Others, float]:
+    """What to look for on a vehicle free to tilt, and the chi-square per number that it must promise to leave."""
+    if explains(level.bench, level.found.best):
+        return Others.SINGLE, NEAR  # two effects would hardly look like others that fit
     if not level.bench.leaves_much(level.found.best):
-        return np.inf
-    return max(NEAR, 1 + TILTS_MATTER * (level.found.promise - 1))
+        return Others.ALL, np.inf
+    return Others.ALL, max(NEAR, 1 + TILTS_MATTER * (level.found.promise - 1))
 
 
 def excess(found: Found) -> float:

@@ -4,9 +4,10 @@ import numpy as np
 
 from auv_torchrl.diagnosis.axes import unseen
 from auv_torchrl.diagnosis.calibration.coefficients import MODEL_ERROR, Z95
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.diagnosis.which.bench import Bench
-from auv_torchrl.diagnosis.which.ground import Judged
+from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.effects import EFFECTS
 
@@ -16,9 +17,10 @@ def found_effects(
 ) -> tuple[FoundEffect, ...]:
     """The effects of the best explanation with values, intervals and shares, the one that closes most first."""
     shares = leave_one_out(found)
+    explanation, covariance = bench.as_sure(found.best)
     effects = [
-        _found_effect(bench, found.best, name, probability[name], (closed or 0.0) * shares[name])
-        for name in found.best.explanation.effects
+        _found_effect(bench, explanation, covariance, name, probability[name], (closed or 0.0) * shares[name])
+        for name in explanation.effects
     ]
     return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
 
@@ -49,25 +51,27 @@ def cannot_tell(bench: Bench, found: Found) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _found_effect(bench: Bench, best: Judged, name: str, probability: float, closed: float) -> FoundEffect:
+def _found_effect(
+    bench: Bench, explanation: Explanation, covariance: Floats, name: str, probability: float, closed: float
+) -> FoundEffect:
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(bench.vehicle), effect.nominal(bench.vehicle)
-    values = best.explanation.values(bench.vehicle, slack=False)[name]  # where two knobs move a member, both count
+    values = explanation.values(bench.vehicle, slack=False)[name]  # where two knobs move a member, both count
     parameters: dict[str, Estimate] = {}
     thrusters: set[int] = set()
     sentences = []
     for member, value in values.items():
         p = declared[member]
-        moving = [i for i, k in enumerate(best.explanation.fitted) if k.effect == name and member in k.members]
+        moving = [i for i, k in enumerate(explanation.fitted) if k.effect == name and member in k.members]
         model = MODEL_ERROR * abs(value - nominal[member]) if moving else 0.0  # a discrete value has no error
-        half = Z95 * float(np.hypot(np.sqrt(best.covariance[np.ix_(moving, moving)].sum()), model))
+        half = Z95 * float(np.hypot(np.sqrt(covariance[np.ix_(moving, moving)].sum()), model))
         low, high = max(p.low, value - half), min(p.high, value + half)
         parameters[member] = Estimate(value, low, high, nominal[member], p.unit)
         which = member.removeprefix(f"{p.name}_")
         sentences.append(p.sentence.format(value=value, which=which))
         if p.over == "thruster":
             thrusters.add(int(which))
-    if len(knob_members := {k.members for k in best.explanation.knobs if k.effect == name}) == 1:
+    if len(knob_members := {k.members for k in explanation.knobs if k.effect == name}) == 1:
         (members,) = knob_members
         if len(members) > 1:
             p = declared[members[0]]

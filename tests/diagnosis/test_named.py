@@ -21,7 +21,7 @@ def test_a_thruster_that_two_values_move_has_their_sum_and_one_interval():
     covariance = np.array([[0.01**2, -0.5e-4], [-0.5e-4, 0.02**2]])
     best = SimpleNamespace(explanation=Explanation(knobs), covariance=covariance, chi2=100.0)
     found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), polished=[])
-    bench: Any = SimpleNamespace(vehicle=PAPER)
+    bench: Any = SimpleNamespace(vehicle=PAPER, as_sure=lambda judged: (judged.explanation, judged.covariance))
     (effect,) = found_effects(bench, found, {"thruster_gain": 0.9}, 1.0)
     gains = {name: estimate.value for name, estimate in effect.parameters.items()}
     assert gains == pytest.approx({**dict.fromkeys(everyone, 0.8), "gain_2": 0.3})

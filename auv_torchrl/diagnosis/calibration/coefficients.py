@@ -31,7 +31,7 @@ CLEAR = 2.0  # standard deviations from which a coefficient is said to differ,
 NOTABLE = 0.25  # where it moved by this share of its uncertainty, too
 MOST_NAMED = 4  # coefficients of one effect that a sentence names
 Z95 = 1.96
-MODEL_ERROR = 0.008  # of an effect's size: sampling, integration and rounding, which the noise does not cover
+MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 SAME_AS_HULL = ("linear_drag", "quadratic_drag", "added_mass")  # scale what the effect `hull` sets
 
 

@@ -17,6 +17,7 @@ from auv_torchrl.effects import EFFECTS
 
 SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
 SLACK_STEP = 0.05  # relative step of slack derivatives
+SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
 KNOB_STEP = 0.004  # of the plausible range of a parameter
 
 
@@ -151,6 +152,28 @@ class Weighing(Following):
         held = dict.fromkeys(range(0 if along else len(units)), 0.0)
         held |= {column: amount / units[column] for column, amount in amounts.items()}
         return self.move(judged.explanation, *self._step(judged, held))
+
+    def as_sure(self, judged: Judged) -> tuple[Explanation, Floats]:
+        """The explanation with its values, and their covariance (m, m), where slack is as wide as this log shows it.
+
+        Its share of the width that slack may have is the likeliest one (type II maximum likelihood): of a vehicle that
+        is as its file says, the log shows that, and tells the values of an effect better.
+        """
+        q, steps, k = judged.quadratic, judged.steps, len(self.slack)
+        at = np.concatenate([self.slack_now(judged.explanation), np.zeros(len(steps))])
+        pull = np.zeros_like(q.A)
+        pull[k:, k:] = np.diag(self.value_steps(judged.explanation, steps)[0])
+        likeliest, sure = -np.inf, (judged.explanation, judged.covariance)
+        for share in SLACK_SHARES:
+            pull[:k, :k] = self.slack_precision / share**2
+            curvature, slope = q.A + pull, q.b - pull @ at
+            step = np.linalg.solve(curvature, slope)
+            log_likelihood = 0.5 * (slope @ step - at @ pull @ at - np.linalg.slogdet(curvature)[1]) - k * np.log(share)
+            if log_likelihood > likeliest and share < 1:
+                moved = self.move(judged.explanation, step[k:] * steps, step[:k])
+                sure = moved, np.linalg.inv(curvature)[k:, k:] * np.outer(steps, steps)
+            likeliest = max(likeliest, log_likelihood)
+        return sure
 
     def even_step(self, judged: Judged) -> tuple[Floats, Floats]:
         """Gauss-Newton step of knobs and slack in which no slack of a threshold moves."""
