@@ -64,7 +64,8 @@ def reliability_diagram(judgements: Sequence[Judgement]) -> Figure | None:
     error = np.maximum([np.subtract(y, low), np.subtract(high, y)], 0)
     axes.errorbar(x, y, error, fmt="o", color=U_T, capsize=2)
     for b in bins:
-        axes.annotate(str(b.right.n), (b.probability, b.right.value), (4, -10), textcoords="offset points", fontsize=7)
+        place = (b.probability, b.right.value)
+        axes.annotate(str(b.right.n), place, (-5, -10), textcoords="offset points", fontsize=7, ha="right")
     axes.set(xlim=(0, 1.02), ylim=(0, 1.02), xlabel="probability of the answer", ylabel="share that is right")
     axes.set_title(f"expected calibration error {calibration_error(bins):.3f}", fontsize=10)
     return figure
