@@ -6,7 +6,6 @@
 import logging
 from pathlib import Path
 
-import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
@@ -24,7 +23,6 @@ register()
 @command("diagnose")
 def main(config: DictConfig) -> None:
     """Read the logs, diagnose them, write the files, print the verdict."""
-    torch.set_num_threads(1)  # the arrays are small: a second thread only waits
     with checking_input():
         request = read_request(config)
     with checking_input((FlightLogError,)), ProgressBar() as progress:

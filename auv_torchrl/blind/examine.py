@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import time
 import traceback
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -11,7 +10,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import torch
 from tqdm import tqdm
 
 from auv_torchrl.blind.seal import log_path, read_manifest, write_json
@@ -34,7 +32,7 @@ def examine(folder: Path, answers: Path, workers: int) -> None:
         log.info("%d of %d logs were diagnosed before", len(tasks) - len(open_tasks), len(tasks))
     if not open_tasks:
         return
-    with ProcessPoolExecutor(workers, get_context("spawn"), _one_thread) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         jobs = [pool.submit(_answer, folder, answers, name, task["left_out"]) for name, task in open_tasks.items()]
         for job in tqdm(as_completed(jobs), total=len(jobs), desc="diagnosed", unit="log", disable=None):
             job.result()
@@ -43,11 +41,6 @@ def examine(folder: Path, answers: Path, workers: int) -> None:
 def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
     """The answer to every case: ``seconds`` and ``diagnosis`` as in ``diagnosis.json``, or ``error``."""
     return {name: json.loads((answers / f"{name}.json").read_text()) for name in read_manifest(folder)["tasks"]}
-
-
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-    os.environ["OMP_NUM_THREADS"] = "1"
 
 
 def _answer(folder: Path, answers: Path, name: str, left_out: str | None) -> None:

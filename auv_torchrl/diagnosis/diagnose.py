@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from scipy.special import expit
+from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import followable, restricted
 from auv_torchrl.diagnosis.calibration.coefficients import calibrate_coefficients
@@ -31,6 +32,7 @@ from auv_torchrl.vehicle import Vehicle
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
 
 
+@threadpool_limits.wrap(limits=1)  # the arrays are small: a second thread only waits
 def diagnose(
     log: FlightLog,
     vehicle: Vehicle,

@@ -66,7 +66,7 @@ def tether_force(c: Coefficients, position: Array) -> Array:
     xp = array_namespace(position)
     reach = c.tether_anchor - position
     square = xp.sum(reach * reach, axis=-1)
-    length = xp.sqrt(xp.where(square < 1e-18, xp.ones_like(square), square))
-    stretch = xp.where(square < 1e-18, xp.zeros_like(length), length - c.tether_slack)
-    tension = c.tether_stiffness * xp.clip(stretch, 0.0, None)
+    length = xp.sqrt(xp.where(square > 1e-18, square, 1e-18))  # a gradient at the anchor, too
+    stretch = length - c.tether_slack
+    tension = c.tether_stiffness * xp.where(stretch > 0.0, stretch, 0.0)
     return (tension / length)[..., None] * reach

@@ -3,15 +3,28 @@
 All functions are batch first and run on the array library of their inputs (numpy or torch).
 """
 
+import math
 from typing import Any
 
+import numpy as np
 from array_api_compat import array_namespace
 
 Array = Any
 
 
 def matvec(matrix: Array, vector: Array) -> Array:
-    """Product of ``(..., m, n)`` and ``(..., n)``."""
+    """Product of ``(..., m, n)`` and ``(..., n)``; vectors that share a matrix are multiplied at once."""
+    m, n = matrix.shape[-2:]
+    lacks = vector.ndim - matrix.ndim + 1  # leading axes of the vectors that the matrices lack
+    if lacks >= 0 and math.prod(matrix.shape[:-2]) == 1:
+        return (matrix.reshape(m, n) @ vector.reshape(-1, n).T).T.reshape(*vector.shape[:-1], m)
+    if lacks >= 0 and matrix.shape[-3] == 1:
+        return vector @ matrix[..., 0, :, :].mT
+    xp = array_namespace(matrix, vector)
+    if lacks > 0:
+        return xp.moveaxis(matrix @ xp.moveaxis(vector, 0, -1), -1, 0)
+    if isinstance(vector, np.ndarray):
+        return np.einsum("...mn,...n->...m", matrix, vector)  # numpy calls BLAS for each of many small products
     return (matrix @ vector[..., None])[..., 0]
 
 
@@ -20,31 +33,52 @@ def cross(a: Array, b: Array) -> Array:
     xp = array_namespace(a, b)
     a1, a2, a3 = a[..., 0], a[..., 1], a[..., 2]
     b1, b2, b3 = b[..., 0], b[..., 1], b[..., 2]
-    return xp.stack((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1), axis=-1)
+    elements = xp.stack((a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1))
+    return xp.permute_dims(elements, (*range(1, elements.ndim), 0))  # each element stays in one piece of memory
 
 
-# Rows w, x, y, z; columns the entries of E and G, (3, 4) each, of Shabana 2013, Eq. 3.94 and 3.97:
-# E = [-v, w I + skew(v)], G = [-v, w I - skew(v)] for the vector part v
-_FACTORS = (
-    (0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1),
-    (-1, 0, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, -1, 0, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0),
-    (0, 0, 0, 1, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, -1, -1, 0, 0, 0, 0, 1, 0, 0),
-    (0, 0, -1, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, -1, 0, 0, 0),
-)
+# E = [-v, w I + skew(v)] and G = [-v, w I - skew(v)] of a quaternion (w, v), Shabana 2013, Eq. 3.94 and 3.97: what each
+# of w, x, y, z adds to their entries, (4, 3, 4)
+_E, _G = np.array([
+    [[[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]],
+    [[[-1, 0, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]], [[-1, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]]],
+    [[[0, 0, 0, 1], [-1, 0, 0, 0], [0, -1, 0, 0]], [[0, 0, 0, -1], [-1, 0, 0, 0], [0, 1, 0, 0]]],
+    [[[0, 0, -1, 0], [0, 1, 0, 0], [-1, 0, 0, 0]], [[0, 0, 1, 0], [0, -1, 0, 0], [-1, 0, 0, 0]]],
+], float).swapaxes(0, 1)  # fmt: skip
+
+# The rotation is E G^T and the rate of the quaternion G^T omega / 2. Their entries, and the square of the length, are
+# sums of products of two of the seven numbers w, x, y, z, omega: which two, (22, 7) each, and which sums, (14, 22)
+_SQUARES, _TURNING = np.triu_indices(4), np.indices((4, 3)).reshape(2, 12) + [[0], [4]]
+_ONE, _OTHER = (np.eye(7)[[*square, *turning]] for square, turning in zip(_SQUARES, _TURNING, strict=True))
+_WHOLE = np.concatenate([np.einsum("aik,bjk->abij", _E, _G).reshape(4, 4, 9), np.eye(4)[..., None]], axis=-1)
+_SUMS = np.zeros((14, 22))
+_SUMS[:10, :10] = ((_WHOLE + _WHOLE.swapaxes(0, 1)) / (1.0 + np.eye(4)[..., None]))[_SQUARES].T
+_SUMS[10:, 10:] = 0.5 * _G.reshape(12, 4).T
 
 
-def quaternion_factors(quaternion: Array) -> tuple[Array, Array]:
-    """E and G, each ``(..., 3, 4)``: the rotation is E G^T, the rate of the quaternion G^T omega / 2."""
-    xp = array_namespace(quaternion)
-    table = xp.asarray(_FACTORS, dtype=quaternion.dtype, device=quaternion.device)
-    both = xp.reshape(quaternion @ table, (*quaternion.shape[:-1], 2, 3, 4))
-    return both[..., 0, :, :], both[..., 1, :, :]
+def rotation_and_rate(quaternion: Array, angular_velocity: Array) -> tuple[Array, Array]:
+    """Rotation from body to earth ``(..., 3, 3)``, and rate ``(..., 4)`` of the unit quaternion of this direction.
+
+    The quaternion ``(..., 4)`` may have any length; the angular velocity ``(..., 3)`` is in rad/s, in the body frame.
+    """
+    xp = array_namespace(quaternion, angular_velocity)
+    one, other, sums_of = (_like(quaternion, table) for table in (_ONE, _OTHER, _SUMS))
+    numbers = xp.concat((quaternion, angular_velocity), axis=-1).reshape(-1, 7).T
+    sums = sums_of @ ((one @ numbers) * (other @ numbers))
+    square, batch = sums[9], quaternion.shape[:-1]
+    return (sums[:9] / square).T.reshape(*batch, 3, 3), (sums[10:] / xp.sqrt(square)).T.reshape(*batch, 4)
+
+
+def _like(array: Array, table: np.ndarray) -> Array:
+    """A table as an array of the library, type and device of another one."""
+    if isinstance(array, np.ndarray):
+        return table.astype(array.dtype, copy=False)
+    return array_namespace(array).asarray(table, dtype=array.dtype, device=array.device)
 
 
 def rotation_matrix(quaternion: Array) -> Array:
-    """Rotation from body to earth, ``(..., 3, 3)``, of unit quaternions ``(..., 4)``."""
-    e, g = quaternion_factors(quaternion)
-    return e @ g.mT
+    """Rotation from body to earth, ``(..., 3, 3)``, of quaternions ``(..., 4)`` of any length."""
+    return rotation_and_rate(quaternion, quaternion[..., 1:])[0]
 
 
 def quaternion_product(a: Array, b: Array) -> Array:

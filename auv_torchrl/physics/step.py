@@ -7,7 +7,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_factors
+from auv_torchrl.physics.kinematics import matvec, normalise, rotation_and_rate
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
 
 Array = Any
@@ -102,12 +102,11 @@ def runge_kutta_step(
 
     def slope(body: Array, wrench: Array) -> Array:
         velocity = body[..., 7:]
-        e, g = quaternion_factors(normalise(body[..., 3:7]))
-        rotation = e @ g.mT
+        rotation, turning = rotation_and_rate(body[..., 3:7], velocity[..., 3:])
         return xp.concat(
             (
                 matvec(rotation, velocity[..., :3]),
-                0.5 * matvec(g.mT, velocity[..., 3:]),
+                turning,
                 acceleration(c, terms, rotation, body[..., :3], velocity, wrench),
             ),
             axis=-1,

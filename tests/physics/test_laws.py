@@ -17,6 +17,7 @@ from auv_torchrl.physics.kinematics import (
     matvec,
     quaternion_from_euler,
     quaternion_product,
+    rotation_and_rate,
     rotation_matrix,
     wrap_angle,
 )
@@ -287,3 +288,45 @@ def test_a_force_from_outside_does_what_thrusters_that_make_it_do(seed):
     by_thrusters, _ = runge_kutta_step(c, terms, body, silent, thrust, state.time, 0.02)
     by_force, _ = runge_kutta_step(c, terms, body, silent, silent, state.time, 0.02, matvec(c.allocation, thrust))
     torch.testing.assert_close(by_force, by_thrusters, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("matrices", "vectors"),
+    [
+        ((), ()),
+        ((), (5,)),
+        ((1,), (4, 3)),
+        ((3,), (4, 3)),
+        ((3, 1), (4, 3, 5)),
+        ((4, 3), (4, 3)),
+        ((4, 3), (3,)),
+        ((2, 1), (2, 1)),
+    ],
+)
+@pytest.mark.parametrize("to", [np.asarray, torch.as_tensor])
+def test_a_product_is_the_same_however_matrices_are_shared(matrices, vectors, to):
+    """Matrices of one vehicle, of each vehicle, of each row or of each step multiply vectors as one by one."""
+    rng = np.random.default_rng(0)
+    matrix, vector = rng.standard_normal((*matrices, 2, 6)), rng.standard_normal((*vectors, 6))
+    expected = np.einsum("...mn,...n->...m", matrix, vector)
+    product = matvec(to(matrix), to(vector))
+    assert product.shape == expected.shape
+    np.testing.assert_allclose(np.asarray(product), expected, rtol=1e-12, atol=1e-12)
+
+
+@given(seed=seeds, length=st.floats(0.2, 5.0))
+@by_seed
+def test_rotation_and_rate_are_those_of_the_unit_quaternion(seed, length):
+    """A quaternion of any length turns as the unit one does, and its rate is half its product with the turn rate."""
+    rng = np.random.default_rng(seed)
+    unit = rng.standard_normal((3, 4))
+    unit /= np.linalg.norm(unit, axis=-1, keepdims=True)
+    omega, vector = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
+
+    def pure(v):
+        return np.concatenate([np.zeros((3, 1)), v], axis=-1)
+
+    rotation, rate = rotation_and_rate(length * unit, omega)
+    turned = quaternion_product(quaternion_product(unit, pure(vector)), unit * [1, -1, -1, -1])
+    np.testing.assert_allclose(matvec(rotation, vector), turned[:, 1:], atol=1e-12)
+    np.testing.assert_allclose(rate, 0.5 * quaternion_product(unit, pure(omega)), atol=1e-12)

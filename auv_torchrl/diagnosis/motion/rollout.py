@@ -122,7 +122,7 @@ def path(actuation: Actuation, chunk: slice, start: Floats, force: Floats | None
     states[:, :, 0] = body
     run = Run(actuation, chunk, steps)
     for k in range(steps):
-        body = run.step(body, 0.0 if force is None else force[chunk, :, min(k, force.shape[2] - 1)])
+        body = run.step(body, None if force is None else force[chunk, :, min(k, force.shape[2] - 1)])
         states[:, :, k + 1] = body
     return states
 
@@ -144,16 +144,22 @@ class Run:
         self._time = actuation.windows.time[chunk, None] - actuation.c.pose_delay
         self._k = 0
 
-    def step(self, body: Floats, force: Floats | float = 0.0) -> Floats:
+    def step(self, body: Floats, force: Floats | None = None) -> Floats:
         """States (w, rows, 13) one grid step after ``body``, pushed by a force (w, rows, 6) in the body frame."""
         c, terms = self._actuation.c, self._actuation.terms
         h = self._actuation.windows.dt / self._actuation.substeps
+        body, pushed = by_number(body), 0.0 if force is None else by_number(force)
         for targets in self._targets:
             target = targets[:, :, self._k]
-            body, self._thrust = runge_kutta_step(c, terms, body, self._thrust, target, self._time, h, force)
+            body, self._thrust = runge_kutta_step(c, terms, body, self._thrust, target, self._time, h, pushed)
             self._time = self._time + h
         self._k += 1
         return body
+
+
+def by_number(rows: Floats) -> Floats:
+    """The same rows (w, R, k) with each number of all rows in one piece of memory, where physics is twice as fast."""
+    return np.ascontiguousarray(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
 def late_steps(windows: Windows, c: Coefficients) -> int:

@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.which.evidence import volume
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Base
 from auv_torchrl.diagnosis.which.hypotheses import Atom
-from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT
+from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT, joint_precision
 from auv_torchrl.effects import EFFECTS
 
 ELASTIC = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
@@ -78,14 +78,11 @@ class Field:
         """
         bench, q = self.bench, self.quadratic
         stiffness, least, most = self.values
-        k, first = len(bench.slack), len(bench.slack) + len(stiffness)
+        first = len(bench.slack) + len(stiffness)
         at, precision = bench.slack_now(self.explanation), bench.slack_precision
         columns = [*range(first), *(first + i for i in chosen)]
-        pull = np.zeros((len(columns), len(columns)))
-        pull[:k, :k] = precision
-        pull[k:first, k:first] = np.diag(stiffness)
-        if amounts is None:
-            pull[first:, first:] = np.diag(self.pull[chosen])
+        of_atoms = self.pull[chosen] if amounts is None else np.zeros(len(chosen))
+        pull = joint_precision(precision, np.concatenate([stiffness, of_atoms]))
         toward = np.concatenate([-at, np.zeros(len(stiffness)), self.centre[chosen]])
         H = q.A[np.ix_(columns, columns)] + pull
         g = q.b[columns] + pull @ toward

@@ -161,11 +161,10 @@ class Weighing(Following):
         """
         q, steps, k = judged.quadratic, judged.steps, len(self.slack)
         at = np.concatenate([self.slack_now(judged.explanation), np.zeros(len(steps))])
-        pull = np.zeros_like(q.A)
-        pull[k:, k:] = np.diag(self.value_steps(judged.explanation, steps)[0])
+        stiffness = self.value_steps(judged.explanation, steps)[0]
         likeliest, sure = -np.inf, (judged.explanation, judged.covariance)
         for share in SLACK_SHARES:
-            pull[:k, :k] = self.slack_precision / share**2
+            pull = joint_precision(self.slack_precision / share**2, stiffness)
             curvature, slope = q.A + pull, q.b - pull @ at
             step = np.linalg.solve(curvature, slope)
             log_likelihood = 0.5 * (slope @ step - at @ pull @ at - np.linalg.slogdet(curvature)[1]) - k * np.log(share)
@@ -187,9 +186,7 @@ class Weighing(Following):
         q, steps = judged.quadratic, judged.steps
         k, at = len(self.slack), self.slack_now(judged.explanation)
         stiffness, least, most = self.value_steps(judged.explanation, steps)
-        pull = np.zeros_like(q.A)
-        pull[:k, :k] = self.slack_precision
-        pull[k:, k:] = np.diag(stiffness)
+        pull = joint_precision(self.slack_precision, stiffness)
         toward = np.concatenate([-self.slack_precision @ at, np.zeros(len(steps))])
         reach = SLACK_LIMIT * np.array([width for *_, width in self.slack])
         low, high = np.concatenate([-reach - at, least]), np.concatenate([reach - at, most])
@@ -213,3 +210,12 @@ class Weighing(Following):
             for (e, m, _, width), move in zip(self.slack, slack_step, strict=True)
         }
         return replace(explanation.moved(amounts), slack=slack)
+
+
+def joint_precision(slack: Floats, values: Floats) -> Floats:
+    """Prior precision (k + m, k + m) of slack, (k, k), and of independent values, (m,)."""
+    k = len(slack)
+    joint = np.zeros((k + len(values), k + len(values)))
+    joint[:k, :k] = slack
+    joint[k:, k:] = np.diag(values)
+    return joint
