@@ -130,7 +130,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help=f"with {', '.join(f'{name}.csv' for name in RUNS)}")
     parser.add_argument("--folds", action="store_true", help="let every run be the one that is left out")
     options = parser.parse_args()
-    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
     log.setLevel(logging.INFO)  # progress; libraries stay silent
     torch.set_num_threads(1)
     try:

@@ -5,7 +5,7 @@ import pytest
 from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis.how_far.confirm import confirm, fly_again
-from auv_torchrl.diagnosis.how_far.predict import errors_by_kind, predict
+from auv_torchrl.diagnosis.how_far.predict import errors_by_kind, held_out_windows, predict
 from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.vehicle import load_vehicle
@@ -65,3 +65,13 @@ def test_nothing_is_closed_where_there_was_no_gap():
     """On a log of the vehicle itself, MuJoCo reports no share: nothing was open."""
     log = fly(HELD, {}, seed=7, episodes=4, seconds=8.0)
     assert confirm(predict(log, [HELD, HELD], SETTINGS, NOISE, FORCE), [HELD, HELD]).closed is None
+
+
+def test_simulated_headings_do_not_jump_at_half_a_turn():
+    """Where the heading passes south, simulated headings go on from the measured one, as the log does."""
+    log = fly(HELD, {}, seed=5, episodes=2, seconds=12.0)
+    windows = held_out_windows(predict(log, [HELD, HELD], SETTINGS, NOISE, FORCE), log)
+    assert max(np.abs(window.measured.pose[:, 5]).max() for window in windows) > np.pi
+    for window in windows:
+        for simulated in (window.before, window.after):
+            np.testing.assert_allclose(simulated.pose[:, 5], window.measured.pose[:, 5], atol=0.1)

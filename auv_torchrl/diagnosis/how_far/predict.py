@@ -170,12 +170,15 @@ def held_out_windows(p: Predictions, log: FlightLog) -> tuple[Window, ...]:
         values[:, columns] = windows.measured[w, rows]
         commands = windows.commands[windows.episode[w], windows.start[w] + grid]
         time = windows.time[w] + (grid + windows.fraction[w, rows]) * windows.dt
-        before, after = (_trajectory(p.states[w, v][grid]) for v in (0, 1))
         measured = Trajectory(values[:, :6], values[:, 6:])
+        before, after = (_trajectory(p.states[w, v][grid], measured) for v in (0, 1))
         found.append(Window(int(windows.number[w]), time, commands, measured, before, after))
     return tuple(found)
 
 
-def _trajectory(states: Floats) -> Trajectory:
-    angles = np.stack(euler_angles(states[:, 3:7]), axis=-1)
+def _trajectory(states: Floats, measured: Trajectory) -> Trajectory:
+    """Simulated states (T, 13) as a trajectory, whose angles do not jump and begin near the measured ones."""
+    angles = np.unwrap(np.stack(euler_angles(states[:, 3:7]), axis=-1), axis=0)
+    ahead = np.nan_to_num(angles[0] - measured.pose[0, 3:])
+    angles -= 2 * np.pi * np.round(ahead / (2 * np.pi))
     return Trajectory(np.concatenate([states[:, :3], angles], axis=1), states[:, 7:])

@@ -201,13 +201,6 @@ def _window_charts(window: Window) -> Iterable[Markup]:
     kind, names, axes = ("velocity", VELOCITY, "uvwr") if velocity_seen else ("pose", POSE, ("x", "y", "z", "yaw"))
     for axis in axes:
         column = names.index(axis)
-        series = {}
-        for name in ("measured", "before", "after"):
-            values = getattr(getattr(window, name), kind)[:, column]
-            series[name] = np.unwrap(values) if axis == "yaw" else values
+        series = {name: getattr(getattr(window, name), kind)[:, column] for name in ("measured", "before", "after")}
         if np.isfinite(series["measured"]).any():
-            if axis == "yaw":
-                first = series["measured"][0]
-                for name in ("before", "after"):
-                    series[name] = series[name] - 2 * np.pi * np.round((series[name][0] - first) / (2 * np.pi))
             yield curves(_TITLES[axis], _UNITS[axis], window.t, series)
