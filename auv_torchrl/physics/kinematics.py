@@ -20,8 +20,8 @@ def matvec(matrix: Array, vector: Array) -> Array:
         return (matrix.reshape(m, n) @ vector.reshape(-1, n).T).T.reshape(*vector.shape[:-1], m)
     if lacks >= 0 and matrix.shape[-3] == 1:
         return vector @ matrix[..., 0, :, :].mT
-    xp = array_namespace(matrix, vector)
     if lacks > 0:
+        xp = array_namespace(vector)
         return xp.moveaxis(matrix @ xp.moveaxis(vector, 0, -1), -1, 0)
     if isinstance(vector, np.ndarray):
         return np.einsum("...mn,...n->...m", matrix, vector)  # numpy calls BLAS for each of many small products
@@ -46,10 +46,12 @@ _E, _G = np.array([
     [[[0, 0, -1, 0], [0, 1, 0, 0], [-1, 0, 0, 0]], [[0, 0, 1, 0], [0, -1, 0, 0], [-1, 0, 0, 0]]],
 ], float).swapaxes(0, 1)  # fmt: skip
 
+_FACTORS = tuple(map(tuple, np.stack([_E, _G], axis=1).reshape(4, 24).tolist()))
+
 # The rotation is E G^T and the rate of the quaternion G^T omega / 2. Their entries, and the square of the length, are
-# sums of products of two of the seven numbers w, x, y, z, omega: which two, (22, 7) each, and which sums, (14, 22)
+# sums of products of two of the seven numbers w, x, y, z, omega: which two, (22,) each, and which sums, (14, 22)
 _SQUARES, _TURNING = np.triu_indices(4), np.indices((4, 3)).reshape(2, 12) + [[0], [4]]
-_ONE, _OTHER = (np.eye(7)[[*square, *turning]] for square, turning in zip(_SQUARES, _TURNING, strict=True))
+_ONE, _OTHER = np.concatenate([_SQUARES, _TURNING], axis=1)
 _WHOLE = np.concatenate([np.einsum("aik,bjk->abij", _E, _G).reshape(4, 4, 9), np.eye(4)[..., None]], axis=-1)
 _SUMS = np.zeros((14, 22))
 _SUMS[:10, :10] = ((_WHOLE + _WHOLE.swapaxes(0, 1)) / (1.0 + np.eye(4)[..., None]))[_SQUARES].T
@@ -61,19 +63,15 @@ def rotation_and_rate(quaternion: Array, angular_velocity: Array) -> tuple[Array
 
     The quaternion ``(..., 4)`` may have any length; the angular velocity ``(..., 3)`` is in rad/s, in the body frame.
     """
-    xp = array_namespace(quaternion, angular_velocity)
-    one, other, sums_of = (_like(quaternion, table) for table in (_ONE, _OTHER, _SUMS))
-    numbers = xp.concat((quaternion, angular_velocity), axis=-1).reshape(-1, 7).T
-    sums = sums_of @ ((one @ numbers) * (other @ numbers))
-    square, batch = sums[9], quaternion.shape[:-1]
-    return (sums[:9] / square).T.reshape(*batch, 3, 3), (sums[10:] / xp.sqrt(square)).T.reshape(*batch, 4)
-
-
-def _like(array: Array, table: np.ndarray) -> Array:
-    """A table as an array of the library, type and device of another one."""
-    if isinstance(array, np.ndarray):
-        return table.astype(array.dtype, copy=False)
-    return array_namespace(array).asarray(table, dtype=array.dtype, device=array.device)
+    xp, batch = array_namespace(quaternion, angular_velocity), quaternion.shape[:-1]
+    if isinstance(quaternion, np.ndarray):  # calls BLAS for each of many small products, see matvec
+        numbers = np.concat((quaternion, angular_velocity), axis=-1).reshape(-1, 7).T
+        sums = _SUMS.astype(numbers.dtype, copy=False) @ (numbers[_ONE] * numbers[_OTHER])
+        square = sums[9]
+        return (sums[:9] / square).T.reshape(*batch, 3, 3), (sums[10:] / np.sqrt(square)).T.reshape(*batch, 4)
+    factors = normalise(quaternion) @ xp.asarray(_FACTORS, dtype=quaternion.dtype, device=quaternion.device)
+    e, g = (factors.reshape(*batch, 2, 3, 4)[..., k, :, :] for k in (0, 1))
+    return e @ g.mT, 0.5 * matvec(g.mT, angular_velocity)
 
 
 def rotation_matrix(quaternion: Array) -> Array:

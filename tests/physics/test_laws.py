@@ -314,9 +314,10 @@ def test_a_product_is_the_same_however_matrices_are_shared(matrices, vectors, to
     np.testing.assert_allclose(np.asarray(product), expected, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("array", [np.asarray, torch.as_tensor])
 @given(seed=seeds, length=st.floats(0.2, 5.0))
 @by_seed
-def test_rotation_and_rate_are_those_of_the_unit_quaternion(seed, length):
+def test_rotation_and_rate_are_those_of_the_unit_quaternion(array, seed, length):
     """A quaternion of any length turns as the unit one does, and its rate is half its product with the turn rate."""
     rng = np.random.default_rng(seed)
     unit = rng.standard_normal((3, 4))
@@ -326,7 +327,7 @@ def test_rotation_and_rate_are_those_of_the_unit_quaternion(seed, length):
     def pure(v):
         return np.concatenate([np.zeros((3, 1)), v], axis=-1)
 
-    rotation, rate = rotation_and_rate(length * unit, omega)
+    rotation, rate = (np.asarray(a) for a in rotation_and_rate(array(length * unit), array(omega)))
     turned = quaternion_product(quaternion_product(unit, pure(vector)), unit * [1, -1, -1, -1])
     np.testing.assert_allclose(matvec(rotation, vector), turned[:, 1:], atol=1e-12)
     np.testing.assert_allclose(rate, 0.5 * quaternion_product(unit, pure(omega)), atol=1e-12)
