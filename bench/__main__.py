@@ -11,7 +11,7 @@ import platform
 import re
 import subprocess
 import sys
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "benchmarks.md"
@@ -84,6 +84,10 @@ def main() -> int:
     names = parser.parse_args().names or list(PARTS)
     if unknown := set(names) - set(PARTS):
         parser.error(f"no part named {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
+    try:
+        machine()
+    except PackageNotFoundError as error:
+        parser.error(f"{error.name} is not installed: pip install --constraint constraints.txt --editable '.[bench]'")
     failed = 0
     for name in names:
         where = machine()

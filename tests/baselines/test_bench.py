@@ -18,6 +18,7 @@ from auv_torchrl.online.recovery import recoveries
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
+from bench import __main__ as bench_command
 from bench.comparison import METHODS, Bench, cell
 from bench.comparison_tables import CLOSED, ORACLE, SOURCE, Cell, draw, report, share_closed
 from bench.fault_recovery import CONDITIONS, fly_fault, row
@@ -45,6 +46,17 @@ def test_every_method_flies_the_same_starts(bench):
     mean = {method: Metrics.of(flight).mean_m for method, flight in flights.items()}
     for method in ("DDR, 4 channels", "DDR to the thrusters", "online, in flight", "told the target (oracle)"):
         assert mean[method] < 0.8 * mean["u_s"], method
+
+
+def test_a_package_that_the_benchmarks_lack_is_named_with_the_command_that_installs_it(monkeypatch, capsys):
+    """Nothing is measured before everything is there to compare with."""
+    monkeypatch.setattr(bench_command, "PACKAGES", ("torch", "no-such-package"))
+    monkeypatch.setattr("sys.argv", ["bench", "comparison"])
+    with pytest.raises(SystemExit):
+        bench_command.main()
+    message = capsys.readouterr().err
+    assert "no-such-package is not installed" in message
+    assert "pip install" in message
 
 
 def test_a_cell_is_flown_once_for_the_same_starts(bench, tmp_path):
