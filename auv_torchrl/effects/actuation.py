@@ -21,7 +21,7 @@ thruster_gain = Effect(
     source="Lu et al. 2023, section 5.1, scenarios 2 and 3",
     parameters=(
         Parameter(
-            "gain", "1", 1.0, -2.0, 2.0, "thruster {which} gives {value:.2f} times its nominal thrust", "thruster"
+            "gain", "1", 1.0, -2.0, 2.0, "thruster {which} gives {value:z.2f} times its nominal thrust", "thruster"
         ),
     ),
     change=_gain,

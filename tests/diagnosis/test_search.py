@@ -19,7 +19,7 @@ from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
-from auv_torchrl.diagnosis.which.search import search
+from auv_torchrl.diagnosis.which.search import Others, search
 from auv_torchrl.diagnosis.which.sketches import NEAR
 from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT
 from auv_torchrl.vehicle import load_vehicle
@@ -107,6 +107,20 @@ def test_what_two_effects_can_say_is_said_by_the_plainer_one():
         ("buoyancy", "force"): pytest.approx(8.97, rel=0.01),
         ("added_mass", "scale_heave"): pytest.approx(1.62, rel=0.02),
     }
+
+
+def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
+    """A limit below the dead band, of which no value fits better than another, is a thrust of zero with an interval."""
+    values = {"thrust_limit": {"limit_1": 1.5, "limit_2": 2.7}}
+    bench = bench_of(HELD, values, seed=3)
+    limits = Explanation(
+        tuple(Knob("thrust_limit", (member,), limit) for member, limit in values["thrust_limit"].items())
+    )
+    found = search(bench, bench.follow(), lambda *_: None, [limits], Others.NONE)
+    dead = {(knob.effect, knob.members[0]): knob.value for knob in found.best.explanation.knobs}
+    assert dead == {("thruster_gain", f"gain_{i}"): pytest.approx(0.0, abs=0.01) for i in (1, 2)}
+    assert (np.sqrt(np.diag(found.best.covariance)) < 0.04).all()  # the slack of a gain, 0.03, included
+    assert found.polished[0] is found.best
 
 
 def test_intervals_are_as_wide_as_the_slack_that_a_log_shows():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.which.bench import Bench
-from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.which.ground import Judged
 from auv_torchrl.diagnosis.which.screen import Field, Screened
 from auv_torchrl.diagnosis.which.sketches import CLOSES
@@ -84,7 +84,7 @@ def tidy(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
         polished.append(bench.polish(best.explanation, best.base))
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
     best = _exchanged(bench, best, polished)
-    return _simplest(bench, best, polished)
+    return _said_as_dead(bench, _simplest(bench, best, polished), polished)
 
 
 def _prune(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
@@ -163,3 +163,24 @@ def _simplest(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
         return len(judged.explanation.knobs), declared, -judged.evidence
 
     return min([best, *close], key=size)
+
+
+def _said_as_dead(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+    """Where a thruster's limit lies within its dead band, say that it gives nothing: that is the same vehicle.
+
+    No slope tells one such limit from another, so that its evidence pays for no value, and its interval is of no use.
+    """
+    dead_band = float(best.base.vehicle.dead_band.min())
+
+    def is_dead(knob: Knob) -> bool:
+        return knob.effect == "thrust_limit" and knob.value < dead_band
+
+    if not any(is_dead(knob) for knob in best.explanation.knobs):
+        return best
+    knobs = tuple(
+        Knob("thruster_gain", tuple(name.replace("limit", "gain") for name in k.members), 0.0) if is_dead(k) else k
+        for k in best.explanation.knobs
+    )
+    said = bench.polish(replace(best.explanation, knobs=knobs), best.base)
+    polished[:] = [said, *(j for j in polished if not any(is_dead(knob) for knob in j.explanation.knobs))]
+    return said
