@@ -108,17 +108,23 @@ class ActuatorTiming:
         padded = np.concatenate((sent, np.repeat(sent[-1:], late + 1, axis=0)))
         windows = np.stack([padded[k : k + late + 2] for k in range(reach)])
         reaching = delayed(windows, np.full(reach, delay), self.control_dt)[::-1]
-        thrust, arrived = [], reaching[0]
+        share, left = _lag_shares(np.array(lag), self.control_dt)
+        arrived = [reaching[0]]
         for target in reaching:
-            mean, arrived = _lagged(target, arrived, np.array(lag), self.control_dt)
-            thrust.append(mean)
-        return np.array(thrust)[-steps:], arrived
+            arrived.append(target + (arrived[-1] - target) * left)
+        before = np.array(arrived[:-1])
+        return (reaching + (before - reaching) * share)[-steps:], arrived[-1]
 
 
 def _lagged(target: Array, before: Array, lag: Array, dt: float) -> tuple[Array, Array]:
     """Mean over a step, and value at its end, of a first-order lag towards ``target`` (..., n)."""
+    share, left = _lag_shares(lag, dt)
+    return target + (before - target) * share, target + (before - target) * left
+
+
+def _lag_shares(lag: Array, dt: float) -> tuple[Array, Array]:
+    """Share (..., 1) of the distance to its target that a lag keeps, on the mean of a step and at its end."""
     instant = lag < 1e-6
     tau = np.where(instant, 1.0, lag)
     left = np.where(instant, 0.0, np.exp(-dt / tau))[..., None]
-    share = np.where(instant, 0.0, tau / dt * (1 - np.exp(-dt / tau)))[..., None]
-    return target + (before - target) * share, target + (before - target) * left
+    return np.where(instant, 0.0, tau / dt * (1 - np.exp(-dt / tau)))[..., None], left
