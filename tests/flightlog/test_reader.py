@@ -140,7 +140,7 @@ def test_parquet_with_text_in_it_names_the_column(paper, tmp_path):
     """A Parquet column of text is reported, not guessed at."""
     n = 100
     columns = {f"cmd_{i + 1}": np.sin(np.arange(n) * 0.1 * (i + 1)) for i in range(6)}
-    table = pa.table({"t": np.arange(n) * 0.05, "x": np.zeros(n), "y": ["north"] * n, **columns})
+    table = pa.table({"t": np.arange(n) * 0.05, "x": 0.1 * np.arange(n), "y": ["north"] * n, **columns})
     pyarrow.parquet.write_table(table, tmp_path / "log.parquet")
     log = read_flightlog(tmp_path / "log.parquet", paper)
     assert log.axes == ("x",)

@@ -149,7 +149,7 @@ def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, 
     inner[diverged] = 0.0
     inner[diverged, 0, 0] = DIVERGED
     whole = inner.sum(0)
-    numbers = int(windows.present.sum()) * len(windows.channels) - round(freedom.determined(layout))
+    numbers = windows.numbers - round(freedom.determined(layout))
     return Quadratic(
         float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], inner[:, 0, 0], inner[:, 0, 1:], inner[:, 1:, 1:], numbers
     )

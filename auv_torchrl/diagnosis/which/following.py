@@ -101,7 +101,7 @@ class Following(Ground):
 
     def _stuck(self, base: Base) -> np.ndarray:
         """(W,) windows that leave more than an explanation that is about right would."""
-        numbers = self.windows.present.sum(1) * len(self.windows.channels)
+        numbers = (self.windows.trust**2).sum((1, 2))
         return ~(self._chi2_by_window(base.state) < STUCK * numbers)
 
     def some_diverged(self, *bases: Base) -> bool:
