@@ -16,13 +16,14 @@ from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.log import ANGLES, POSE, Floats
 
 FROZEN_S = 1.0  # s without any change, from which a sensor with noise stands still,
-FROZEN_COARSE_S = 3.0  # and one that is written coarsely, at least this many times longer than nearly all its pauses:
+FROZEN_COARSE_S = 8.0  # and one whose writing rounds away small motions, at least this many times its usual pauses:
 PAUSES = 8.0
 ACTIVE = 0.1  # command from which a thruster may push; a vehicle that nothing pushes may stand still
 REPEATED = 0.01  # share of the rows from which repeats are worth a word
-FINE = 1.5  # typical change of a column, in steps of its writing, up to which it is written coarsely
+COARSE = 0.4  # step of writing, in typical changes of a column, from which small motions are lost
 BY_CHANCE = 0.3  # share of the repeats that rounding accounts for, from which nothing was held
-NEAR = 4  # samples before and behind, whose median change is the motion
+NEAR = 4  # changes before and behind, whose median is the motion
+AROUND = 2  # samples before and behind, whose median is the path
 LEAPS = 8.0  # robust standard deviations of what changes differ by from those around them, and
 USUAL = 3.0  # times what 95 % of them, and of the changes themselves, stay below: a leap
 TOO_MANY = 0.05  # share of leaps from which they are how the vehicle moves
@@ -99,16 +100,19 @@ def _look_at(name: str, t: Floats, episode: Floats, values: Floats, active: np.n
     step = _resolution(v)
     joined = (np.diff(episode[here]) == 0) & (np.diff(t[here]) > 0)
     change = np.where(joined, np.diff(v), np.nan)
-    coarse, chance = _by_rounding(change, step)
+    rounded, coarse = _by_rounding(change, step)
     repeats = np.concatenate([[False], change == 0])
-    frozen = _frozen(t[here], repeats, active[here], coarse)
-    held = repeats & ~frozen & (not (coarse or chance))
+    frozen = _frozen(t[here], repeats, active[here], rounded)
+    held = repeats & ~frozen & (not rounded)
     fresh = np.flatnonzero(~(frozen | held))
     outlier, jumps = _leaps(name, t[here][fresh], v[fresh], joined, fresh, step)
-    masks = [nowhere.copy() for _ in range(3)]
-    for mask, inside in zip(masks, (np.flatnonzero(frozen), np.flatnonzero(held), fresh[outlier]), strict=True):
-        mask[here[inside]] = True
-    return _Axis(False, step, coarse, *masks, here[fresh[jumps]])
+
+    def among_all(some: np.ndarray) -> np.ndarray:
+        mask = nowhere.copy()
+        mask[here[some]] = True
+        return mask
+
+    return _Axis(False, step, coarse, among_all(frozen), among_all(held), among_all(fresh[outlier]), here[fresh[jumps]])
 
 
 def _resolution(v: Floats) -> float:
@@ -124,17 +128,17 @@ def _resolution(v: Floats) -> float:
 
 
 def _by_rounding(change: Floats, step: float) -> tuple[bool, bool]:
-    """Whether a column is written coarsely, and whether rounding alone makes it repeat as often as it does."""
+    """Whether rounding makes a column repeat as often as it does, and whether small motions are lost by it."""
     moved = np.abs(change[np.isfinite(change)])
     repeats, moved = (moved == 0).mean(), moved[moved > 0]
     if not step or not len(moved):
         return False, False
     by_one = (moved < 1.5 * step).mean() * (1 - repeats)  # as often as a change rounds to one step, up or down,
-    chance = by_one / 2 > BY_CHANCE * repeats  # about half as often it rounds to none
-    return bool(np.median(moved) <= FINE * step and repeats > REPEATED), bool(chance)
+    rounded = bool(by_one / 2 > BY_CHANCE * repeats or np.median(moved) <= 1.5 * step)  # half as often to none
+    return rounded, rounded and bool(repeats > REPEATED and step > COARSE * np.median(moved))
 
 
-def _frozen(t: Floats, repeats: np.ndarray, active: np.ndarray, coarse: bool) -> np.ndarray:
+def _frozen(t: Floats, repeats: np.ndarray, active: np.ndarray, rounded: bool) -> np.ndarray:
     """(T,) True from the first repeat on in stretches without change that no resting vehicle or rounding makes."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], repeats.astype(int), [0]])))
     begin, end = edges[::2], edges[1::2] - 1  # first and last repeat of each run
@@ -143,7 +147,7 @@ def _frozen(t: Floats, repeats: np.ndarray, active: np.ndarray, coarse: bool) ->
         return frozen
     lasting = t[end] - t[begin - 1]
     usual = lasting[lasting < FROZEN_S]
-    if coarse:
+    if rounded:
         least = max(FROZEN_COARSE_S, PAUSES * float(np.quantile(lasting, 0.95)) if len(lasting) > 20 else 0.0)
     else:
         least = max(FROZEN_S, NEAR * float(np.median(usual)) if len(usual) else 0.0)
@@ -159,37 +163,40 @@ def _leaps(
     none = np.empty(0, int)
     if len(v) < 4 * NEAR:
         return none, none
-    breaks = np.concatenate([[0], np.cumsum(~joined)])[fresh]
-    together = np.diff(breaks) == 0
-    change = np.diff(v)
-    if name in ANGLES:
-        change -= 2 * np.pi * np.round(change / (2 * np.pi))
-    pause = np.maximum(np.diff(t), 1e-9)
-    change = np.where(together, change * np.minimum(1.0, np.median(pause) / pause), 0.0)
-    off = np.where(together, change - median_filter(change, 2 * NEAR + 1, mode="nearest"), 0.0)
-    size = np.abs(off)
-    usual = USUAL * max(float(np.quantile(size, 0.95)), float(np.quantile(np.abs(change), 0.95)))
-    least = max(LEAPS * 1.4826 * float(np.median(size)), usual, LEAPS * step)
-    hits = np.flatnonzero(size > least)
-    if not len(hits) or len(hits) > TOO_MANY * len(off):
+    stretch = np.concatenate([[0], np.cumsum(~joined)])[fresh]
+    series = np.unwrap(v) if name in ANGLES else v
+    far = np.abs(series - median_filter(series, 2 * AROUND + 1, mode="nearest"))
+    change, off = _changes(t, series, stretch)
+    usual = USUAL * max(float(np.quantile(np.abs(off), 0.95)), float(np.quantile(np.abs(change), 0.95)))
+    least = max(LEAPS * 1.4826 * float(np.median(np.abs(off))), usual, LEAPS * step)
+    outlier = far > least
+    if name in POSE:
+        outlier[:1] |= abs(change[0]) > least  # the median at the first value is that value
+    edge = np.flatnonzero(np.diff(stretch))
+    for k in range(AROUND):  # beside the edge of a stretch, the median is of another one
+        outlier[edge - k] = outlier[np.minimum(edge + 1 + k, len(v) - 1)] = False
+    if outlier.mean() > TOO_MANY:
         return none, none
-    outliers, jumps, k = [], [], 0
-    while k < len(hits):
-        hit = hits[k]
-        behind = hits[k + 1] if k + 1 < len(hits) else np.inf
-        if behind - hit <= NEAR and off[hit] * off[int(behind)] < 0:  # there and back
-            outliers += range(hit + 1, int(behind) + 1)
-            k += 2
-            continue
-        before = hits[k - 1] if k else -np.inf
-        possible = name in POSE and not (name in ANGLES and size[hit] > TUMBLE)
-        if possible and behind - hit > NEAR and hit - before > NEAR and _stays(off, hit):
-            jumps.append(hit + 1)
-        k += 1
-    return np.array(outliers, int), np.array(jumps, int)
+    kept = np.flatnonzero(~outlier)
+    change, off = _changes(t[kept], series[kept], stretch[kept])
+    hits = np.flatnonzero(np.abs(off) > least)
+    alone = np.diff(np.concatenate([[-np.inf], hits, [np.inf]])) > NEAR
+    jumps = [hit for hit, before, behind in zip(hits, alone[:-1], alone[1:], strict=True) if before and behind]
+    if name not in POSE or len(hits) > TOO_MANY * len(off):
+        jumps = []
+    possible = [hit for hit in jumps if not (name in ANGLES and abs(off[hit]) > TUMBLE) and _stays(off, hit)]
+    return np.flatnonzero(outlier), kept[np.array(possible, int) + 1]
 
 
-def _stays(off: Floats, hit: int) -> bool:
+def _changes(t: Floats, series: Floats, stretch: np.ndarray) -> tuple[Floats, Floats]:
+    """Changes from sample to sample (0 from one stretch to the next), and what they differ by from those around."""
+    pause = np.maximum(np.diff(t), 1e-9)
+    together = np.diff(stretch) == 0
+    change = np.where(together, np.diff(series) * np.minimum(1.0, np.median(pause) / pause), 0.0)
+    return change, np.where(together, change - median_filter(change, 2 * NEAR + 1, mode="nearest"), 0.0)
+
+
+def _stays(off: Floats, hit: int | np.integer) -> bool:
     """Whether the samples around a leap keep the distance that it made."""
     around = np.concatenate([off[max(0, hit - NEAR) : hit], off[hit + 1 : hit + 1 + NEAR]])
     return len(around) >= NEAR and bool(abs(around.sum()) < 0.5 * abs(off[hit]))

@@ -58,7 +58,9 @@ def read_flightlog(path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterab
     episodes, more = convert_degrees(episodes, axes, vehicle)
     findings += more
     episodes = tuple(_wrapped(episode) for episode in episodes)
-    findings += check_frames(episodes, axes, vehicle) + check_excitation(episodes)
+    episodes, axes, more = check_frames(episodes, axes, vehicle)
+    findings += more
+    findings += check_excitation(episodes)
     return FlightLog(table.name, episodes, axes, tuple(condensed(findings)), checked.resolution)
 
 
