@@ -50,7 +50,7 @@ class Windows:
         """(W,) s since the start of the episode at the start of each window."""
         return self.origin + self.start * self.dt
 
-    def subset(self, chosen: np.ndarray) -> "Windows":
+    def subset(self, chosen: np.ndarray | slice) -> "Windows":
         """Some of the windows."""
         names = ("episode", "number", "start", "origin", "index", "fraction", "measured", "present", "guess")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})

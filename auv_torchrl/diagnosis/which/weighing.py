@@ -20,7 +20,7 @@ SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicl
 SLACK_STEP = 0.05  # relative step of slack derivatives
 SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
 KNOB_STEP = 0.004  # of the plausible range of a parameter
-WINDOWS_AT_ONCE = 72  # whose marks are held at once: two minutes of windows, 0.1 GB with all atoms
+WINDOWS_AT_ONCE = 48  # whose marks are held at once: 70 MB with all atoms, and more at once is slower
 
 
 class Weighing(Following):
@@ -128,7 +128,9 @@ class Weighing(Following):
         """
         explanation = base.explanation if sketched is None else sketched
         changes, steps = self.knob_changes(explanation)
-        slack_marks = self.slack_marks(base, explanation) if before is None else before.slack_marks
+        slack_marks = None if before is None else before.slack_marks
+        if slack_marks is None:
+            slack_marks = self.slack_marks(base, explanation)
         q = self.quadratic(base, changes, sketched, slack_marks, None if sketched is None else self.followed)
         at = self.slack_now(explanation)
         chi2 = q.constant + float(at @ self.slack_precision @ at)
