@@ -20,7 +20,7 @@ SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicl
 SLACK_STEP = 0.05  # relative step of slack derivatives
 SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
 KNOB_STEP = 0.004  # of the plausible range of a parameter
-WINDOWS_AT_ONCE = 48  # whose marks are held at once: 70 MB with all atoms, and more at once is slower
+MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
 
 
 class Weighing(Following):
@@ -51,8 +51,7 @@ class Weighing(Following):
     ) -> Iterator[Parts]:
         """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
         freedom = self.freedom(base.state.slope)
-        pieces = self._marks(base, changes, around)
-        for some, (columns, there) in zip(in_pieces(len(self.windows)), pieces, strict=True):
+        for some, columns, there in self._marks(base, changes, around):
             state = rows_of(base.state, some)
             if there is not None:
                 state = replace(state, residual=state.residual - there)
@@ -67,22 +66,25 @@ class Weighing(Following):
             steps[column] = SLACK_STEP * abs(nominal)
             moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
         pieces = self._marks(base, moved, None if at == base.explanation else at)
-        return np.concatenate([columns for columns, _ in pieces]) / steps
+        return np.concatenate([columns for _, columns, _ in pieces]) / steps
 
     def _marks(
         self, base: Base, changes: list[Explanation], around: Explanation | None
-    ) -> Iterator[tuple[Floats, Floats | None]]:
-        """Marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is that of the base."""
+    ) -> Iterator[tuple[slice, Floats, Floats | None]]:
+        """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the base."""
         rows = [change.values(self.vehicle) for change in (*changes, *([around] if around else []))]
         vehicles = batch(self.vehicle, rows) if rows else None
-        for some in in_pieces(len(self.windows)):
+        for some in in_pieces(len(self.windows), len(rows)):
             if vehicles is None:
-                yield np.empty((*base.state.residual[some].shape, 0)), None
+                yield some, np.empty((*base.state.residual[some].shape, 0)), None
                 continue
             windows = self.windows.subset(some)
             forces = force_changes(windows, base.vehicle, vehicles, base.motion[some])
             columns = marks(windows, base.vehicle, self.layout, rows_of(base.state, some), forces)
-            yield (columns, None) if around is None else (columns[..., :-1] - columns[..., -1:], columns[..., -1])
+            if around is None:
+                yield some, columns, None
+            else:
+                yield some, columns[..., :-1] - columns[..., -1:], columns[..., -1]
 
     def without_slack(self, q: Quadratic, explanation: Explanation) -> tuple[float, Floats, Floats, Floats, Floats]:
         """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
@@ -238,9 +240,9 @@ def joint_precision(slack: Floats, values: Floats) -> Floats:
     return joint
 
 
-def in_pieces(windows: int) -> Iterator[slice]:
-    """Slices of at most :data:`WINDOWS_AT_ONCE` windows, all about as long."""
-    pieces = -(-windows // WINDOWS_AT_ONCE)
+def in_pieces(windows: int, changes: int) -> Iterator[slice]:
+    """Slices of windows, all about as long, of which ``changes`` make no more than :data:`MARKS_AT_ONCE` at once."""
+    pieces = min(windows, -(-windows * changes // MARKS_AT_ONCE)) or 1
     edges = np.linspace(0, windows, pieces + 1).astype(int).tolist()
     return (slice(first, behind) for first, behind in zip(edges, edges[1:], strict=False))
 
