@@ -110,7 +110,7 @@ def search(
 
 def _set_aside(judged: Judged) -> Judged:
     """An explanation that lost: what it was worth and the motion under it, without the slopes that fill the memory."""
-    return replace(judged, base=judged.base.without_slopes())
+    return replace(judged, base=judged.base.without_slopes(), slack_marks=None)
 
 
 def _adds_to(hint: Explanation, shown: Screened | Judged) -> bool:
