@@ -130,9 +130,9 @@ def _resolution(v: Floats) -> float:
 def _by_rounding(change: Floats, step: float) -> tuple[bool, bool]:
     """Whether rounding makes a column repeat as often as it does, and whether small motions are lost by it."""
     moved = np.abs(change[np.isfinite(change)])
-    repeats, moved = (moved == 0).mean(), moved[moved > 0]
-    if not step or not len(moved):
+    if not step or not moved.any():
         return False, False
+    repeats, moved = (moved == 0).mean(), moved[moved > 0]
     by_one = (moved < 1.5 * step).mean() * (1 - repeats)  # as often as a change rounds to one step, up or down,
     rounded = bool(by_one / 2 > BY_CHANCE * repeats or np.median(moved) <= 1.5 * step)  # half as often to none
     return rounded, rounded and bool(repeats > REPEATED and step > COARSE * np.median(moved))

@@ -140,7 +140,9 @@ def _collect(name, names, batches) -> tuple[dict[str, Floats], dict[str, list[tu
             raise FlightLogError(f"{name} has more than {MAX_ROWS:,} rows: cut it, or log at 20 Hz")
         if rows >= _BATCH_ROWS:
             log.info("read %d rows of %s", rows, name)
-    return {column: np.concatenate(block) if block else np.empty(0) for column, block in blocks.items()}, texts
+    pa.default_memory_pool().release_unused()  # it keeps what it read the file with, twice as much as the numbers
+    whole = {column: np.concatenate(blocks.pop(column) or [np.empty(0)]) for column in stripped}
+    return whole, texts
 
 
 def _numbers(array: pa.Array) -> tuple[Floats, list[tuple[int, str]]]:

@@ -53,11 +53,11 @@ class Windows:
         return self.origin + self.start * self.dt
 
     @property
-    def numbers(self) -> int:
+    def numbers(self) -> float:
         """How many numbers were measured, outliers by what they count."""
-        return round(float((self.trust**2).sum()))
+        return float((self.trust**2).sum())
 
-    def subset(self, chosen: np.ndarray) -> "Windows":
+    def subset(self, chosen: np.ndarray | slice) -> "Windows":
         """Some of the windows."""
         names = ("episode", "number", "start", "origin", "index", "fraction", "measured", "present", "trust", "guess")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})

@@ -1,7 +1,7 @@
 """Find the explanation: screen everything, polish what could be it, refine the best."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -101,8 +101,16 @@ def search(
     if not given_up and (not best.nothing_left or bench.is_strained(best)):
         best = grow(bench, best, polished, field.twins, progress)
     best = tidy(bench, best, polished)
-    ranked = sorted(polished, key=lambda judged: -judged.evidence)
-    return Found(follow, polished[0], best, ranked, families, field, promise)
+    bench.forget()
+    none = polished[0]
+    kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
+    ranked = sorted(kept, key=lambda judged: -judged.evidence)
+    return Found(follow, none, best, ranked, families, field, promise)
+
+
+def _set_aside(judged: Judged) -> Judged:
+    """An explanation that lost: what it was worth and the motion under it, without the slopes that fill the memory."""
+    return replace(judged, base=judged.base.without_slopes(), slack_marks=None)
 
 
 def _adds_to(hint: Explanation, shown: Screened | Judged) -> bool:
