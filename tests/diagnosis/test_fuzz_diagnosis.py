@@ -136,9 +136,6 @@ BROKE = {  # logs on which the diagnosis once crashed
     "no effect to try": Example(0, 6.0, AXES[0], (), 0, "none", {}, ()),
     "no window can be followed": Example(2, 9.0, AXES[1], (), 0, "none", {}, ()),
     "windows shorter than a block": Example(0, 6.0, ("z",), (), 0, "none", {"window_s": 0.3}, ()),
-    "bins of an odd number of steps": Example(
-        0, 9.0, AXES[0], ("centimetres",), 138, "none", {"window_s": 2.606, "bin_s": 0.7254}, ()
-    ),
     "nothing measured that moves": Example(1, 9.0, ("q",), (), 0, "none", {}, ()),
     "nothing moves, exactly": Example(2, 6.0, AXES[1], ("motionless",), 728, "same", {}, ()),
 }
