@@ -17,6 +17,11 @@ GAIN = torch.tensor((1.5, 1.5, 1.5, 1.0))  # per m and per rad
 DAMPING = torch.tensor((0.5, 0.5, 0.5, 0.3))  # per m/s and per rad/s
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """How many damaged logs the fuzz of the diagnosis draws."""
+    parser.addoption("--damages", type=int, help="examples of tests/diagnosis/test_fuzz_diagnosis.py; few without it")
+
+
 def pd_controller(tensordict: TensorDictBase) -> TensorDictBase:
     """Action from the first nine entries of the observation of a regulation task."""
     observation = tensordict["observation"]

@@ -100,9 +100,9 @@ def test_the_shipped_families_damage_in_every_way_and_leave_faults_visible():
     healthy = [case for case in cases if case.family == "damaged"]
     assert min(Counter(case.damage for case in healthy).values()) == 2
     assert set(Counter(case.damage for case in healthy)) == set(DAMAGES)
-    assert all(case.effects == () or DAMAGES[case.damage].healthy for case in healthy)
+    assert all(case.effects == () or DAMAGES[str(case.damage)].healthy for case in healthy)
     beside = [case for case in cases if case.family == "damaged_fault"]
-    assert all(can_show(DAMAGES[case.damage], case.effects[0]) for case in beside)
+    assert all(can_show(DAMAGES[str(case.damage)], case.effects[0]) for case in beside)
     assert {case.effects[0] for case in beside} == set(FAULTS)
     assert {case.plant for case in healthy} == {"mujoco", "foreign"}
 

@@ -12,6 +12,7 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, fly
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
@@ -20,6 +21,7 @@ PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
 TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring moment: prior of roll and pitch
+LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
 
 
 @dataclass(frozen=True)
@@ -44,9 +46,18 @@ class Layout:
 
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
-        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured."""
+        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured.
+
+        Raises:
+            FlightLogError: if the log measures none of them.
+        """
         moves = np.flatnonzero(vehicle.free.numpy() > 0)
         seen = [CHANNELS[d] in windows.channels or CHANNELS[d + 6] in windows.channels for d in moves]
+        if not any(seen):
+            raise FlightLogError(
+                f"the log measures {', '.join(windows.channels)} alone, in which the vehicle is held or does not move: "
+                "log x, y and yaw, z, or body velocities too"
+            )
         per_bin = max(1, round(bin_s / windows.dt))
         start = np.concatenate([moves, moves + 6])
         loose = loose_start(vehicle)[start]
@@ -214,7 +225,7 @@ def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], for
         freedom = (free[..., column] * counts[..., column])[seen].sum(1)
         squares = (left[seen][..., column] ** 2).sum(1) / freedom
         size = np.sqrt(np.median(squares)) if seen.any() else 0.0  # the median: a few windows may be badly followed
-        noise[channel] = float(max(size, windows.resolution[column] * ROUNDING))
+        noise[channel] = float(max(size, windows.resolution[column] * ROUNDING, LEAST_NOISE))
     return noise
 
 

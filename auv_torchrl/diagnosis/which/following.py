@@ -46,7 +46,9 @@ class Following(Ground):
         vehicle = batch(self.vehicle, [{}])
         state = self._follow(self.windows, vehicle, self.wide)
         while np.median(misfit(self.windows, state.residual, self.sigma)) > FOLLOWED and self.layout.steps_per_bin > 2:
-            self.layout = Layout.of(self.windows, self.vehicle, 0.5 * self.layout.steps_per_bin * self.windows.dt)
+            steps = self.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
+            finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
+            self.layout = Layout.of(self.windows, self.vehicle, finer * self.windows.dt)
             state = self._follow(self.windows, vehicle, self.wide)
         self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
         self.seen_start = state.start

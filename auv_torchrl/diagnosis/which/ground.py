@@ -159,6 +159,8 @@ class Ground:
     @DIVERGING
     def _sizes(self, explanations: list[Explanation], base: Base) -> Floats:
         """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
+        if not self.followed.any():
+            return np.zeros(len(explanations))
         rows = batch(self.vehicle, [explanation.values(self.vehicle) for explanation in explanations])
         moves = self.layout.start[: len(self.layout.start) // 2]  # unseen ones too: some effects act through a tilt
         forces = force_changes(self.windows, batch(self.vehicle, [{}]), rows, base.motion)[..., moves]

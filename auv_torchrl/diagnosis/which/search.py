@@ -70,7 +70,7 @@ def search(
     field = Field.of(bench, follow)
     families = field.families()
     progress("screening effects", 0.4)
-    hopeless = field.none().evidence < families[0].evidence - HOPELESS
+    hopeless = bool(families) and field.none().evidence < families[0].evidence - HOPELESS
     polished = [bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)]  # without any effect, then with some
     bench.slack_suffices = not bench.leaves_much(polished[0])
     promise = np.inf
@@ -175,6 +175,8 @@ def _candidates(
     They are single effects, or where none comes near, and other ones are asked for, what a look along the measured
     motion shows.
     """
+    if not families:  # no effect leaves a mark, or all are ignored
+        return [], np.inf
     numbers = field.quadratic.numbers
     if others is Others.SINGLE or is_near(families[0].chi2, numbers):
         return _promising(field, families), families[0].chi2 / numbers
