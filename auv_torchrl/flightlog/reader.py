@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.flightlog.clock import check_clock
 from auv_torchrl.flightlog.columns import DEMANDS, Columns, choose_columns
 from auv_torchrl.flightlog.excitation import check_excitation
-from auv_torchrl.flightlog.findings import FlightLogError, condensed
+from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
 from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, Floats
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
@@ -48,10 +49,13 @@ def read_flightlog(path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterab
     if len(set(numbers)) < len(numbers):
         numbers = list(range(len(stretches)))
     episodes = tuple(_episode(table, axes, number, stretch) for number, stretch in zip(numbers, stretches, strict=True))
-    episodes, more = convert_degrees(episodes, axes, vehicle)
-    findings += more
+    clock = check_clock(episodes, vehicle)
+    findings += clock
+    if not any(finding.severity is Severity.ERROR for finding in clock):  # rates in another unit show nothing
+        episodes, more = convert_degrees(episodes, axes, vehicle)
+        findings += more + check_frames(tuple(_wrapped(episode) for episode in episodes), axes, vehicle)
     episodes = tuple(_wrapped(episode) for episode in episodes)
-    findings += check_frames(episodes, axes, vehicle) + check_excitation(episodes)
+    findings += check_excitation(episodes)
     return FlightLog(table.name, episodes, axes, tuple(condensed(findings)))
 
 
