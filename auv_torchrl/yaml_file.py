@@ -51,7 +51,7 @@ def read_yaml(path: Path, what: str, plain: bool = True) -> dict[str, Any]:
         if node is None and not plain:
             return {}
         if not isinstance(node, MappingNode):
-            kind = "nothing" if node is None else {"scalar": "one value", "sequence": "a list"}[node.id]
+            kind = "nothing" if node is None else "a list" if isinstance(node, SequenceNode) else "one value"
             raise YamlFileError(f"{named}: expected a mapping, lines like 'name: value', got {kind}: write it so")
         _count(node, named, plain, {}, set())
         return loader.construct_document(node)
