@@ -25,6 +25,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl import __version__
+from auv_torchrl.config_source import check_config_files
 from auv_torchrl.paths import CONF, config_names
 
 BAD_INPUT = 2  # exit code, as for a wrong command line
@@ -73,6 +74,7 @@ def command(config_name: str) -> Callable[[Callable[[DictConfig], None]], Callab
 
         def entry() -> None:
             os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra hands its errors on instead of printing them
+            check_config_files()
             try:
                 hydra_main()
             except (HydraException, OmegaConfBaseException) as error:

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.flightlog.clock import check_clock
 from auv_torchrl.flightlog.columns import DEMANDS, Columns, choose_columns
 from auv_torchrl.flightlog.excitation import check_excitation
-from auv_torchrl.flightlog.findings import FlightLogError, condensed
+from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
 from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.information import Checked, check_information
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, Floats
@@ -51,15 +52,18 @@ def read_flightlog(path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterab
     numbers = [stretch.episode for stretch in stretches]
     if len(set(numbers)) < len(numbers):
         numbers = list(range(len(stretches)))
-    episodes = tuple(
-        _episode(table, axes, number, stretch, checked.filled)
-        for number, stretch in zip(numbers, stretches, strict=True)
-    )
-    episodes, more = convert_degrees(episodes, axes, vehicle)
-    findings += more
+    numbered = zip(numbers, stretches, strict=True)
+    episodes = tuple(_episode(table, axes, number, stretch, checked.filled) for number, stretch in numbered)
+    clock = check_clock(episodes, vehicle)
+    findings += clock
+    seconds = not any(finding.severity is Severity.ERROR for finding in clock)  # rates in another unit show nothing
+    if seconds:
+        episodes, more = convert_degrees(episodes, axes, vehicle)
+        findings += more
     episodes = tuple(_wrapped(episode) for episode in episodes)
-    episodes, axes, more = check_frames(episodes, axes, vehicle)
-    findings += more
+    if seconds:
+        episodes, axes, more = check_frames(episodes, axes, vehicle)
+        findings += more
     findings += check_excitation(episodes)
     return FlightLog(table.name, episodes, axes, tuple(condensed(findings)), checked.resolution)
 

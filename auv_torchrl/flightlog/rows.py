@@ -87,6 +87,12 @@ def usable_stretches(
     else:
         number = np.zeros(len(t))
     usable = np.flatnonzero(driven)
+    if len(usable) > 1 and _runs_backwards(t[usable], number[usable]):
+        rows = (int(table.row[usable[0]]), int(table.row[usable[-1]]))
+        sentence = "time runs backwards through the whole file; its rows are taken in reverse order"
+        remedy = "Sort the rows by t, rising; if t counts down, give the time since the start instead"
+        findings.append(Finding(Severity.WARNING, "reversed_rows", sentence, remedy, ("t",), rows))
+        usable = usable[::-1]
     changes = np.flatnonzero(np.diff(number[usable])) + 1
     stretches = []
     for rows in np.split(usable, changes):
@@ -94,6 +100,12 @@ def usable_stretches(
             for run in _increasing_runs(table, t, rows, findings):
                 stretches += _cut_at_gaps(table, run, seen, commands, int(number[rows[0]]), jumps, findings)
     return stretches, findings
+
+
+def _runs_backwards(t: Floats, number: Floats) -> bool:
+    """Whether all but single glitches of the rows are later than the next row of their episode."""
+    steps = np.diff(t)[np.diff(number) == 0]
+    return len(steps) > 0 and bool((steps < 0).mean() > 1 - GLITCH_SHARE)
 
 
 def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Finding]) -> list[Index]:

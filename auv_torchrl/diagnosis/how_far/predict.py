@@ -42,12 +42,8 @@ def predict(
     Raises:
         ValueError: if the log holds no stretch of one second.
     """
-    dt, _ = grid_step(log)
-    pair = 2 * max(1, round(settings.bin_s / dt))
-    head = pair * max(1, round(START_S / (pair * dt)))
-    longest = max(episode.duration for episode in log.episodes) - settings.lead_s
-    parts = max(1, min(int((longest + 1e-6) / (head * dt)), int(np.ceil(HORIZONS_S[-1] / (head * dt)))))
-    windows = cut_windows(log, parts * head * dt, settings.lead_s)
+    windows, head = cut_stretches(log, settings)
+    parts = windows.steps // head
     if len(windows) > MOST_STRETCHES:
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_STRETCHES).astype(int))
     begin = windows.split(head).subset(np.arange(0, len(windows) * parts, parts))
@@ -72,6 +68,20 @@ def predict(
         errors.append(windows.residual(predicted)[:, 0])
         states.append(passed[:, 0])
     return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1))
+
+
+def cut_stretches(log: FlightLog, settings: Settings) -> tuple[Windows, int]:
+    """Stretches as long as the horizons and the log allow, and the grid steps of about a second; they divide it.
+
+    Raises:
+        FlightLogError: if the log holds no stretch of one second.
+    """
+    dt, _ = grid_step(log)
+    pair = 2 * max(1, round(settings.bin_s / dt))
+    head = pair * max(1, round(START_S / (pair * dt)))
+    longest = max(episode.duration for episode in log.episodes) - settings.lead_s
+    parts = max(1, min(int((longest + 1e-6) / (head * dt)), int(np.ceil(HORIZONS_S[-1] / (head * dt)))))
+    return cut_windows(log, parts * head * dt, settings.lead_s), head
 
 
 SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction

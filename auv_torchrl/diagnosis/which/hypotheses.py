@@ -148,12 +148,16 @@ def _changes(vehicle: Vehicle, atom: Atom) -> bool:
 
 
 def slack_parameters(vehicle: Vehicle, settings: Settings) -> list[tuple[str, str, float, float]]:
-    """(effect, parameter, nominal, prior standard deviation) of what no vehicle has exactly as modelled."""
+    """(effect, parameter, nominal, prior standard deviation) of what no vehicle has exactly as modelled.
+
+    A coefficient of 0 has no relative slack, and a scale of it changes nothing: both are left out.
+    """
     found = []
     for name, widths in settings.slack.items():
         declared = EFFECTS[name].member_parameters(vehicle)
         for member, p in declared.items():
             nominal = p.nominal_value(vehicle, member)
-            if p.name in widths:
-                found.append((name, member, nominal, widths[p.name] * abs(nominal)))
+            width = widths.get(p.name, 0.0) * abs(nominal)
+            if _changes(vehicle, Atom(name, {member: nominal + width})):
+                found.append((name, member, nominal, width))
     return found
