@@ -118,7 +118,7 @@ def errors_by_kind(p: Predictions) -> dict[str, Any]:
         inside = [columns[name] for name in names if name in columns]
         if not inside:
             return None
-        seen = (windows.trust[..., inside] > 0).all(-1)
+        seen = np.asarray((windows.trust[..., inside] > 0).all(-1))
         return errors(_norm(p.error[..., inside]), _norm(p.spread[..., inside]), seen)
 
     return {
