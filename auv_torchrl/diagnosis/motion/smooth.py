@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.motion.reported import true_per_reported
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, fly
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
@@ -105,7 +106,8 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
     """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
     residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
     n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
-    starts = np.eye(n, layout.size)[None]
+    inward = true_per_reported(prepare(vehicle).numpy(), windows.channels)[0, layout.start]
+    starts = (inward[:, None] * np.eye(n, layout.size))[None]
     forces = np.zeros((1, windows.steps, len(moves), layout.size))
     for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)

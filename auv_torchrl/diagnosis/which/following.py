@@ -6,6 +6,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import force_changes
 from auv_torchrl.diagnosis.motion.reduce import DIVERGED, Freedom, chi_square, settle
+from auv_torchrl.diagnosis.motion.reported import as_reported
 from auv_torchrl.diagnosis.motion.rollout import actuate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
@@ -22,6 +23,7 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Base, Ground
 from auv_torchrl.diagnosis.which.hypotheses import batch
+from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.vehicle import Vehicle
 
@@ -131,10 +133,11 @@ class Following(Ground):
 
     def _ends(self, base: Base) -> Floats:
         """States (W, 12) in which the windows end, as the start of what follows them."""
-        end = base.states[:, -1]
+        end, c = base.states[:, -1], prepare(base.vehicle).numpy()
         angles = np.stack(euler_angles(end[:, 3:7]), axis=-1)
-        angles[:, 2] += float(base.vehicle.heading_bias.reshape(-1)[0])  # a start has the measured yaw
-        return np.concatenate([end[:, :3], angles, end[:, 7:]], axis=1)
+        angles[:, 2] += c.heading_bias[0]
+        position, velocity = as_reported(c, self.windows.channels, end[:, :3], end[:, 7:])
+        return np.concatenate([position, angles, velocity], axis=1)
 
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""
