@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME, disturbance_precision, local_precision
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import Floats, cut_windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, cut_windows
 from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Judged, Known
@@ -29,6 +29,10 @@ class Calibration:
     known: Known
     slack: dict[tuple[str, str], float]  # deviations from the vehicle as it was given
     findings: tuple[Finding, ...]
+    has_gap: bool  # beyond slack, under the floor of the settings
+    windows: Windows  # that it was calibrated on,
+    given: Vehicle  # from this vehicle,
+    settings: Settings  # with these
 
 
 def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings) -> Calibration:
@@ -56,7 +60,8 @@ def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings
     covariance = np.linalg.inv(judged.quadratic.A[:k, :k] + bench.slack_precision) + np.diag((REPEATS * nominal) ** 2)
     own = apply_values(vehicle, Explanation(slack=slack).values(vehicle))
     known = Known(floor, bench.sigma, bench.rough_noise, covariance)
-    return Calibration(own, known, slack, tuple(_findings(log, bench, slack, excess, settings)))
+    findings = tuple(_findings(log, bench, slack, excess, settings))
+    return Calibration(own, known, slack, findings, excess > settings.excess, bench.windows, vehicle, settings)
 
 
 def disturbance_floor(bench: Bench, judged: Judged) -> Floats:
