@@ -17,13 +17,12 @@ from auv_torchrl.diagnosis.which.attitude import (
 )
 from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.ground import Judged
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.which.refine import Progress, explains
 from auv_torchrl.diagnosis.which.search import POLISHED, Found, Others, search
 from auv_torchrl.diagnosis.which.sketches import NEAR
-from auv_torchrl.flightlog import Finding, FlightLog, Severity
+from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
@@ -56,10 +55,6 @@ def look(
     ``seen`` is what a vehicle with another attitude showed: its explanations are tried too, on the same windows.
     """
     sound = calibrate(healthy, vehicle, settings) if healthy else None
-    fault = explained_gap(sound, report) if sound else None
-    if fault is not None:
-        looked = look(training, vehicle, (), settings, report, seen)
-        return replace(looked, contradiction=(healthy_not_healthy(healthy, fault),))
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
     hints, others, below = (hints_of(seen.found), *_worth_flying(seen)) if seen else ((), Others.ALL, np.inf)
@@ -77,21 +72,9 @@ def look(
     return Looked(bench, search(bench, follow, report, hints, others, below), sound)
 
 
-def explained_gap(sound: Calibration, report: Progress) -> Judged | None:
-    """What explains the gap of healthy logs, where they have one that few effects explain: they are not healthy.
-
-    Many coefficients that are a little off, or something unknown, are what calibration and disturbance floor are for.
-    """
-    if not sound.has_gap:
-        return None
-    bench = Bench(sound.windows, sound.given, sound.settings)
-    best = search(bench, bench.follow(), report).best
-    return best if best.explanation.effects and explains(bench, best) else None
-
-
-def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Judged) -> Finding:
+def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:
     """What is said of healthy logs that show a fault themselves."""
-    names = " and ".join(name.replace("_", " ") for name in fault.explanation.effects)
+    names = " and ".join(name.replace("_", " ") for name in fault.effects)
     sentence = (
         f"the healthy log {', '.join(log.name for log in healthy)} is not healthy: {names} explains its departure from "
         "the vehicle's file; it is not used, and what is found is relative to the file"
@@ -105,6 +88,13 @@ def look_both_ways(
 ) -> Looked:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
     level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
+    if level.sound is not None and level.sound.has_gap:
+        # Many coefficients that are a little off, or something unknown, are what calibration and floor are for. A few
+        # effects that explain all of it are a fault that was there already.
+        before = look_both_ways(join(healthy), vehicle, (), settings, report)
+        if judge(before.bench, before.found) is Verdict.EXPLAINED:
+            looked = look_both_ways(training, vehicle, (), settings, report)
+            return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
     best = level.found.best
     if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
         return level

@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME, disturbance_precision, local_precision
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows, cut_windows
+from auv_torchrl.diagnosis.motion.windows import Floats, cut_windows
 from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Judged, Known
@@ -30,9 +30,6 @@ class Calibration:
     slack: dict[tuple[str, str], float]  # deviations from the vehicle as it was given
     findings: tuple[Finding, ...]
     has_gap: bool  # beyond slack, under the floor of the settings
-    windows: Windows  # that it was calibrated on,
-    given: Vehicle  # from this vehicle,
-    settings: Settings  # with these
 
 
 def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings) -> Calibration:
@@ -61,7 +58,7 @@ def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings
     own = apply_values(vehicle, Explanation(slack=slack).values(vehicle))
     known = Known(floor, bench.sigma, bench.rough_noise, covariance)
     findings = tuple(_findings(log, bench, slack, excess, settings))
-    return Calibration(own, known, slack, findings, excess > settings.excess, bench.windows, vehicle, settings)
+    return Calibration(own, known, slack, findings, excess > settings.excess)
 
 
 def disturbance_floor(bench: Bench, judged: Judged) -> Floats:
