@@ -16,6 +16,7 @@ from tensordict import TensorClass
 from torch import Tensor
 
 from auv_torchrl.paths import config_path
+from auv_torchrl.settings import choices
 
 GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weights
 DEGREES_OF_FREEDOM = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -93,7 +94,7 @@ def read_vehicle_file(vehicle: str | Path | Mapping[str, Any]) -> Mapping[str, A
         return vehicle
     path = Path(vehicle) if str(vehicle).endswith((".yaml", ".yml")) else config_path("vehicle", str(vehicle))
     try:
-        loaded = yaml.safe_load(path.read_text())
+        loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise ValueError(f"vehicle file {path} is no YAML: {error}") from error
     if not isinstance(loaded, Mapping):
@@ -157,7 +158,7 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     known = {"name", "uncertainty", "rigid_body", "thrusters", "mixer", *_VECTORS[""]}
     if unknown := set(vehicle) - known:
-        raise ValueError(f"vehicle: unknown entries {sorted(unknown)}: there are {', '.join(sorted(known))}")
+        raise ValueError(f"vehicle: unknown entries {sorted(unknown)}: {choices(unknown, sorted(known))}")
     fields = {}
     for section, keys in _VECTORS.items():
         block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
@@ -166,7 +167,7 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
         allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
         if unknown := set(block) - allowed:
             raise ValueError(
-                f"vehicle: unknown entries {sorted(unknown)} in {section}: there are {', '.join(sorted(allowed))}"
+                f"vehicle: unknown entries {sorted(unknown)} in {section}: {choices(unknown, sorted(allowed))}"
             )
         for key, length in keys.items():
             label = f"{section}.{key}" if section else key
