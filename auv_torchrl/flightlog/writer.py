@@ -13,14 +13,14 @@ from auv_torchrl.flightlog.log import POSE, VELOCITY, FlightLog
 _DIGITS = 6  # micrometres and microradians
 
 
-def write_flightlog(log: FlightLog, path: str | os.PathLike[str]) -> Path:
+def write_flightlog(log: FlightLog, path: str | os.PathLike[str], replace: bool = False) -> Path:
     """Write thruster commands and measured axes as CSV, or as Parquet if the name ends so; atomic.
 
     Raises:
-        FileExistsError: if the file is there.
+        FileExistsError: if the file is there and is not to be replaced.
     """
     path = Path(path)
-    if path.exists():
+    if path.exists() and not replace:
         raise FileExistsError(f"{path} exists: remove it or choose another name")
     table = pa.table(_columns(log))
     partial = path.with_name(f".{path.name}.partial")
