@@ -76,7 +76,7 @@ def _quoted(name: str) -> str:
 
 
 def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequence[str]) -> None:
-    """Refuse ``+key=value`` where there is no such key to be added: Hydra would add it, and nothing would read it.
+    """Refuse what Hydra would take and nothing would read: ``+key=value`` without such a key, and ``group=null``.
 
     Args:
         config_name: of the command.
@@ -84,17 +84,19 @@ def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequ
         groups: folders of ``conf`` from which something may be added.
 
     Raises:
-        BadInput: for the first that there is not, with the nearest key.
+        BadInput: for the first, with the nearest key, or what there is to choose from.
     """
     for given in arguments:
-        parsed = _parse(given) if given.startswith("+") else None
+        parsed = _parse(given)
         if parsed is None or parsed.key_or_group.split(".")[0].split("/")[0] == "hydra":
             continue
-        key = parsed.key_or_group
-        if key not in groups:
+        key, added = parsed.key_or_group, given.startswith("+")
+        if added and key not in groups:
             _refuse_unknown(config_name, key, groups)
-        if parsed.package is not None:
+        if added and parsed.package is not None:
             raise BadInput(f"{given}: give +{key}=... without @{parsed.package}")
+        if not parsed.is_delete() and (CONF / key).is_dir() and parsed.value() is None:
+            raise BadInput(f"{given}: there are {', '.join(config_names(key))}")
 
 
 def _refuse_unknown(config_name: str, key: str, groups: Sequence[str]) -> None:
