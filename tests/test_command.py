@@ -68,6 +68,7 @@ def train(monkeypatch, capsys):
         ("+scenario@scene=swap", ["without @scene"]),
         ("+agent=sac", ["agent=... without +"]),
         ("vehicle=null", ["there are bluerov2"]),
+        (f"policies={__file__}", ["policies", "give a folder"]),
         ("box_m=inf", ["box_m is inf", "above 0"]),
         ("agent.loss=a=b", ["agent.loss", "in quotes"]),
         ("+hydra.callbacks.mine={_target_:os.system,command:false}", ["os.system"]),

@@ -19,10 +19,14 @@ def save_checkpoint(path: Path, fingerprint: str, state: Mapping[str, Any]) -> N
     """Write ``state`` so that ``path`` holds either the old or the new checkpoint, whenever the process dies."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
-    with partial.open("wb") as file:
-        torch.save({"fingerprint": fingerprint, "state": dict(state)}, file)
-        file.flush()
-        os.fsync(file.fileno())
+    try:
+        with partial.open("wb") as file:
+            torch.save({"fingerprint": fingerprint, "state": dict(state)}, file)
+            file.flush()
+            os.fsync(file.fileno())
+    except BaseException:
+        partial.unlink(missing_ok=True)  # on a full disk half a checkpoint takes the room of the next
+        raise
     partial.replace(path)
 
 

@@ -56,7 +56,9 @@ def writing() -> Iterator[None]:
                 ) from error
             if number in _FORBIDDEN:
                 assert isinstance(cause, OSError)
-                raise CannotWrite(f"cannot write ({cause.strerror}){where}: give a folder you may write") from error
+                raise CannotWrite(
+                    f"cannot read or write ({cause.strerror}){where}: give a file or folder for which you may"
+                ) from error
         raise
 
 

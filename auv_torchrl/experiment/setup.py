@@ -93,6 +93,8 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     _check_device(config.device, config.backend.name)
     randomization = _plain(config.randomization)
     read_ranges(vehicle, randomization)
+    if Path(config.policies).is_file():
+        raise ValueError(f"policies is {config.policies!r}: it is a file: give a folder")
     scenario = read_scenario(scenario_name, _plain(config.scenario), vehicle)
     vehicle_name = str(config.vehicle.get("name", "unnamed"))
     diagnosed = None
