@@ -179,9 +179,9 @@ def test_files_of_a_diagnosis_are_replaced_only_where_that_is_asked_for(tmp_path
 )
 def test_what_cannot_be_written_is_one_line_with_a_remedy(error):
     """Whichever library says it, also as the cause of another error."""
-    with pytest.raises(CannotWrite, match="give a folder|make room"), writing():
+    with pytest.raises(CannotWrite, match="give a file or folder|make room"), writing():
         raise error
-    with pytest.raises(CannotWrite, match="give a folder|make room"), writing():
+    with pytest.raises(CannotWrite, match="give a file or folder|make room"), writing():
         raise RuntimeError("unexpected pos") from error
     with pytest.raises(ZeroDivisionError), writing():
         _ = 1 / 0

@@ -19,8 +19,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.agents.interrupt import interrupt
 from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys
-from auv_torchrl.command.errors import BAD_INPUT, BadInput, writing
-from auv_torchrl.command.folder import discard_start, fail, finish, is_finished, leave
+from auv_torchrl.command.errors import BAD_INPUT, BadInput, fail, writing
+from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.paths import CONF
 

@@ -1,8 +1,10 @@
 """Errors that end a command with one line: what the user gave is wrong, or the machine cannot do it."""
 
 import errno
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 
 BAD_INPUT = 2  # exit code, as for a wrong command line
 CANNOT_WRITE = 74  # exit code, EX_IOERR of sysexits.h
@@ -60,6 +62,12 @@ def writing() -> Iterator[None]:
                     f"cannot read or write ({cause.strerror}){where}: give a file or folder for which you may"
                 ) from error
         raise
+
+
+def fail(command: str, error: BadInput) -> NoReturn:
+    """End the command with its one line."""
+    sys.stderr.write(f"{command}: {error}\n")
+    sys.exit(error.code)
 
 
 def one_line(message: str) -> str:

@@ -7,19 +7,15 @@ process that works in a folder holds the lock on ``.lock`` in it, which the syst
 import errno
 import fcntl
 import json
-import logging
 import platform
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import Any, TextIO
 
-from hydra.experimental.callback import Callback
-from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 
 from auv_torchrl import __version__
 from auv_torchrl.command.errors import BadInput
@@ -31,8 +27,6 @@ _NOT_OURS_TO_FIX = {
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST, errno.ENOENT, errno.ENOSPC, errno.EDQUOT,
     errno.ENAMETOOLONG,
 }  # fmt: skip
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -118,45 +112,10 @@ def discard_start(folder: Path, command: str) -> None:
         folder.rmdir()
 
 
-class OutputFolder(Callback):
-    """Refuses a used output folder before anything is written, then records how each job was started."""
-
-    def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Claim the folder of a single run."""
-        self._claim(config, config.hydra.run.dir, _settings(config))
-
-    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Claim the folder of a sweep."""
-        self._claim(config, config.hydra.sweep.dir, "")
-
-    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
-        """Every job has ended well."""
-        finish(Path(config.hydra.sweep.dir))
-
-    def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Claim the folder of a job of a sweep, unless it ended there before the sweep was broken off."""
-        folder = Path(config.hydra.runtime.output_dir)
-        if config.hydra.mode is RunMode.MULTIRUN and not is_finished(folder):
-            self._claim(config, str(folder), _settings(config), (f"{config.hydra.job.name}.log",))
-        if folder.absolute() in _held and _held[folder.absolute()].goes_on:
-            log.info("going on with the unfinished run in %s", folder)
-
-    def _claim(self, config: DictConfig, folder: str, settings: str, ours: tuple[str, ...] = ()) -> None:
-        try:
-            claim_folder(Path(folder), config.hydra.job.name, settings, list(config.hydra.overrides.task), ours)
-        except BadInput as error:  # Hydra only warns of exceptions in callbacks
-            fail(config.hydra.job.name, error)
-
-
-def fail(command: str, error: BadInput) -> NoReturn:
-    """End the command with its one line."""
-    sys.stderr.write(f"{command}: {error}\n")
-    sys.exit(error.code)
-
-
-def _settings(config: DictConfig) -> str:
-    task = OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
-    return OmegaConf.to_yaml(task, resolve=True)
+def goes_on(folder: Path) -> bool:
+    """Whether this process holds the folder and an earlier one began there."""
+    held = _held.get(folder.absolute())
+    return held is not None and held.goes_on
 
 
 def _refuse_foreign(folder: Path, command: str, ours: tuple[str, ...]) -> dict[str, Any] | None:
