@@ -8,7 +8,7 @@ CONF = PROJECT / "conf"
 
 def config_names(group: str) -> list[str]:
     """The names that a configuration group offers, e.g. ``config_names("vehicle")``."""
-    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+    return sorted(path.stem for path in (CONF / group).glob("*.yaml") if path.is_file())
 
 
 def config_path(group: str, name: str) -> Path:

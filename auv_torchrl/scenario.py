@@ -56,7 +56,7 @@ def read_scenario(name: str, config: Mapping[str, Any] | None, vehicle: Vehicle)
     if not isinstance(effects, Mapping):
         raise ValueError(f"scenario {name}: effects is {effects!r}: give a mapping of effects to their parameters")
     if config:
-        raise ValueError(f"scenario {name}: unknown keys {sorted(config)}: there is only 'effects'")
+        raise ValueError(f"scenario {name}: unknown keys {sorted(map(str, config))}: there is only 'effects'")
     return Scenario(name, tuple(_read_change(name, label, settings, vehicle) for label, settings in effects.items()))
 
 
@@ -68,6 +68,6 @@ def _read_change(name: str, label: str, settings: Mapping[str, Any] | None, vehi
     start = settings.pop("start_s", 0.0)
     stop = settings.pop("stop_s", None)
     stop = math.inf if stop is None else stop
-    if not all(isinstance(t, int | float) for t in (start, stop)) or not 0 <= start < stop:
+    if not all(isinstance(t, int | float) and not isinstance(t, bool) for t in (start, stop)) or not 0 <= start < stop:
         raise ValueError(f"scenario {name}: {label} acts from {start!r} to {stop!r}: give 0 <= start_s < stop_s")
     return Change(label, effect, effect.read(vehicle, settings), float(start), float(stop))

@@ -11,9 +11,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-import yaml
-
 from auv_torchrl.paths import config_path
+from auv_torchrl.yaml_file import read_yaml
 
 Settings = TypeVar("Settings")
 
@@ -102,9 +101,9 @@ def read_settings(kind: type[Settings], group: str, name: str, overrides: Mappin
 
     Raises:
         FileNotFoundError: for an unknown name.
-        ValueError: for an unknown, missing or impossible setting.
+        ValueError: for a file that cannot be used, or an unknown, missing or impossible setting.
     """
-    content = yaml.safe_load(config_path(group, name).read_text(encoding="utf-8"))
+    content = read_yaml(config_path(group, name), group)
     return settings_of(kind, {**content, **(overrides or {})}, group)
 
 
@@ -117,7 +116,7 @@ def settings_of(kind: type[Settings], content: Mapping[str, Any], group: str) ->
     assert is_dataclass(kind)
     known = [entry.name for entry in fields(kind)]
     if odd := set(content) - set(known):
-        raise ValueError(f"{group}: unknown settings {sorted(odd)}: {choices(odd, known)}")
+        raise ValueError(f"{group}: unknown settings {sorted(map(str, odd))}: {choices(odd, known)}")
     if missing := set(known) - set(content):
         raise ValueError(f"{group}: settings {', '.join(sorted(missing))} are missing")
     values = {name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}

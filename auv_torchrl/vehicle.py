@@ -8,15 +8,16 @@ value that :func:`load_vehicle` gives, every term that only an effect uses does 
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from reprlib import repr as short
 from typing import Any
 
 import torch
-import yaml
 from tensordict import TensorClass
 from torch import Tensor
 
 from auv_torchrl.paths import config_path
 from auv_torchrl.settings import choices
+from auv_torchrl.yaml_file import read_yaml
 
 GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weights
 DEGREES_OF_FREEDOM = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -87,19 +88,14 @@ def read_vehicle_file(vehicle: str | Path | Mapping[str, Any]) -> Mapping[str, A
     """The sections of a vehicle from a name in ``conf/vehicle`` or a YAML file; a mapping is what it is.
 
     Raises:
-        FileNotFoundError: for an unknown name.
-        ValueError: for a file that is no YAML or no mapping.
+        FileNotFoundError: for an unknown name, or a file that does not exist.
+        ValueError: for a file that :func:`auv_torchrl.yaml_file.read_yaml` refuses.
     """
-    if isinstance(vehicle, Mapping):
-        return vehicle
-    path = Path(vehicle) if str(vehicle).endswith((".yaml", ".yml")) else config_path("vehicle", str(vehicle))
-    try:
-        loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"vehicle file {path} is no YAML: {error}") from error
-    if not isinstance(loaded, Mapping):
-        raise ValueError(f"vehicle file {path}: expected a mapping of sections, got {type(loaded).__name__}")
-    return loaded
+    return vehicle if isinstance(vehicle, Mapping) else read_yaml(_file(vehicle), "vehicle")
+
+
+def _file(vehicle: str | Path) -> Path:
+    return Path(vehicle) if str(vehicle).endswith((".yaml", ".yml")) else config_path("vehicle", str(vehicle))
 
 
 def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = torch.float64) -> Vehicle:
@@ -107,9 +103,18 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
 
     Raises:
         FileNotFoundError: for an unknown name.
-        ValueError: for a missing, unknown, misshapen or unphysical entry, naming it.
+        ValueError: for a missing, unknown, misshapen or unphysical entry, naming it and the file.
     """
-    vehicle = read_vehicle_file(vehicle)
+    content = read_vehicle_file(vehicle)
+    try:
+        return _nominal(content).to(dtype).clone()
+    except ValueError as error:
+        if isinstance(vehicle, Mapping):
+            raise
+        raise ValueError(f"{_file(vehicle)}: {error}") from error
+
+
+def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
     fields: dict[str, Any] = _read_fields(vehicle)
     rows = vehicle["thrusters"]
     position = _matrix("thrusters.position", rows.get("position"), 3)
@@ -127,7 +132,7 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
     per_thruster: dict[str, Any] = {key: fields.pop(key).expand(n) for key in _VECTORS["thrusters"] if key != "delay"}
     zero = torch.zeros((), dtype=torch.float64)
     one = torch.ones((), dtype=torch.float64)
-    nominal = Vehicle(
+    return Vehicle(
         **{**fields, "linear_drag": torch.diag(fields["linear_drag"])},
         **per_thruster,
         free=one.expand(6),
@@ -152,34 +157,33 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
         attitude_noise=zero,
         batch_size=[],
     )
-    return nominal.to(dtype).clone()
 
 
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     known = {"name", "uncertainty", "rigid_body", "thrusters", "mixer", *_VECTORS[""]}
     if unknown := set(vehicle) - known:
-        raise ValueError(f"vehicle: unknown entries {sorted(unknown)}: {choices(unknown, sorted(known))}")
+        odd = sorted(map(str, unknown))
+        raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
     fields = {}
     for section, keys in _VECTORS.items():
         block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
         if not isinstance(block, Mapping):
-            raise ValueError(f"vehicle: {section} is {block!r}: give a mapping with {', '.join(keys)}")
+            raise ValueError(f"vehicle: {section} is {short(block)}: give a mapping with {', '.join(keys)}")
         allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
         if unknown := set(block) - allowed:
-            raise ValueError(
-                f"vehicle: unknown entries {sorted(unknown)} in {section}: {choices(unknown, sorted(allowed))}"
-            )
+            odd = sorted(map(str, unknown))
+            raise ValueError(f"vehicle: unknown entries {odd} in {section}: {choices(odd, sorted(allowed))}")
         for key, length in keys.items():
             label = f"{section}.{key}" if section else key
             if key not in block:
                 raise ValueError(f"vehicle: {label} is missing")
             fields[key] = _numbers(label, block[key], (length,) if length else ())
             if key in _POSITIVE and not (fields[key] > 0).all():
-                raise ValueError(f"vehicle: {label} is {block[key]}: give values above 0")
+                raise ValueError(f"vehicle: {label} is {short(block[key])}: give values above 0")
             if key == "asymmetry" and not (fields[key] < 1).all():
-                raise ValueError(f"vehicle: {label} is {block[key]}: give a share below 1")
+                raise ValueError(f"vehicle: {label} is {short(block[key])}: give a share below 1")
             if key in _NON_NEGATIVE and not (fields[key] >= 0).all():
-                raise ValueError(f"vehicle: {label} is {block[key]}: give values of 0 or more")
+                raise ValueError(f"vehicle: {label} is {short(block[key])}: give values of 0 or more")
     if "mixer" not in vehicle:
         raise ValueError("vehicle: mixer is missing")
     return fields
@@ -188,17 +192,17 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
 def _numbers(label: str, value: Any, shape: tuple[int, ...]) -> Tensor:
     wanted = f"{math.prod(shape)} numbers" if shape else "one number"
     if any(isinstance(entry, bool) for entry in (value if isinstance(value, list | tuple) else (value,))):
-        raise ValueError(f"vehicle: {label} is {value!r}: give {wanted}")
+        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}")
     try:
         tensor = torch.as_tensor(value, dtype=torch.float64)
-    except (TypeError, ValueError, RuntimeError) as error:
-        raise ValueError(f"vehicle: {label} is {value!r}: give {wanted}") from error
+    except (TypeError, ValueError, RuntimeError, OverflowError) as error:
+        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}") from error
     if tensor.shape != shape or not tensor.isfinite().all():
-        raise ValueError(f"vehicle: {label} is {value!r}: give {wanted}, finite")
+        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}, finite")
     return tensor
 
 
 def _matrix(label: str, value: Any, columns: int) -> Tensor:
     if not isinstance(value, list | tuple) or not value:
-        raise ValueError(f"vehicle: {label} is {value!r}: give one row of {columns} numbers per thruster")
+        raise ValueError(f"vehicle: {label} is {short(value)}: give one row of {columns} numbers per thruster")
     return torch.stack([_numbers(f"{label}[{row}]", entry, (columns,)) for row, entry in enumerate(value)])

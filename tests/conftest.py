@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 import torch
+from hypothesis import HealthCheck, settings
 from tensordict import TensorDictBase
 
 from auv_torchrl.envs import RegulationTask, TorchFleet
@@ -13,8 +14,25 @@ from auv_torchrl.vehicle import Vehicle
 
 torch.set_num_threads(1)  # on few cores, threads of small operations wait for each other
 
+# The same examples for everybody, on a busy machine as on an idle one: hypothesis would choose others where CI is set,
+# and fail by the clock where it is not.
+settings.register_profile(
+    "everybody",
+    deadline=None,
+    derandomize=True,
+    print_blob=True,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("everybody")
+
 GAIN = torch.tensor((1.5, 1.5, 1.5, 1.0))  # per m and per rad
 DAMPING = torch.tensor((0.5, 0.5, 0.5, 0.3))  # per m/s and per rad/s
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """How many damaged logs the fuzz of the diagnosis draws."""
+    parser.addoption("--damages", type=int, help="examples of tests/diagnosis/test_fuzz_diagnosis.py; few without it")
 
 
 def pd_controller(tensordict: TensorDictBase) -> TensorDictBase:

@@ -15,14 +15,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auv_torchrl.agents.interrupt import interruptible
+from auv_torchrl.agents.storage import storing
 from auv_torchrl.blind import schema as blind_schema
-from auv_torchrl.command import BadInput, LogFile
+from auv_torchrl.command import BadInput, LogFile, checking_input
 from auv_torchrl.command.arguments import quote_files, refuse_unknown_keys
 from auv_torchrl.command.errors import CANNOT_WRITE, CannotWrite, writing
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.diagnosis import request
 from auv_torchrl.diagnosis.report import files as report_files
 from auv_torchrl.diagnosis.report import write_files
+from auv_torchrl.experiment.run import STORE
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.example import example
 
@@ -124,6 +126,19 @@ def test_a_full_disk_ends_training_with_one_line_and_keeps_the_folder(train, tmp
     assert code == CANNOT_WRITE
     assert error.startswith("train: no space left") and "same command" in error and error.count("\n") == 1
     assert (tmp_path / "out" / "results.json").read_text() == "kept"
+    assert train(finishes, f"output={tmp_path / 'out'}")[0] == 0
+
+
+def test_a_policy_store_on_a_full_disk_ends_training_as_any_full_disk_does(train, tmp_path):
+    """It says how to go on, and the folder waits for that."""
+
+    def run(experiment, folder: Path) -> None:
+        with checking_input(STORE), storing(tmp_path / "policies"):
+            full()
+
+    code, error = train(run, f"output={tmp_path / 'out'}")
+    assert code == CANNOT_WRITE
+    assert "nothing can be kept in" in error and "policies=DIR" in error and error.count("\n") == 1
     assert train(finishes, f"output={tmp_path / 'out'}")[0] == 0
 
 

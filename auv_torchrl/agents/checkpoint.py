@@ -1,14 +1,20 @@
 """Checkpoints: one file, written at once or not at all, refused with a remedy where it does not fit."""
 
+import hashlib
+import io
 import logging
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from auv_torchrl.agents.storage import write_whole
+
 log = logging.getLogger(__name__)
+
+
+DIGEST = hashlib.sha256().digest_size  # bytes, at the end of the file
 
 
 class CheckpointError(RuntimeError):
@@ -18,33 +24,30 @@ class CheckpointError(RuntimeError):
 def save_checkpoint(path: Path, fingerprint: str, state: Mapping[str, Any]) -> None:
     """Write ``state`` so that ``path`` holds either the old or the new checkpoint, whenever the process dies."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    try:
-        with partial.open("wb") as file:
-            torch.save({"fingerprint": fingerprint, "state": dict(state)}, file)
-            file.flush()
-            os.fsync(file.fileno())
-    except BaseException:
-        partial.unlink(missing_ok=True)  # on a full disk half a checkpoint takes the room of the next
-        raise
-    partial.replace(path)
+    file = io.BytesIO()  # torch names no cause where a disk is full
+    torch.save({"fingerprint": fingerprint, "state": dict(state)}, file)
+    content = file.getvalue()
+    write_whole(path, content + hashlib.sha256(content).digest())
 
 
 def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
     """The state of a checkpoint that was written under the same fingerprint.
 
     Raises:
-        CheckpointError: for a file that is missing, damaged, or of another training.
+        CheckpointError: for a file that is missing, damaged, changed since it was written, or of another training.
     """
     if not path.is_file():
         raise CheckpointError(f"there is no checkpoint {path}: train without resume to start from the beginning")
     try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
+        whole = path.read_bytes()
+        if hashlib.sha256(whole[:-DIGEST]).digest() != whole[-DIGEST:]:
+            raise ValueError("its digest differs")
+        content = torch.load(io.BytesIO(whole[:-DIGEST]), map_location="cpu", weights_only=True)
         found, state = content["fingerprint"], content["state"]
     except Exception as error:  # torch.load raises whatever its unpickler and its zip reader raise
         raise CheckpointError(
-            f"checkpoint {path} cannot be read ({type(error).__name__}): it is damaged or no checkpoint of ours; "
-            "it is left as it is; move it away to train from the beginning"
+            f"checkpoint {path} cannot be read ({_cause(error)}): it is damaged, changed, of an earlier version or no "
+            "checkpoint of ours; it is left as it is; move it away to train from the beginning"
         ) from error
     if found != fingerprint:
         raise CheckpointError(
@@ -54,3 +57,7 @@ def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
         )
     log.info("going on from checkpoint %s", path)
     return state
+
+
+def _cause(error: Exception) -> str:
+    return str(error) if isinstance(error, ValueError | OSError) else type(error).__name__

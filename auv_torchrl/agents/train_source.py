@@ -1,5 +1,6 @@
 """Train the source policy u_s, or take it from the store if the same training was done before."""
 
+import errno
 import fcntl
 import logging
 from collections.abc import Callable, Iterator, Mapping
@@ -15,6 +16,7 @@ from torchrl.envs import EnvBase, TransformedEnv
 from auv_torchrl.agents.config import REPORTING, AgentConfig
 from auv_torchrl.agents.policy import SourcePolicy, fingerprint, load_policy, save_policy
 from auv_torchrl.agents.score import Examiner
+from auv_torchrl.agents.storage import storing
 from auv_torchrl.agents.trainer import CHECKPOINT, Trainer
 from auv_torchrl.envs import RandomizeVehicle, RegulationTask, make_fleet
 from auv_torchrl.vehicle import Vehicle
@@ -53,6 +55,8 @@ def train_source(
 
     Raises:
         CheckpointError: if the checkpoint is missing, damaged or of another training.
+        PolicyError: if the policy in the store is damaged, changed or of another training.
+        StorageError: if the store is full or may not be written.
         Interrupted: after Ctrl-C, with the checkpoint written.
         Diverged: if a loss is no finite number.
     """
@@ -79,38 +83,53 @@ def kept_or_trained(
         resume: a checkpoint to go on from instead of the one in the store.
 
     Raises:
-        CheckpointError, Interrupted, Diverged: as :func:`train_source`.
+        CheckpointError, PolicyError, StorageError, Interrupted, Diverged: as :func:`train_source`.
     """
     key = fingerprint(ingredients)
     finished, training = folder / key, folder / f"{key}.training"
-    folder.mkdir(parents=True, exist_ok=True)
-    with locked(folder / f"{key}.lock"), torch.random.fork_rng(devices=[]):
+    left = f"the training so far is in {training}, if it had begun: the same command goes on from there"
+    with storing(folder, left), torch.random.fork_rng(devices=[]):
         if finished.exists():
-            policy = load_policy(finished)
-            log.info("policy %s: taken from %s, trained before", key, finished)
-            return policy
-        training.mkdir(exist_ok=True)
-        trainer = make(training, key)
-        checkpoint = resume or training / CHECKPOINT
-        if resume is not None or checkpoint.exists():
-            trainer.resume(checkpoint)
-            log.info("policy %s: going on from %s at %d transitions", key, checkpoint, trainer.frames)
-        else:
-            log.info("policy %s: training", key)
-        trainer.run()
-        policy = SourcePolicy(
-            trainer.best.eval(),
-            {
-                "hash": key,
-                "ingredients": dict(ingredients),
-                "network": trainer.network,
-                "result": {"best_m": trainer.curve[-1]["best_m"], "train_s": trainer.curve[-1]["wall_s"]},
-                "curve": trainer.curve,
-            },
-        )
-        save_policy(policy, finished, training)
-        (finished / CHECKPOINT).unlink()
-        log.info("policy %s: kept in %s", key, finished)
+            return _taken(finished, key)  # without a lock: a store that is read alone may be read-only
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder / f"{key}.lock"):
+            if finished.exists():  # by the process that was waited for
+                return _taken(finished, key)
+            return _trained(ingredients, make, finished, training, key, resume)
+
+
+def _taken(finished: Path, key: str) -> SourcePolicy:
+    policy = load_policy(finished, key)
+    log.info("policy %s: taken from %s, trained before", key, finished)
+    return policy
+
+
+def _trained(
+    ingredients: Mapping[str, Any], make: Callable[[Path, str], Trainer], finished: Path, training: Path,
+    key: str, resume: Path | None,
+) -> SourcePolicy:  # fmt: skip
+    training.mkdir(exist_ok=True)
+    trainer = make(training, key)
+    checkpoint = resume or training / CHECKPOINT
+    if resume is not None or checkpoint.exists():
+        trainer.resume(checkpoint)
+        log.info("policy %s: going on from %s at %d transitions", key, checkpoint, trainer.frames)
+    else:
+        log.info("policy %s: training", key)
+    trainer.run()
+    policy = SourcePolicy(
+        trainer.best.eval(),
+        {
+            "hash": key,
+            "ingredients": dict(ingredients),
+            "network": trainer.network,
+            "result": {"best_m": trainer.curve[-1]["best_m"], "train_s": trainer.curve[-1]["wall_s"]},
+            "curve": trainer.curve,
+        },
+    )
+    save_policy(policy, finished, training)
+    (finished / CHECKPOINT).unlink()
+    log.info("policy %s: kept in %s", key, finished)
     return policy
 
 
@@ -176,8 +195,18 @@ def make_examiner(
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold an exclusive lock that the system releases when the process ends, however it ends."""
-    with path.open("w") as file:
+    """Hold an exclusive lock that the system releases when the process ends, however it ends.
+
+    Where nobody may write, nothing has to be locked: who only reads goes on, who writes is told.
+    """
+    try:
+        opened = path.open("w")
+    except OSError as error:
+        if error.errno not in (errno.EACCES, errno.EROFS):
+            raise
+        yield
+        return
+    with opened as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

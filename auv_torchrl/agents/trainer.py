@@ -19,7 +19,7 @@ from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
 
-from auv_torchrl.agents.checkpoint import load_checkpoint, save_checkpoint
+from auv_torchrl.agents.checkpoint import CheckpointError, load_checkpoint, save_checkpoint
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.interrupt import Interrupted, interruptible
 from auv_torchrl.agents.losses import make_loss
@@ -227,7 +227,15 @@ class Trainer:
         Raises:
             CheckpointError: if it is missing, damaged or of another training.
         """
-        self.load_state_dict(load_checkpoint(path, self.fingerprint))
+        state = load_checkpoint(path, self.fingerprint)
+        try:
+            self.load_state_dict(state)
+        except (KeyError, TypeError, ValueError, RuntimeError, AttributeError, IndexError) as error:
+            cause = " ".join(str(error).split())[:200]
+            raise CheckpointError(
+                f"checkpoint {path} does not fit this training ({type(error).__name__}: {cause}): it is left as it is; "
+                "move it away to train from the beginning"
+            ) from error
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that the rest of the training depends on."""

@@ -7,6 +7,7 @@ from itertools import cycle
 
 import numpy as np
 
+from auv_torchrl.blind.damages import DAMAGES, FAULTS, POSES, can_show
 from auv_torchrl.blind.outside import OUTSIDE
 from auv_torchrl.blind.sizes import CLEAR
 from auv_torchrl.settings import choices
@@ -23,8 +24,9 @@ ONE_CAN_HIDE_THE_OTHER = (  # pairs that no log can tell from one effect, or of 
 )
 FAMILIES = (
     "single", "single_slack", "failures", "severity", "length", "noise", "pair", "no_gap", "no_gap_slack", "outside",
-    "left_out", "onset",
+    "left_out", "onset", "damaged", "damaged_fault",
 )  # fmt: skip
+EPISODES = 6
 
 
 @dataclass(frozen=True)
@@ -39,11 +41,14 @@ class Case:
     plant: str = "mujoco"  # or "foreign"
     scale: float = 1.0  # times a clear size
     slack: float = 0.0
-    episodes: int = 6
+    episodes: int = EPISODES  # of the log to explain
     episode_s: float = 30.0
     noise: float = 1.0
     failed: int = 0  # thrusters that have each failed in their own way; 0 where effects are drawn as usual
     onset: bool = False  # the effects begin during the log
+    damage: str | None = None  # of the log, in DAMAGES
+    axes: tuple[str, ...] = POSES  # that the log holds
+    healthy: int = 0  # episodes of a log that is handed over as healthy and has the same effects
 
     @property
     def name(self) -> str:
@@ -53,6 +58,8 @@ class Case:
     @property
     def truth(self) -> str:
         """What the first answer should be."""
+        if self.damage:
+            return "damage"
         if self.outside or self.left_out:
             return "unknown"
         return self.effects[0] if self.effects else "no_gap"
@@ -158,8 +165,30 @@ def _onset(count: int, rng: np.random.Generator) -> list[dict]:
     return [{**long, "effects": (name,)} for name in names]
 
 
+def _with_damage(name: str) -> dict:
+    damage = DAMAGES[name]
+    return {"damage": name, "axes": damage.axes, "healthy": EPISODES if damage.healthy else 0}
+
+
+def _damaged(count: int, rng: np.random.Generator) -> list[dict]:
+    return [
+        {"family": "damaged", **_with_damage(name), "effects": ("thruster_gain",) if DAMAGES[name].healthy else ()}
+        for name in _shuffled(DAMAGES, count, rng)
+    ]
+
+
+def _damaged_fault(count: int, rng: np.random.Generator) -> list[dict]:
+    visible = [name for name, damage in DAMAGES.items() if any(can_show(damage, fault) for fault in FAULTS)]
+    faults = cycle(_shuffled(FAULTS, len(FAULTS), rng))
+    cases = []
+    for name in _shuffled(visible, count, rng):
+        fault = next(fault for fault in faults if can_show(DAMAGES[name], fault))
+        cases.append({"family": "damaged_fault", **_with_damage(name), "effects": (fault,)})
+    return cases
+
+
 _FAMILY = {
     "single": _single, "single_slack": _single_slack, "failures": _failures, "severity": _severity, "length": _length,
     "noise": _noise, "pair": _pair, "no_gap": _no_gap, "no_gap_slack": _no_gap_slack, "outside": _outside,
-    "left_out": _left_out, "onset": _onset,
+    "left_out": _left_out, "onset": _onset, "damaged": _damaged, "damaged_fault": _damaged_fault,
 }  # fmt: skip

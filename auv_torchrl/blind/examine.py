@@ -15,7 +15,7 @@ from tqdm import tqdm
 from auv_torchrl.blind.seal import log_path, read_manifest, write_json
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.which.hypotheses import load_settings
-from auv_torchrl.flightlog import read_flightlog
+from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 
 VEHICLE = "paper"
@@ -33,32 +33,33 @@ def examine(folder: Path, answers: Path, workers: int) -> None:
     if not open_tasks:
         return
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        jobs = [pool.submit(_answer, folder, answers, name, task["left_out"]) for name, task in open_tasks.items()]
+        jobs = [pool.submit(_answer, folder, answers, name, task) for name, task in open_tasks.items()]
         try:
             for job in tqdm(as_completed(jobs), total=len(jobs), desc="diagnosed", unit="log", disable=None):
                 job.result()
-        except BaseException:
-            pool.shutdown(
-                wait=False, cancel_futures=True
-            )  # those that run write their answers, the rest does not begin
+        except BaseException:  # those that run write their answers, the rest does not begin
+            pool.shutdown(wait=False, cancel_futures=True)
             raise
 
 
 def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
-    """The answer to every case: ``seconds`` and ``diagnosis`` as in ``diagnosis.json``, or ``error``."""
+    """The answer to every case: ``seconds`` and ``diagnosis`` as in ``diagnosis.json``, ``refused`` or ``error``."""
     return {name: json.loads((answers / f"{name}.json").read_text()) for name in read_manifest(folder)["tasks"]}
 
 
-def _answer(folder: Path, answers: Path, name: str, left_out: str | None) -> None:
+def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any]) -> None:
     settings = load_settings()
-    if left_out:
-        settings = replace(settings, ignored=(*settings.ignored, left_out))
+    if task["left_out"]:
+        settings = replace(settings, ignored=(*settings.ignored, task["left_out"]))
     began, cpu = time.perf_counter(), time.process_time()
     answer: dict[str, Any] = {}
     try:
         vehicle = load_vehicle(VEHICLE)
         flight_log = read_flightlog(log_path(folder, name), vehicle)
-        answer["diagnosis"] = diagnose(flight_log, vehicle, vehicle_name=VEHICLE, settings=settings).to_json()
+        healthy = [read_flightlog(log_path(folder, task["healthy"]), vehicle)] if task["healthy"] else []
+        answer["diagnosis"] = diagnose(flight_log, vehicle, healthy, vehicle_name=VEHICLE, settings=settings).to_json()
+    except FlightLogError as error:
+        answer["refused"] = str(error)
     except Exception as error:  # a diagnosis that fails is a wrong answer, and the report names it
         answer["error"] = f"{type(error).__name__}: {error}"
         log.warning("%s: %s", name, traceback.format_exc())

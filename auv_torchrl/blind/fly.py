@@ -16,15 +16,15 @@ from auv_torchrl.blind.pilots import Pilots
 from auv_torchrl.blind.plant import Influences, Plant, Slack
 from auv_torchrl.blind.sizes import draw_failures, draw_values
 from auv_torchrl.effects import get_effect
-from auv_torchrl.flightlog import POSE, Episode, FlightLog
+from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.vehicle import Vehicle
 
 ROUNDS = 12  # of drawing an effect again until it shows clearly
-AXES = ("x", "y", "z", "yaw")  # what the logs hold of the pose
 START = np.array([1, 1, 1, np.pi, 0.3, 0.3, 0.2, 0.5])  # m, rad, m/s, rad/s; half widths
 NOISE = np.array([POSITION_NOISE] * 3 + [ATTITUDE_NOISE] * 3)
+VELOCITY_NOISE = np.array([0.005] * 3 + [0.005] * 3)  # m/s, rad/s; a Doppler log and a gyro
 
 log = logging.getLogger(__name__)
 
@@ -40,11 +40,17 @@ class Draw:
     values: dict[str, dict[str, float]] = field(default_factory=dict)
     outside: Outside | None = None
     influence: dict[str, float] = field(default_factory=dict)
+    damage_seed: int | None = None
+
+    @property
+    def rows(self) -> int:
+        """Episodes to fly."""
+        return self.case.episodes + self.case.healthy
 
     def label(self) -> dict[str, Any]:
         """The truth, of plain types."""
         drawn = {"values": self.values, "onset_s": self.onset_s, "influence": self.influence}
-        return {**asdict(self.case), "truth": self.case.truth, **drawn}
+        return {**asdict(self.case), "truth": self.case.truth, **drawn, "damage_seed": self.damage_seed}
 
 
 class Flight(NamedTuple):
@@ -52,7 +58,8 @@ class Flight(NamedTuple):
 
     pose: np.ndarray  # as reported, noiseless
     velocity: np.ndarray  # that fits it
-    measured: np.ndarray  # as logged
+    measured: np.ndarray  # pose as logged
+    measured_velocity: np.ndarray  # as logged
     commands: np.ndarray  # as sent
 
 
@@ -82,7 +89,9 @@ def fly(cases: list[Case], vehicle: Vehicle, seed: int) -> list[tuple[FlightLog,
 def _draw(case: Case, vehicle: Vehicle, seed: int) -> Draw:
     rng = np.random.default_rng([seed, case.number])
     slack = Slack.draw(rng, case.slack, vehicle.thrusters) if case.slack else None
-    return Draw(case, rng, slack, float(rng.uniform(0.3, 0.7) * case.episode_s) if case.onset else None)
+    onset_s = float(rng.uniform(0.3, 0.7) * case.episode_s) if case.onset else None
+    damage_seed = int(rng.integers(2**32)) if case.damage else None
+    return Draw(case, rng, slack, onset_s, damage_seed=damage_seed)
 
 
 def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
@@ -92,7 +101,7 @@ def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
     else:
         draw.values = {name: draw_values(name, vehicle, draw.rng, case.scale) for name in case.effects}
     if case.outside:
-        draw.outside = OUTSIDE[case.outside](draw.rng, case.episodes, vehicle.thrusters, CONTROL_DT)
+        draw.outside = OUTSIDE[case.outside](draw.rng, draw.rows, vehicle.thrusters, CONTROL_DT)
 
 
 def _fly_once(draws: list[Draw], vehicle: Vehicle) -> list[Flight]:
@@ -107,8 +116,8 @@ def _fly_once(draws: list[Draw], vehicle: Vehicle) -> list[Flight]:
 
 
 def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Vehicle) -> list[Flight]:
-    ends = np.cumsum([draw.case.episodes for draw in draws])
-    rows = [slice(int(end) - draw.case.episodes, int(end)) for end, draw in zip(ends, draws, strict=True)]
+    ends = np.cumsum([draw.rows for draw in draws])
+    rows = [slice(int(end) - draw.rows, int(end)) for end, draw in zip(ends, draws, strict=True)]
     total, steps = int(ends[-1]), round(duration / CONTROL_DT)
     plant = _PLANTS[plant_name](vehicle, total)
     for part, draw in zip(rows, draws, strict=True):
@@ -116,9 +125,9 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
             plant.loosen(part, draw.slack)
         if draw.onset_s is None:
             _break(plant, part, draw)
-    starts = [draw.rng.uniform(-1, 1, (draw.case.episodes, 8)) * START for draw in draws]
-    pilots = [Pilots(vehicle, np.arange(d.case.episodes) % 2 == 0, duration, d.rng) for d in draws]
-    noise = [d.case.noise * NOISE * d.rng.standard_normal((steps, d.case.episodes, 6)) for d in draws]
+    starts = [draw.rng.uniform(-1, 1, (draw.rows, 8)) * START for draw in draws]
+    pilots = [Pilots(vehicle, np.arange(d.rows) % 2 == 0, duration, d.rng) for d in draws]
+    noise = [d.case.noise * NOISE * d.rng.standard_normal((steps, d.rows, 6)) for d in draws]
     start = np.concatenate(starts)
     plant.reset(start[:, :3], start[:, 3], start[:, 4:])
     pose, velocity, measured = (np.empty((total, steps, 6)) for _ in range(3))
@@ -142,7 +151,16 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
                 draw.outside.act(time, Motion(*(field[part] for field in motion)), reaching[part], mine)
         plant.step(reaching, influences)
     measured[..., 3:] = wrap_angle(measured[..., 3:])
-    return [Flight(pose[part], velocity[part], measured[part], sent[part]) for part in rows]
+    return [
+        Flight(pose[part], velocity[part], measured[part], _measured_velocity(velocity[part], draw), sent[part])
+        for part, draw in zip(rows, draws, strict=True)
+    ]
+
+
+def _measured_velocity(velocity: np.ndarray, draw: Draw) -> np.ndarray:
+    if not set(VELOCITY) & set(draw.case.axes):
+        return np.full_like(velocity, np.nan)
+    return velocity + draw.case.noise * VELOCITY_NOISE * draw.rng.standard_normal(velocity.shape)
 
 
 _PLANTS: dict[str, Callable[[Vehicle, int], Plant]] = {
@@ -170,9 +188,11 @@ def _influence(draw: Draw, flight: Flight, vehicle: Vehicle) -> dict[str, float]
 
 
 def _flight_log(case: Case, flight: Flight) -> FlightLog:
+    """All episodes that were flown, those of the healthy log last."""
     episodes = []
-    for number in range(case.episodes):
-        pose = np.where([axis in AXES for axis in POSE], flight.measured[number], np.nan)
+    for number, commands in enumerate(flight.commands):
+        pose = np.where([axis in case.axes for axis in POSE], flight.measured[number], np.nan)
+        velocity = np.where([axis in case.axes for axis in VELOCITY], flight.measured_velocity[number], np.nan)
         t = np.arange(len(pose), dtype=np.float64) * CONTROL_DT
-        episodes.append(Episode(number, t, pose, np.full_like(pose, np.nan), flight.commands[number]))
-    return FlightLog(case.name, tuple(episodes), AXES)
+        episodes.append(Episode(number, t, pose, velocity, commands))
+    return FlightLog(case.name, tuple(episodes), case.axes)

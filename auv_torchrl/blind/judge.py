@@ -1,12 +1,13 @@
 """One answer against one truth."""
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from auv_torchrl.effects import EFFECTS, get_effect
+from auv_torchrl.blind.judge_damage import Named, judge_damage
+from auv_torchrl.blind.thrusters import split_entry, thrusters_right
+from auv_torchrl.effects import get_effect
 from auv_torchrl.vehicle import Vehicle
 
 NOT_EXPLAINED = ("partly_explained", "unexplained")
@@ -48,16 +49,24 @@ class Judgement:
     errors: dict[str, float] = field(default_factory=dict)  # parameter error over the effect's size, by unit
     covered: dict[str, bool] = field(default_factory=dict)  # whether the 95 % interval holds the truth
     message: str = ""
+    damage: str | None = None  # of the log
+    damage_named: bool | None = None  # None in the families without damage, as the next two
+    wrong_causes: tuple[str, ...] | None = None  # effects held for more likely than not that are neither
+    fault_found: bool | None = None  # beside the damage; None also where the rest of the log does not show it
 
 
 def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicle: Vehicle) -> Judgement:
     """Compare the answer to a case with its label."""
-    diagnosis = answer.get("diagnosis") or {"verdict": "error", "effects": [], "candidates": [], "gap": {}}
+    silent = {"verdict": "refused" if "refused" in answer else "error", "effects": [], "candidates": [], "gap": {}}
+    diagnosis = answer.get("diagnosis") or silent
     verdict, named = diagnosis["verdict"], tuple(effect["name"] for effect in diagnosis["effects"])
-    first = named[0] if named else {"no_gap": "no_gap", "error": "error"}.get(verdict, "unknown")
+    first = named[0] if named else {"no_gap": "no_gap", "error": "error", "refused": "error"}.get(verdict, "unknown")
     truth, effects = label["truth"], tuple(label["effects"])
     declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
-    if truth == "unknown":
+    beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
+    if label.get("damage"):
+        right = right_class = bool(beside.damage) and not beside.wrong and beside.fault is not False
+    elif truth == "unknown":
         right = verdict in NOT_EXPLAINED
         stand_ins = STANDS_FOR.get(label["left_out"], set())
         right_class = right or (bool(named) and set(named) <= stand_ins)
@@ -95,7 +104,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         verdict=verdict,
         right=right,
         right_class=right_class,
-        thrusters_right=_thrusters_right(label, diagnosis["effects"], declared, vehicle),
+        thrusters_right=thrusters_right(label, diagnosis["effects"], declared, vehicle),
         probability=of_answer,
         probability_of_truth=of_truth,
         closed=diagnosis["gap"].get("closed"),
@@ -104,7 +113,11 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         cpu_s=answer["cpu_s"],
         errors=errors,
         covered=covered,
-        message=answer.get("error", ""),
+        message=answer.get("error", answer.get("refused", "")),
+        damage=label.get("damage"),
+        damage_named=beside.damage,
+        wrong_causes=beside.wrong,
+        fault_found=beside.fault,
     )
 
 
@@ -114,7 +127,7 @@ def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[li
         return False
 
     def allowed(effect: str) -> set[str]:
-        groups = [{_split(entry)[0] for entry in group} for group in declared]
+        groups = [{split_entry(entry)[0] for entry in group} for group in declared]
         return {effect}.union(*(group for group in groups if effect in group))
 
     left = list(truth)
@@ -128,51 +141,9 @@ def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[li
 
 def _of_class(effect: str, declared: list[list[str]], probabilities: Mapping[str, float]) -> float:
     """Probability of all effects that were declared indistinguishable from this one, itself included."""
-    groups = [{_split(entry)[0] for entry in group} for group in declared]
+    groups = [{split_entry(entry)[0] for entry in group} for group in declared]
     members = {effect}.union(*(group for group in groups if effect in group))
     return min(1.0, sum(probabilities.get(name, 0.0) for name in members))
-
-
-def _split(entry: str) -> tuple[str, frozenset[int]]:
-    """Effect and thrusters of an entry such as ``thruster_gain 5`` or ``thruster_gain:5``."""
-    effect = max((name for name in EFFECTS if entry.startswith(name)), key=len, default=entry)
-    return effect, frozenset(int(number) for number in re.findall(r"\d+", entry.removeprefix(effect)))
-
-
-def thrusters_at_fault(effect: str, values: Mapping[str, float], vehicle: Vehicle) -> frozenset[int] | None:
-    """Thrusters that the label changes; None for an effect of all or none of them."""
-    declared = get_effect(effect).member_parameters(vehicle)
-    nominal = get_effect(effect).nominal(vehicle)
-    changed = {
-        int(k.rsplit("_", 1)[1]) for k, v in values.items() if declared[k].over == "thruster" and v != nominal[k]
-    }
-    return frozenset(changed) if 0 < len(changed) < vehicle.thrusters else None
-
-
-def _thrusters_right(
-    label: Mapping[str, Any], found: list[dict[str, Any]], declared: list[list[str]], vehicle: Vehicle
-) -> bool | None:
-    verdicts = []
-    for effect, values in label["values"].items():
-        wanted = thrusters_at_fault(effect, values, vehicle)
-        if wanted is None or label["left_out"]:
-            continue
-        named = {frozenset(f["thrusters"]) for f in found if f["name"] == effect}
-        sets = [{_thrusters_of(entry, effect, vehicle) for entry in group} for group in declared]
-        exchangeable = {thrusters for group in sets if group & named for thrusters in group}
-        verdicts.append(wanted in named | exchangeable)
-    return all(verdicts) if verdicts else None
-
-
-def _thrusters_of(entry: str, effect: str, vehicle: Vehicle) -> frozenset[int] | None:
-    """Thrusters of a declared entry such as ``thruster_gain 5`` or ``gain_5, gain_6``; None where it is of others."""
-    named, thrusters = _split(entry)
-    if named == effect:
-        return thrusters
-    declared, members = get_effect(effect).member_parameters(vehicle), entry.split(", ")
-    if not all(member in declared and declared[member].over == "thruster" for member in members):
-        return None
-    return frozenset(int(member.rsplit("_", 1)[1]) for member in members)
 
 
 def _probability(
@@ -185,7 +156,7 @@ def _probability(
         return explanation[answer]
     if answer in candidates:
         return candidates[answer]
-    return 0.0 if candidates and verdict != "error" else None
+    return 0.0 if candidates and verdict not in ("error", "refused") else None
 
 
 def _parameters(

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from auv_torchrl.blind.figures import draw_figures
 from auv_torchrl.blind.judge import Judgement
-from auv_torchrl.blind.score import Table, tables
+from auv_torchrl.blind.score import tables
 from auv_torchrl.blind.seal import write_json
+from auv_torchrl.blind.table import Table
 
 BEGIN, END = "<!-- blind: begin -->", "<!-- blind: end -->"
 FIGURES = "figures"  # beside the document

@@ -3,21 +3,14 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
 
 from auv_torchrl.blind.judge import Judgement
+from auv_torchrl.blind.score_damage import by_damage, damage_targets
 from auv_torchrl.blind.statistics import Share, calibration_error, quantile, reliability
+from auv_torchrl.blind.table import Table
 from auv_torchrl.effects import EFFECTS
 
 INFLUENCE_EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0, math.inf)  # standard deviations of the sensors, after 2 s
-
-
-class Table(NamedTuple):
-    """A table with a title."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
 
 
 def of_families(judgements: Iterable[Judgement], *families: str) -> list[Judgement]:
@@ -68,6 +61,7 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
         ("parameter error, median", "≤ 4 %", "≤ 2 %", _number(errors, lambda v: quantile(v, 0.5), ".1%")),
         ("parameter error, 90th percentile", "≤ 15 %", "≤ 8 %", _number(errors, lambda v: quantile(v, 0.9), ".1%")),
         ("closed share, median, known effects", "≥ 0.90", "≥ 0.97", _number(closed, lambda v: quantile(v, 0.5), ".3f")),
+        *damage_targets(judgements),
         ("CPU seconds per log, median / largest", "≤ 60", "≤ 10", _seconds(judgements)),
     ]  # fmt: skip
     return Table("Targets", ("", "must", "aim", "measured (95 % interval)"), [(*row[:3], str(row[3])) for row in rows])
@@ -193,7 +187,10 @@ def failures(judgements: Iterable[Judgement]) -> Table:
         wrong_thrusters = j.thrusters_right is False and j.right
         if j.right and not wrong_thrusters:
             continue
-        truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
+        if j.damage:
+            truth = " + ".join((*j.effects, j.damage))
+        else:
+            truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
         answer = (" + ".join(j.named) or j.verdict) + (" (other thrusters)" if wrong_thrusters else "")
         if j.right_class:
             answer += " (declared, or the same by another name)"
@@ -205,7 +202,7 @@ def failures(judgements: Iterable[Judgement]) -> Table:
 
 def tables(judgements: Sequence[Judgement]) -> list[Table]:
     """All of them, in the order in which they are read."""
-    every = (numbers, by_effect, no_gap, outside, left_out, by_influence, by_condition, failures)
+    every = (numbers, by_effect, no_gap, outside, left_out, by_damage, by_influence, by_condition, failures)
     return [table(judgements) for table in every]
 
 

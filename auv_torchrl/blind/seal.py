@@ -9,8 +9,11 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import auv_torchrl.diagnosis
-from auv_torchrl.flightlog import FlightLog, write_flightlog
+from auv_torchrl.blind.hand_over import hand_over
+from auv_torchrl.flightlog import FlightLog, write_columns
 
 MANIFEST = "manifest.json"
 LABELS = Path("sealed") / "labels.json"
@@ -36,15 +39,29 @@ def seal(folder: Path, settings: dict[str, Any], flown: list[tuple[FlightLog, di
     """Write logs, tasks and sealed labels; the manifest comes last and says that all is there."""
     (folder / LOGS).mkdir(parents=True, exist_ok=True)
     (folder / LABELS).parent.mkdir(exist_ok=True)
-    for flight_log, _ in flown:
-        path = folder / LOGS / f"{flight_log.name}.csv"
-        if not path.exists():
-            write_flightlog(flight_log, path)
-    labels = {flight_log.name: label for flight_log, label in flown}
+    labels, tasks = {}, {}
+    for flight_log, label in flown:
+        name = flight_log.name
+        handed = hand_over(flight_log, label)
+        _write_once(handed.log, log_path(folder, name))
+        if handed.healthy is not None:
+            _write_once(handed.healthy, log_path(folder, healthy_name(name)))
+        labels[name] = {**label, "named_by": handed.named_by}
+        healthy = None if handed.healthy is None else healthy_name(name)
+        tasks[name] = {"left_out": label["left_out"], "healthy": healthy}
     write_json(folder / LABELS, labels)
-    tasks = {name: {"left_out": label["left_out"]} for name, label in labels.items()}
     digest = _digest(folder / LABELS)
     write_json(folder / MANIFEST, {"settings": settings, "labels_sha256": digest, "tasks": tasks})
+
+
+def _write_once(columns: dict[str, np.ndarray], path: Path) -> None:
+    if not path.exists():
+        write_columns(columns, path)
+
+
+def healthy_name(name: str) -> str:
+    """The name of the healthy log of a case."""
+    return f"{name}_healthy"
 
 
 def is_sealed(folder: Path, settings: dict[str, Any]) -> bool:
@@ -81,7 +98,7 @@ def open_labels(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def log_path(folder: Path, name: str) -> Path:
-    """Where the log of a case is."""
+    """Where a log is."""
     return folder / LOGS / f"{name}.csv"
 
 

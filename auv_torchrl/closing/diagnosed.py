@@ -1,6 +1,7 @@
 """What a diagnosis found, as a vehicle to fly and as vehicles to train on."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,9 +10,14 @@ from typing import Any
 import yaml
 
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.verdict import Diagnosis
+from auv_torchrl.diagnosis.typed import check_types
+from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
+from auv_torchrl.effects import get_effect
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import Vehicle
+
+MOST_BYTES = 10_000_000  # a hundred times what a diagnosis of an hour takes
+ROUNDING = 1e-6  # relative: the fit stops at a bound to within this
 
 
 @dataclass(frozen=True)
@@ -60,19 +66,65 @@ def read_diagnosed(path: Path, nominal: Vehicle, vehicle_name: str) -> Diagnosed
 
     Raises:
         FileNotFoundError: if it is not there.
-        ValueError: if it is no diagnosis, or one of another vehicle.
+        ValueError: if it is no diagnosis, one of another vehicle, or says what an effect cannot be.
     """
     if not path.is_file():
         raise FileNotFoundError(f"no diagnosis {path}: give the diagnosis.json that diagnose.py wrote")
     try:
-        diagnosis = Diagnosis.from_json(json.loads(path.read_text(encoding="utf-8")))
-    except (json.JSONDecodeError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(
-            f"{path} is no diagnosis ({error!r}): give the diagnosis.json that diagnose.py wrote"
-        ) from error
+        diagnosis = Diagnosis.from_json(_read_json(path))
+        check_types(diagnosis)
+    except KeyError as error:
+        raise _no_diagnosis(path, f"{error} is missing or unknown in it") from error
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise _no_diagnosis(path, str(error) or type(error).__name__) from error
     if diagnosis.vehicle != vehicle_name:
         raise ValueError(
             f"{path} is about vehicle {diagnosis.vehicle!r}, this run is about {vehicle_name!r}: "
             f"give vehicle={diagnosis.vehicle}"
         )
-    return Diagnosed.of(diagnosis, nominal)
+    try:
+        for found in diagnosis.effects:
+            _check_effect(found, nominal)
+        return Diagnosed.of(diagnosis, nominal)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}: give the diagnosis.json as diagnose.py wrote it") from error
+
+
+def _no_diagnosis(path: Path, cause: str) -> ValueError:
+    return ValueError(f"{path} is no diagnosis ({cause}): give the diagnosis.json that diagnose.py wrote")
+
+
+def _read_json(path: Path) -> Mapping[str, Any]:
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is no number of JSON")
+
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise ValueError(f"{size:,} bytes, a diagnosis has {MOST_BYTES:,} at most")
+    content = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse, object_pairs_hook=_once)
+    if not isinstance(content, Mapping):
+        raise ValueError("it is no mapping")
+    return content
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if repeated := [name for name, times in Counter(name for name, _ in pairs).items() if times > 1]:
+        raise ValueError(f"{repeated[0]!r} is given twice")
+    return dict(pairs)
+
+
+def _check_effect(found: FoundEffect, nominal: Vehicle) -> None:
+    """Refuse an effect, parameter or value that this vehicle cannot have: what is written is not bent to fit."""
+    declared = get_effect(found.name).member_parameters(nominal)
+    if not 0.0 <= found.probability <= 1.0:
+        raise ValueError(f"the probability of {found.name} is {found.probability:g}, not in [0, 1]")
+    if odd := [number for number in found.thrusters if not 1 <= number <= nominal.thrusters]:
+        raise ValueError(f"{found.name} names thruster {odd[0]}, the vehicle has {nominal.thrusters}")
+    for name, estimate in found.parameters.items():
+        if name not in declared:
+            raise ValueError(f"effect {found.name}: no parameter {name!r}: there are {', '.join(declared)}")
+        p, spare = declared[name], ROUNDING * max(1.0, abs(estimate.value))
+        if not p.low - spare <= estimate.value <= p.high + spare:
+            raise ValueError(f"{name} of {found.name} is {estimate.value:g}, not in [{p.low:g}, {p.high:g}]")
+        if not estimate.low - spare <= estimate.value <= estimate.high + spare:
+            low, high = estimate.low, estimate.high
+            raise ValueError(f"{name} of {found.name} is {estimate.value:g}, outside its interval [{low:g}, {high:g}]")

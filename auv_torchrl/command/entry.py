@@ -22,6 +22,7 @@ from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_k
 from auv_torchrl.command.errors import BAD_INPUT, BadInput, fail, writing
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
 from auv_torchrl.command.terminal import spell_signs
+from auv_torchrl.config_source import check_config_files
 from auv_torchrl.paths import CONF
 
 INTERRUPTED = 128 + signal.SIGINT  # exit code, as shells have it
@@ -65,6 +66,7 @@ def command(
 
         def entry() -> None:
             os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra hands its errors on instead of printing them
+            check_config_files()
             spell_signs()
             given = sys.argv
             try:

@@ -31,13 +31,15 @@ class CannotWrite(BadInput):
 def checking_input(errors: tuple[type[Exception], ...] = CHECKS) -> Iterator[None]:
     """Turn ``errors`` of functions that check what the user gave into :class:`BadInput`.
 
+    Those that come from a full disk become :class:`CannotWrite`: what the user gave is right.
     Only for such calls: elsewhere a ``ValueError`` is a defect of the program and keeps its traceback.
     """
     try:
         yield
     except errors as error:
         message = error.args[0] if isinstance(error, KeyError) else error
-        raise BadInput(one_line(str(message))) from error
+        full = any(isinstance(cause, OSError) and cause.errno in _FULL for cause in _chain(error))
+        raise (CannotWrite if full else BadInput)(one_line(str(message))) from error
 
 
 @contextmanager

@@ -2,15 +2,17 @@
 
 import json
 import logging
-import os
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from safetensors.torch import load_file, save_file
+from safetensors import safe_open
+from safetensors.torch import save
+from torch import Tensor
 
 from auv_torchrl.agents.policy import fingerprint
+from auv_torchrl.agents.storage import all_finite, digest, storing, write_whole
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.pretraining import PretrainingConfig, pretrain
 from auv_torchrl.envs import RegulationTask
@@ -33,27 +35,49 @@ def load_or_pretrain(
         config: data and fit.
 
     Raises:
-        ValueError: if the file in the store is damaged.
+        ValueError: if the file in the store is damaged, changed since it was written, or of a version without digest.
+        StorageError: if the store is full or may not be written.
     """
     config = config or PretrainingConfig()
     described = ingredients(vehicle, task, config)
     path = folder / f"{fingerprint(described)}.models.safetensors"
+    models = SourceModels(vehicle, task, config.hidden).requires_grad_(False)
     if path.exists():
-        models = SourceModels(vehicle, task, config.hidden).requires_grad_(False)
-        try:
-            models.load_state_dict(load_file(path))
-        except Exception as error:  # safetensors and torch each raise their own
-            raise ValueError(f"models {path} are damaged ({error}): move the file away to train them again") from error
+        models.load_state_dict(_read(path, described, models.state_dict()))
         log.info("F and R: taken from %s, trained before", path)
         return models
-    models = pretrain(vehicle, task, config)
-    folder.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(f".partial-{os.getpid()}")
-    tensors = {name: tensor.contiguous() for name, tensor in models.state_dict().items()}
-    save_file(tensors, partial, metadata={"ingredients": json.dumps(described)})
-    partial.replace(path)
+    with storing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(path.with_suffix(".try"), b"room?")  # before a minute of training
+        path.with_suffix(".try").unlink()
+        models = pretrain(vehicle, task, config)
+        tensors = {name: tensor.contiguous() for name, tensor in models.state_dict().items()}
+        if not all_finite(tensors):
+            raise ValueError("F and R have weights that are no finite numbers: they are not kept; use another seed")
+        settings = json.dumps(described)
+        write_whole(path, save(tensors, {"ingredients": settings, "digest": digest(tensors, json.loads(settings))}))
     log.info("F and R: kept in %s", path)
     return models
+
+
+def _read(path: Path, described: Mapping[str, Any], shape: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The weights in a file, which must be those that were kept for these ingredients."""
+    try:
+        with safe_open(path, "pt") as file:
+            kept = file.metadata() or {}
+            weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        if {n: t.shape for n, t in weights.items()} != {n: t.shape for n, t in shape.items()}:
+            raise ValueError("its weights are those of other networks")
+        if "digest" not in kept:
+            raise ValueError("it has no digest: it is of an earlier version, whether it was changed cannot be told")
+        if kept["digest"] != digest(weights, json.loads(json.dumps(described))):
+            raise ValueError("it was changed: its digest differs")
+        if not all_finite(weights):
+            raise ValueError("it holds weights that are no finite numbers")
+    except Exception as error:  # safetensors raises its own
+        cause = " ".join(str(error).split())[:200]
+        raise ValueError(f"models {path} are damaged ({cause}): move the file away to train them again") from error
+    return weights
 
 
 def ingredients(vehicle: Vehicle, task: RegulationTask, config: PretrainingConfig) -> Mapping[str, Any]:

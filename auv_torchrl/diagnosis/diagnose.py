@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient
 from auv_torchrl.diagnosis.how_far.confirm import confirm
 from auv_torchrl.diagnosis.how_far.predict import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.how_far.veto import falls_short, is_worse, only, shortfalls, vetoes
+from auv_torchrl.diagnosis.lengths import LEARNT, check_lengths
 from auv_torchrl.diagnosis.look import Looked, excess, judge, look_both_ways
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
@@ -59,13 +60,14 @@ def diagnose(
             log itself, before effects are looked for.
 
     Raises:
-        FlightLogError: if the log holds no window to look at, or no axis that can be followed.
+        FlightLogError: if a log is too short for the settings, or has no axis that can be followed.
     """
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
     log, healthy = followable(log), [followable(sound) for sound in healthy]
     test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
     training, testing, numbers = split(log, test)
+    check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
     corrected = calibrate_coefficients(join(healthy or [training]), vehicle, uncertainty, settings)
     searched = settings if healthy else corrected.settings(settings)
     looked = look_both_ways(training, corrected.vehicle, healthy, searched, report)
@@ -122,7 +124,7 @@ def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightL
     if len(log.episodes) >= 3:
         last = log.episodes[-1].number
         return log.only(e.number for e in log.episodes[:-1]), log.only([last]), (last,)
-    cut = [int(0.8 * len(episode)) for episode in log.episodes]
+    cut = [int(LEARNT * len(episode)) for episode in log.episodes]
     early = replace(log, episodes=tuple(e.rows(0, k) for e, k in zip(log.episodes, cut, strict=True)))
     late = replace(log, episodes=tuple(e.rows(k, len(e)) for e, k in zip(log.episodes, cut, strict=True)))
     return early, late, tuple(e.number for e in log.episodes)

@@ -17,7 +17,7 @@ def get_effect(name: str) -> Effect:
     Raises:
         ValueError: if there is none; the message lists those there are.
     """
-    if name not in EFFECTS:
+    if not isinstance(name, str) or name not in EFFECTS:
         raise ValueError(f"no effect named {name!r}: {choices([name], EFFECTS)}")
     return EFFECTS[name]
 

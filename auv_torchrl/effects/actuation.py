@@ -39,8 +39,12 @@ def _read_swap(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
     for key in ("pair", "cycle"):
         if key not in settings:
             continue
-        ring = list(settings.pop(key))
-        numbers = range(1, vehicle.thrusters + 1)
+        ring, numbers = settings.pop(key), range(1, vehicle.thrusters + 1)
+        if not isinstance(ring, list | tuple) or not all(isinstance(number, int | float) for number in ring):
+            raise ValueError(
+                f"effect thruster_swap: {key} is {ring!r}: give a list of thrusters out of {list(numbers)}"
+            )
+        ring = list(ring)
         wrong_length = len(ring) != 2 if key == "pair" else len(ring) < 2
         if wrong_length or len(set(ring)) != len(ring) or not set(ring) <= set(numbers):
             raise ValueError(f"effect thruster_swap: {key} is {ring}: give different thrusters out of {list(numbers)}")

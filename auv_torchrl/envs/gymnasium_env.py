@@ -6,7 +6,6 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
-import yaml
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -18,6 +17,7 @@ from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.yaml_file import read_yaml
 
 ID = "auv_torchrl/Regulation-v0"
 
@@ -33,7 +33,7 @@ def fleet_by_names(
     loaded = load_vehicle(vehicle)
     name, config = "given", scenario
     if isinstance(scenario, str):
-        name, config = scenario, yaml.safe_load(config_path("scenario", scenario).read_text())
+        name, config = scenario, read_yaml(config_path("scenario", scenario), "scenario")
     flown = task if isinstance(task, RegulationTask) else RegulationTask(**(task or {}))
     return make_fleet(backend, loaded, flown, num_envs, scenario=read_scenario(name, config, loaded))  # type: ignore[arg-type]
 

@@ -9,6 +9,7 @@ from torchrl.envs import TransformedEnv
 
 from auv_torchrl.agents.checkpoint import CheckpointError
 from auv_torchrl.agents.policy import PolicyError, SourcePolicy
+from auv_torchrl.agents.storage import StorageError, storing
 from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.closing.command_share import command_share
@@ -26,6 +27,8 @@ from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.recording import ControlMap, record_run
 from auv_torchrl.vehicle import CONTROLLED
+
+STORE = (CheckpointError, PolicyError, StorageError)  # files that a user can mend or move away
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +75,7 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
     scenario, count = experiment.scenario, len(experiment.starts)
     flights: dict[str, Flight] = {}
     forms: dict[str, Flight] = {}
-    with stages("Source policy u_s"), checking_input((CheckpointError, PolicyError)):
+    with stages("Source policy u_s"), checking_input(STORE):
         policy = source_policy(experiment)
     with stages(f"Fly {count} starts with u_s on the nominal vehicle"):
         flights["nominal"] = fly(experiment.fleet(count), policy.module, experiment.starts, experiment.exam.steps)
@@ -93,7 +96,8 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
                 forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
                 flights["u_t"] = forms[experiment.adapter.composition]
         in_flight = change_in_flight(experiment, policy, stages)
-        closing = close_gap(experiment, policy, flights, stages)
+        with checking_input(STORE):
+            closing = close_gap(experiment, policy, flights, stages)
     results = summarize(experiment, policy, flights, forms, adaptation, reason, in_flight, closing)
     return Outcome(results, flights, adaptation, in_flight, closing)
 
@@ -127,7 +131,8 @@ def source_policy(experiment: Experiment) -> SourcePolicy:
 
 def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
     """F and R of the source vehicle, then seconds of flight of one target vehicle, then G and H."""
-    with locked(experiment.policies / "models.lock"), checking_input():  # jobs of a sweep wait instead of training too
+    lock = experiment.policies / "models.lock"  # jobs of a sweep wait instead of training too
+    with checking_input(), storing(experiment.policies), locked(lock):
         models = load_or_pretrain(experiment.vehicle, experiment.task, experiment.policies)
     to_thrusters = experiment.adapter.map == "thrusters"
     seen_s = experiment.adapter.target_data_s

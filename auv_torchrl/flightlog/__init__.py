@@ -3,7 +3,7 @@
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, join
 from auv_torchrl.flightlog.reader import read_flightlog
-from auv_torchrl.flightlog.writer import write_flightlog
+from auv_torchrl.flightlog.writer import raw_columns, write_columns, write_flightlog
 
 __all__ = [
     "POSE",
@@ -14,6 +14,8 @@ __all__ = [
     "FlightLogError",
     "Severity",
     "join",
+    "raw_columns",
     "read_flightlog",
+    "write_columns",
     "write_flightlog",
 ]

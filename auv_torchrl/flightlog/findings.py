@@ -23,6 +23,7 @@ class Severity(StrEnum):
 class Finding:
     """One thing about a log that its reader should know.
 
+    One that ``limits`` bounds verdict and probabilities of a diagnosis.
     ``rows`` are the first and last row concerned, counted from 1 below the header; None concerns all of it.
     """
 
@@ -32,6 +33,7 @@ class Finding:
     remedy: str = ""
     columns: tuple[str, ...] = ()
     rows: tuple[int, int] | None = None
+    limits: bool = False  # what is concluded about the vehicle stays in doubt until it is mended
 
     def __str__(self) -> str:
         rows = "" if self.rows is None else f" (rows {self.rows[0]} to {self.rows[1]})"

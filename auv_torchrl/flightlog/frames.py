@@ -9,9 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from auv_torchrl.flightlog.agreement import reconcile
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Episode, Floats
 from auv_torchrl.flightlog.motion import Blocks, Response, blocks, responses, rotations
+from auv_torchrl.flightlog.readings import convert_units
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.vehicle import Vehicle
 
@@ -24,17 +26,27 @@ _REVERSED, _FOLLOWS = -0.5, 0.3  # correlations with the thrusters
 _NED = "Give x north, y east, z down, yaw clockwise from north seen from above, and body axes forward, right, down"
 
 
-def check_frames(episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle) -> list[Finding]:
-    """Findings about frames; none where the log keeps to the format or is too short to tell."""
+def check_frames(
+    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle
+) -> tuple[tuple[Episode, ...], tuple[str, ...], list[Finding]]:
+    """The episodes and axes that can be used, in the units of the format, and what was found about frames and units.
+
+    No finding where the log keeps to the format, one of little weight where it is too short to tell.
+    """
     b = blocks(episodes, vehicle)
     if len(b.length) < _FEWEST_BLOCKS:
         sentence = "the log is too short to check its frames and units"
-        return [Finding(Severity.INFO, "frames_not_checked", sentence, "Log 10 s or more of motion")]
-    return _kinematics(b, axes) or _dynamics(b, axes, vehicle)
+        finding = Finding(Severity.INFO, "frames_not_checked", sentence, "Log 10 s or more of motion")
+        return episodes, axes, [finding]
+    if found := _kinematics(b, axes):
+        return episodes, axes, found
+    episodes, axes, disagreeing = reconcile(episodes, axes, vehicle)
+    episodes, converted = convert_units(episodes, axes, vehicle)
+    return episodes, axes, [*disagreeing, *converted, *_dynamics(blocks(episodes, vehicle), axes, vehicle)]
 
 
 def _kinematics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
-    """Compare d(position)/dt with R v."""
+    """Look for a frame in which d(position)/dt is R v, where it is not in that of the format."""
     if not {"x", "y", "yaw", "u", "v"} <= set(axes):
         return []
     velocity = np.nan_to_num(b.velocity[:, :3])
@@ -44,18 +56,15 @@ def _kinematics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
     fits = {name: _explained(convention(b, velocity), seen) for name, convention in _CONVENTIONS.items()}
     own = fits.pop("")
     best = max(fits, key=lambda name: fits[name])
-    if own >= _FAILS:
+    if own >= _FAILS or fits[best] < _FITS:
         return []
     columns = tuple(axis for axis in ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w") if axis in axes)
     disagree = f"d(position)/dt and R(attitude) v agree to {max(own, 0):.0%} only"
-    if fits[best] < _FITS:
-        remedy = "Check frames, units and time stamps of pose and velocity"
-        return [Finding(Severity.WARNING, "pose_velocity_disagree", disagree, remedy, columns)]
     if best == _HEADING:
         sentence = f"{disagree}; they agree to {fits[best]:.0%} if yaw has a constant offset"
         return [Finding(Severity.WARNING, "heading_offset", sentence, "Calibrate the compass", ("yaw",))]
     sentence = f"{disagree}, but to {fits[best]:.0%} if {best}"
-    return [Finding(Severity.ERROR, "wrong_frame", sentence, _NED, columns)]
+    return [Finding(Severity.ERROR, "wrong_frame", sentence, _NED, columns, limits=True)]
 
 
 def _explained(pair: tuple[Floats, Floats], seen: list[int]) -> float:
@@ -110,17 +119,19 @@ def _dynamics(b: Blocks, axes: tuple[str, ...], vehicle: Vehicle) -> list[Findin
             "sway, heave and yaw all go against the thrusters while surge does not: the pose is in a frame with z up "
             "(ENU) or the body axes are forward, left, up"
         )
-        return [Finding(Severity.ERROR, "z_up", sentence, _NED, axes)]
+        return [Finding(Severity.ERROR, "z_up", sentence, _NED, axes, limits=True)]
     if mirrored == {"sway", "yaw"} and "surge" in follows and "heave" not in answer:
         sentence = (
             "sway and yaw go against the thrusters while surge does not: either the frame has z up (ENU), or the "
             "thrusters of the two sides are exchanged"
         )
-        return [Finding(Severity.WARNING, "z_up_or_sides_exchanged", sentence, "Check the frame: NED", axes)]
+        remedy = "Check the frame: NED"
+        return [Finding(Severity.WARNING, "z_up_or_sides_exchanged", sentence, remedy, axes, limits=True)]
     if mirrored == {"heave"}:
         sentence = "heave goes against the vertical thrusters: either z is up, or these thrusters are reversed"
         columns = tuple(axis for axis in ("z", "w") if axis in axes)
-        return [Finding(Severity.WARNING, "z_up_or_reversed", sentence, "Check that z is depth", columns)]
+        remedy = "Check that z is depth"
+        return [Finding(Severity.WARNING, "z_up_or_reversed", sentence, remedy, columns, limits=True)]
     return _other_pose_frame(b, axes, vehicle, answer)
 
 
@@ -133,7 +144,7 @@ def _other_pose_frame(b: Blocks, axes: tuple[str, ...], vehicle: Vehicle, answer
         answer = responses(reading(b), vehicle)
         if len(answer) >= 3 and min(response.correlation for response in answer.values()) > _FITS:
             sentence = f"the vehicle goes where its thrusters push it only if {name}"
-            return [Finding(Severity.ERROR, "wrong_frame", sentence, _NED, axes)]
+            return [Finding(Severity.ERROR, "wrong_frame", sentence, _NED, axes, limits=True)]
     return []
 
 

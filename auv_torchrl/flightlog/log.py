@@ -33,6 +33,7 @@ class Episode:
     commands: Floats  # (T, n) thruster commands in [-1, 1], after mixer and clip
     battery: Floats | None = None  # (T,) V
     source: str = ""  # file and episode in it, for people
+    filled: Floats | None = None  # (T, 12) 1 where a pose or velocity is filled in, not measured; None is nowhere
 
     def __len__(self) -> int:
         return len(self.t)
@@ -45,6 +46,7 @@ class Episode:
     def rows(self, start: int, stop: int) -> "Episode":
         """The samples ``start`` to ``stop - 1`` as an episode of its own."""
         battery = None if self.battery is None else self.battery[start:stop]
+        filled = None if self.filled is None else self.filled[start:stop]
         return replace(
             self,
             t=self.t[start:stop],
@@ -52,6 +54,7 @@ class Episode:
             velocity=self.velocity[start:stop],
             commands=self.commands[start:stop],
             battery=battery,
+            filled=filled,
         )
 
 
@@ -63,6 +66,7 @@ class FlightLog:
     episodes: tuple[Episode, ...]
     axes: tuple[str, ...]  # measured, out of POSE and VELOCITY
     findings: tuple[Finding, ...] = field(default=())
+    resolution: dict[str, float] = field(default_factory=dict)  # step in which an axis was written, where it is known
 
     @property
     def duration(self) -> float:
@@ -111,7 +115,8 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
         findings.append(Finding(Severity.WARNING, "axes_left_out", sentence, columns=names))
     episodes = [episode for log in logs for episode in log.episodes]
     episodes = [replace(with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]
-    return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings))
+    resolution = {axis: max(log.resolution.get(axis, 0.0) for log in logs) for axis in axes}
+    return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings), resolution)
 
 
 def with_axes(episode: Episode, axes: tuple[str, ...]) -> Episode:

@@ -38,9 +38,12 @@ class Response(NamedTuple):
     size: float  # standard deviation of the expected acceleration, m/s^2 or rad/s^2
 
 
-def blocks(episodes: tuple[Episode, ...], vehicle: Vehicle) -> Blocks:
-    """Average the episodes; those shorter than three blocks are left out."""
-    parts = [part for episode in episodes if (part := _episode_blocks(episode, vehicle)) is not None]
+def blocks(episodes: tuple[Episode, ...], vehicle: Vehicle, late: float = 0.0) -> Blocks:
+    """Average the episodes; those shorter than three blocks are left out.
+
+    Velocities are taken ``late`` seconds after the poses that they belong to.
+    """
+    parts = [part for episode in episodes if (part := _episode_blocks(episode, vehicle, late)) is not None]
     if not parts:
         empty = np.empty
         return Blocks(
@@ -49,7 +52,7 @@ def blocks(episodes: tuple[Episode, ...], vehicle: Vehicle) -> Blocks:
     return Blocks(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
 
-def _episode_blocks(episode: Episode, vehicle: Vehicle) -> Blocks | None:
+def _episode_blocks(episode: Episode, vehicle: Vehicle, late: float) -> Blocks | None:
     t = episode.t
     block = max(BLOCK_S, _BLOCK_SAMPLES * float(np.median(np.diff(t))))
     count = int((t[-1] - t[0]) / block)
@@ -63,7 +66,8 @@ def _episode_blocks(episode: Episode, vehicle: Vehicle) -> Blocks | None:
     attitude = (at_edges[1:, 3:] + at_edges[:-1, 3:]) / 2
     attitude[:, :2] = np.nan_to_num(attitude[:, :2])
     rate = np.diff(at_edges, axis=0)[:, [0, 1, 2, 5]] / block
-    velocity = _mean_between(edges, t, episode.velocity)
+    velocity = _mean_between(edges + late, t, episode.velocity)
+    velocity[edges[1:] + late > t[-1]] = np.nan
     coefficients = prepare(vehicle).numpy()
     thrust = thrust_target(coefficients, ActiveTerms.of(coefficients), episode.commands)
     between = _mean_between(np.concatenate((edges[:1], middle)), t, thrust, held=True)
@@ -90,31 +94,37 @@ def rotations(attitude: Floats) -> Floats:
 
 def body_velocity(b: Blocks) -> Floats:
     """Body velocity (B, 6) from the poses, or as measured where poses lack; 0 for axes that nothing measures."""
-    from_pose = matvec(rotations(b.attitude).swapaxes(-1, -2), b.rate[:, :3])
+    turned = rotations(np.nan_to_num(b.attitude))  # without a heading, what lies across it is not used
+    from_pose = matvec(turned.swapaxes(-1, -2), np.nan_to_num(b.rate[:, :3]))
+    from_pose[~np.isfinite(b.rate[:, :2]).all(-1) | ~np.isfinite(b.attitude[:, 2]), :2] = np.nan
+    from_pose[~np.isfinite(b.rate[:, 2]), 2] = np.nan
     velocity = b.velocity.copy()
-    lacking = np.isnan(velocity[:, :3]).any(axis=-1)
-    velocity[lacking, :3] = from_pose[lacking]
+    velocity[:, :3] = np.where(np.isfinite(velocity[:, :3]), velocity[:, :3], from_pose)
     velocity[:, 5] = np.where(np.isnan(velocity[:, 5]), b.rate[:, 3], velocity[:, 5])
-    velocity[:, 3:5] = np.nan_to_num(velocity[:, 3:5])
-    return velocity
+    return np.where(np.isfinite(velocity).any(0), velocity, 0.0)
 
 
-def responses(b: Blocks, vehicle: Vehicle) -> dict[str, Response]:
-    """Response of each of surge, sway, heave and yaw that is measured and driven; too few blocks give none."""
+def driven_accelerations(b: Blocks, vehicle: Vehicle) -> tuple[Floats, Floats]:
+    """What the thrusters should add to the acceleration (P, 6) and what the motion shows that they do; may be empty."""
     velocity = body_velocity(b)
     pair = np.flatnonzero(b.joined & np.isfinite(velocity).all(-1))
     pair = pair[np.isfinite(velocity[pair - 1]).all(-1)]
-    if len(pair) < _FEWEST_BLOCKS:
-        return {}
     c = prepare(vehicle).numpy()
     terms = ActiveTerms.of(c)
     mean = (velocity[pair] + velocity[pair - 1]) / 2
-    rotation = rotations((b.attitude[pair] + b.attitude[pair - 1]) / 2)
+    rotation = rotations(np.nan_to_num(b.attitude[pair] + b.attitude[pair - 1]) / 2)
     position = np.zeros((len(pair), 3))
     wrench = body_wrench(c, terms, b.thrust[pair], np.zeros(len(pair)))
     coasting = acceleration(c, terms, rotation, position, mean, np.zeros_like(wrench))
     expected = acceleration(c, terms, rotation, position, mean, wrench) - coasting
-    measured = (velocity[pair] - velocity[pair - 1]) / b.length[pair, None] - coasting
+    return expected, (velocity[pair] - velocity[pair - 1]) / b.length[pair, None] - coasting
+
+
+def responses(b: Blocks, vehicle: Vehicle) -> dict[str, Response]:
+    """Response of each of surge, sway, heave and yaw that is measured and driven; too few blocks give none."""
+    expected, measured = driven_accelerations(b, vehicle)
+    if len(expected) < _FEWEST_BLOCKS:
+        return {}
     found = {}
     for axis, name in _DRIVEN.items():
         x = expected[:, axis] - expected[:, axis].mean()
@@ -122,6 +132,23 @@ def responses(b: Blocks, vehicle: Vehicle) -> dict[str, Response]:
         if x.std() > _SMALLEST_DRIVE and y.std() > 0:
             found[name] = Response(float(x @ y / np.sqrt((x @ x) * (y @ y))), float(x @ y / (x @ x)), float(x.std()))
     return found
+
+
+def force_balance(b: Blocks, vehicle: Vehicle) -> float | None:
+    """Share of what the thrusters push that the motion shows, mean over the driven axes; 1 is a perfect simulator.
+
+    None where too little is driven or measured.
+    """
+    expected, measured = driven_accelerations(b, vehicle)
+    if len(expected) < _FEWEST_BLOCKS:
+        return None
+    shares = []
+    for axis in _DRIVEN:
+        x, y = (values[:, axis] - values[:, axis].mean() for values in (expected, measured))
+        if x.std() > _SMALLEST_DRIVE and y.std() > 0:
+            with np.errstate(over="ignore"):
+                shares.append(1.0 - float(((y - x) ** 2).sum() / (x @ x)))
+    return float(np.mean(shares)) if shares else None
 
 
 _DRIVEN = {0: "surge", 1: "sway", 2: "heave", 5: "yaw"}

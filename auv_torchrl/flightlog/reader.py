@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.flightlog.clock import check_clock
 from auv_torchrl.flightlog.columns import DEMANDS, Columns, choose_columns
 from auv_torchrl.flightlog.excitation import check_excitation
-from auv_torchrl.flightlog.findings import FlightLogError, condensed
+from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
 from auv_torchrl.flightlog.frames import check_frames
+from auv_torchrl.flightlog.information import Checked, check_information
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, Floats
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
 from auv_torchrl.flightlog.table import Table, read_table
@@ -37,22 +39,33 @@ def read_flightlog(path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterab
     commands = thruster_commands(sent, columns, vehicle)
     axes, more = usable_axes(table, columns)
     findings += more
+    checked = _check_information(table, columns, axes, commands)
+    findings += checked.findings
+    axes = tuple(axis for axis in axes if axis in checked.columns)
+    table = replace(table, columns={**table.columns, **checked.columns})
+    stretches: list[Stretch] = []
     if axes:
-        stretches, more = usable_stretches(table, columns, axes, commands)
+        stretches, more = usable_stretches(table, columns, axes, commands, checked.cuts)
         findings += more
-    else:
-        stretches = []
     if not stretches:
         raise FlightLogError(f"{table.name} has nothing that can be used: {'; '.join(map(str, condensed(findings)))}")
     numbers = [stretch.episode for stretch in stretches]
     if len(set(numbers)) < len(numbers):
         numbers = list(range(len(stretches)))
-    episodes = tuple(_episode(table, axes, number, stretch) for number, stretch in zip(numbers, stretches, strict=True))
-    episodes, more = convert_degrees(episodes, axes, vehicle)
-    findings += more
+    numbered = zip(numbers, stretches, strict=True)
+    episodes = tuple(_episode(table, axes, number, stretch, checked.filled) for number, stretch in numbered)
+    clock = check_clock(episodes, vehicle)
+    findings += clock
+    seconds = not any(finding.severity is Severity.ERROR for finding in clock)  # rates in another unit show nothing
+    if seconds:
+        episodes, more = convert_degrees(episodes, axes, vehicle)
+        findings += more
     episodes = tuple(_wrapped(episode) for episode in episodes)
-    findings += check_frames(episodes, axes, vehicle) + check_excitation(episodes)
-    return FlightLog(table.name, episodes, axes, tuple(condensed(findings)))
+    if seconds:
+        episodes, axes, more = check_frames(episodes, axes, vehicle)
+        findings += more
+    findings += check_excitation(episodes)
+    return FlightLog(table.name, episodes, axes, tuple(condensed(findings)), checked.resolution)
 
 
 def thruster_commands(sent: Floats, columns: Columns, vehicle: Vehicle) -> Floats:
@@ -63,14 +76,34 @@ def thruster_commands(sent: Floats, columns: Columns, vehicle: Vehicle) -> Float
     return np.clip(sent @ mixer[:, [DEMANDS.index(name) for name in columns.commands]].T, -1.0, 1.0)
 
 
-def _episode(table: Table, axes: tuple[str, ...], number: int, stretch: Stretch) -> Episode:
+def _check_information(table: Table, columns: Columns, axes: tuple[str, ...], commands: Floats) -> Checked:
+    t = table.columns["t"]
+    episode = table.columns["episode"] if columns.episode else np.zeros(len(t))
+    return check_information(t, episode, table.row, {axis: table.columns[axis] for axis in axes}, commands)
+
+
+def _episode(
+    table: Table, axes: tuple[str, ...], number: int, stretch: Stretch, filled: dict[str, np.ndarray]
+) -> Episode:
+    nothing = np.zeros(len(table.row), bool)
+    doubt = {axis: filled.get(axis, nothing) for axis in axes}
+
     def measured(names: tuple[str, ...]) -> Floats:
-        nothing = np.full(len(stretch.t), np.nan)
-        return np.stack([stretch.mean(table.columns[name]) if name in axes else nothing for name in names], axis=-1)
+        unseen = np.full(len(stretch.t), np.nan)
+        columns = [stretch.mean(table.columns[n], doubt[n]) if n in axes else unseen for n in names]
+        return np.stack(columns, axis=-1)
+
+    def share(name: str) -> Floats:
+        return doubt[name][stretch.around].all(axis=-1).astype(float) if name in axes else np.zeros(len(stretch.t))
+
+    some = any(mask[stretch.around].any() for mask in doubt.values())
+    shares = np.stack([share(name) for name in POSE + VELOCITY], axis=-1) if some else None
 
     battery = stretch.mean(table.columns["battery"]) if "battery" in table.columns else None
     source = f"{table.name}, rows {table.row[stretch.rows[0]]} to {table.row[stretch.rows[-1]]}"
-    return Episode(number, stretch.t, measured(POSE), measured(VELOCITY), stretch.commands, battery, source)
+    return Episode(
+        number, stretch.t, measured(POSE), measured(VELOCITY), stretch.commands, battery, source, filled=shares
+    )
 
 
 def _wrapped(episode: Episode) -> Episode:

@@ -19,8 +19,6 @@ GLITCH_SHARE = 0.1  # up to this share of rows out of order are single glitches,
 SPARSE_SHARE = 0.5  # an axis that alone costs more than this share of the rows is left out
 
 _WRAP = 3.0  # nothing else moves as far within one control step
-_JUMP_SPEED = 5.0  # m/s, faster than any vehicle of this kind,
-_JUMP_STEPS = 15  # and this many times further than it usually moves from sample to sample
 
 Index = np.ndarray
 
@@ -34,11 +32,18 @@ class Stretch(NamedTuple):
     around: Index  # (T, w) rows to average each measurement over, w odd; the row itself where there are none
     commands: Floats  # (T, n) mean over the time until the next row
 
-    def mean(self, column: Floats) -> Floats:
-        """A column of the table (T,), averaged around each row; not across the jump of a wrapped angle."""
+    def mean(self, column: Floats, filled: np.ndarray | None = None) -> Floats:
+        """A column of the table (T,), averaged around each row; not across the jump of a wrapped angle.
+
+        Values that are ``filled`` in count where there is no other.
+        """
+        if self.around.shape[-1] == 1:
+            return column[self.rows]
         window = column[self.around]
         jumps = window.max(axis=-1) - window.min(axis=-1) > _WRAP
-        return np.where(jumps, column[self.rows], window.mean(axis=-1)) if window.shape[-1] > 1 else column[self.rows]
+        weight = np.ones(window.shape) if filled is None else 1.0 - filled[self.around]
+        weight[weight.sum(axis=-1) == 0] = 1.0
+        return np.where(jumps, column[self.rows], (weight * window).sum(axis=-1) / weight.sum(axis=-1))
 
 
 def usable_axes(table: Table, columns: Columns) -> tuple[tuple[str, ...], list[Finding]]:
@@ -65,9 +70,12 @@ def usable_axes(table: Table, columns: Columns) -> tuple[tuple[str, ...], list[F
 
 
 def usable_stretches(
-    table: Table, columns: Columns, axes: tuple[str, ...], commands: Floats
+    table: Table, columns: Columns, axes: tuple[str, ...], commands: Floats, jumps: Index
 ) -> tuple[list[Stretch], list[Finding]]:
-    """Cut the rows where time, commands and all ``axes`` are there into stretches with increasing time."""
+    """Cut the rows where time, commands and all ``axes`` are there into stretches with increasing time.
+
+    They are cut before the rows ``jumps``, too.
+    """
     t = table.columns["t"]
     findings: list[Finding] = []
     driven = np.isfinite(t) & np.isfinite(commands).all(axis=-1)
@@ -79,13 +87,25 @@ def usable_stretches(
     else:
         number = np.zeros(len(t))
     usable = np.flatnonzero(driven)
+    if len(usable) > 1 and _runs_backwards(t[usable], number[usable]):
+        rows = (int(table.row[usable[0]]), int(table.row[usable[-1]]))
+        sentence = "time runs backwards through the whole file; its rows are taken in reverse order"
+        remedy = "Sort the rows by t, rising; if t counts down, give the time since the start instead"
+        findings.append(Finding(Severity.WARNING, "reversed_rows", sentence, remedy, ("t",), rows))
+        usable = usable[::-1]
     changes = np.flatnonzero(np.diff(number[usable])) + 1
     stretches = []
     for rows in np.split(usable, changes):
         if len(rows):
             for run in _increasing_runs(table, t, rows, findings):
-                stretches += _cut_at_gaps(table, axes, run, seen, commands, int(number[rows[0]]), findings)
+                stretches += _cut_at_gaps(table, run, seen, commands, int(number[rows[0]]), jumps, findings)
     return stretches, findings
+
+
+def _runs_backwards(t: Floats, number: Floats) -> bool:
+    """Whether all but single glitches of the rows are later than the next row of their episode."""
+    steps = np.diff(t)[np.diff(number) == 0]
+    return len(steps) > 0 and bool((steps < 0).mean() > 1 - GLITCH_SHARE)
 
 
 def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Finding]) -> list[Index]:
@@ -139,21 +159,12 @@ def _longest_increasing(values: Floats) -> Index:
 
 
 def _cut_at_gaps(
-    table: Table, axes: tuple[str, ...], run: Index, seen: np.ndarray, commands: Floats, episode: int,
-    findings: list[Finding],
+    table: Table, run: Index, seen: np.ndarray, commands: Floats, episode: int, jumps: Index, findings: list[Finding],
 ) -> list[Stretch]:  # fmt: skip
     t = table.columns["t"]
     measured = np.flatnonzero(seen[run])
     if len(measured) < SHORTEST_ROWS:
         return _too_short(table, run, findings)
-    position = np.stack([table.columns[axis][run] for axis in ("x", "y", "z") if axis in axes] or [t[run]], axis=-1)
-    if {"x", "y", "z"} & set(axes):
-        spikes, leaps = _jumps(t[run[measured]], position[measured])
-        _report_jumps(table, run[measured], spikes, leaps, findings)
-        leaps = measured[leaps]
-        measured = np.delete(measured, spikes)
-    else:
-        leaps = np.empty(0, dtype=int)
     steps = np.diff(t[run][measured])
     longest = max(GAP_SAMPLES * float(np.median(steps)), GAP_S)
     gaps = np.flatnonzero(steps > longest)
@@ -161,7 +172,9 @@ def _cut_at_gaps(
         rows = (int(table.row[run[measured[gap]]]), int(table.row[run[measured[gap + 1]]]))
         sentence = f"{steps[gap]:.2f} s without data; the log is cut there"
         findings.append(Finding(Severity.WARNING, "gap", sentence, "Log without pauses", ("t",), rows))
-    cuts = np.union1d(gaps, np.flatnonzero(np.isin(measured, leaps))) + 1
+    rows_after = run[measured]
+    jumps = np.searchsorted(rows_after, jumps[(jumps > rows_after[0]) & (jumps <= rows_after[-1])])
+    cuts = np.union1d(gaps + 1, jumps)
     every = _thinning(steps)
     if every > 1:
         sentence = f"sampled every {np.median(steps) * 1e3:.0f} ms; averaged to every {CONTROL_DT * 1e3:.0f} ms"
@@ -193,18 +206,6 @@ def _windows(length: int, every: int) -> Index:
     return np.where(inside[:, None], around, kept[:, None])
 
 
-def _report_jumps(table: Table, rows: Index, spikes: Index, leaps: Index, findings: list[Finding]) -> None:
-    remedy = "Check the position sensor"
-    if len(spikes):
-        where = (int(table.row[rows[spikes[0]]]), int(table.row[rows[spikes[-1]]]))
-        sentence = f"{len(spikes)} positions lie far off the path and are left out"
-        findings.append(Finding(Severity.WARNING, "position_spike", sentence, remedy, ("x", "y", "z"), where))
-    for leap in leaps:
-        where = (int(table.row[rows[leap]]), int(table.row[rows[leap + 1]]))
-        sentence = "the position jumps; the log is cut there"
-        findings.append(Finding(Severity.WARNING, "position_jump", sentence, remedy, ("x", "y", "z"), where))
-
-
 def _mean_until_next(t: Floats, commands: Floats, kept: Index) -> Floats:
     """Commands (T, n) held from row to row, averaged from each kept row to the next one."""
     if len(kept) == len(t):
@@ -234,15 +235,3 @@ def _missing(table: Table, columns: Columns, axes: tuple[str, ...]) -> list[Find
     sentence = f"{len(gone)} rows lack a number in {', '.join(named)} and are left out"
     remedy = "Write a number in every row"
     return [Finding(Severity.WARNING, "missing_values", sentence, remedy, named, (int(gone[0]), int(gone[-1])))]
-
-
-def _jumps(t: Floats, position: Floats) -> tuple[Index, Index]:
-    """Samples that lie off the path, and steps at which the path itself jumps; ``position`` (T, k) in m."""
-    step: Floats = np.sqrt((np.diff(position, axis=0) ** 2).sum(axis=-1))
-    far: np.ndarray = np.greater(step, np.maximum(_JUMP_SPEED * np.diff(t), _JUMP_STEPS * np.median(step)))
-    spike = np.zeros(len(t), dtype=bool)
-    spike[1:-1] = far[:-1] & far[1:]
-    across = np.sqrt(((position[2:] - position[:-2]) ** 2).sum(axis=-1))
-    spike[1:-1] &= across < np.maximum(step[:-1], step[1:]) / 2
-    leap = far & ~spike[:-1] & ~spike[1:]
-    return np.flatnonzero(spike), np.flatnonzero(leap)

@@ -1,8 +1,8 @@
 """A CSV or Parquet file as columns of float64, read block by block so that its text is never held at once."""
 
-import codecs
 import logging
 import os
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.flightlog.header import check_number, first_bytes, read_header
 from auv_torchrl.flightlog.log import Floats
 
 log = logging.getLogger(__name__)
@@ -41,14 +42,10 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     """Read every column of a CSV or Parquet file.
 
     Raises:
-        FlightLogError: if the file is missing, empty, binary or neither of the two, or has no rows.
+        FlightLogError: if the file is missing, no regular file, empty, binary or neither of the two, or has no rows.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            head = file.read(4)
-    except OSError as error:
-        raise FlightLogError(f"{path}: {error.strerror or error}: give a CSV or Parquet file") from error
+    head = first_bytes(path)
     if not head:
         raise FlightLogError(f"{path.name} is empty: give a CSV or Parquet file with one row per sample")
     try:
@@ -67,16 +64,19 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 def _read_csv(path: Path) -> Table:
     if path.suffix.lower() in (".parquet", ".pq"):
         raise FlightLogError(f"{path.name} is not a Parquet file although it is named so: export it again")
+    names, skipped = read_header(path)
     bad_rows: list[int] = []
+    lengths: list[int] = []
 
     def remember(row: pyarrow.csv.InvalidRow) -> str:
-        bad_rows.append(-1 if row.number is None else row.number - 1)  # arrow counts the header as row 1
+        above = skipped + 1  # lines that arrow counts: those skipped and the header
+        bad_rows.append(-1 if row.number is None else row.number - above)
+        lengths.append(row.actual_columns)
         return "skip"
 
-    names = _header(path)
     reader = pyarrow.csv.open_csv(
         path,
-        read_options=pyarrow.csv.ReadOptions(use_threads=False, block_size=_BLOCK_BYTES),
+        read_options=pyarrow.csv.ReadOptions(use_threads=False, block_size=_BLOCK_BYTES, skip_rows=skipped),
         parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
         convert_options=pyarrow.csv.ConvertOptions(
             column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=True
@@ -86,6 +86,11 @@ def _read_csv(path: Path) -> Table:
     rows = len(next(iter(columns.values()), ()))
     kept = np.setdiff1d(np.arange(1, rows + len(bad_rows) + 1), bad_rows)[:rows]
     findings = _text_findings(texts, kept)
+    if bad_rows and not rows:
+        raise FlightLogError(
+            f"{path.name}: the header has {len(names)} columns and none of the {len(bad_rows)} rows below it has as "
+            f"many values, the first has {lengths[0]}: give as many, with decimal points instead of decimal commas"
+        )
     if bad_rows:
         findings.append(
             Finding(
@@ -99,24 +104,9 @@ def _read_csv(path: Path) -> Table:
     return Table(path.name, columns, kept, tuple(findings))
 
 
-def _header(path: Path) -> list[str]:
-    decoder = codecs.getincrementaldecoder("utf-8")()
-    with path.open("rb") as file:
-        line = file.readline(1 << 16)
-        file.seek(0)
-        while block := file.read(_BLOCK_BYTES):
-            if b"\0" in block:
-                raise FlightLogError(f"{path.name} is a binary file, not CSV or Parquet: export the log as one of them")
-            decoder.decode(block)
-        decoder.decode(b"", final=True)
-    names = [name.strip().strip('"') for name in line.decode("utf-8-sig").strip().split(",")]
-    if len(names) == 1 and any(separator in names[0] for separator in ";\t"):
-        raise FlightLogError(f"{path.name} does not separate its columns by commas: export it with commas")
-    return names
-
-
 def _read_parquet(path: Path) -> Table:
     with pyarrow.parquet.ParquetFile(path) as file:
+        check_number(path.name, len(file.schema_arrow.names))
         columns, texts = _collect(path.name, file.schema_arrow.names, file.iter_batches(batch_size=_BATCH_ROWS))
     row = np.arange(1, len(next(iter(columns.values()), ())) + 1)
     return Table(path.name, columns, row, tuple(_text_findings(texts, row)))
@@ -124,8 +114,8 @@ def _read_parquet(path: Path) -> Table:
 
 def _collect(name, names, batches) -> tuple[dict[str, Floats], dict[str, list[tuple[int, str]]]]:
     stripped = [str(column).strip() for column in names]
-    if repeated := sorted({column for column in stripped if stripped.count(column) > 1}):
-        raise FlightLogError(f"{name} has the column {', '.join(repeated)} more than once: keep one of each")
+    if repeated := sorted(column for column, times in Counter(stripped).items() if times > 1):
+        raise FlightLogError(f"{name} has the column {', '.join(repeated[:5])} more than once: keep one of each")
     blocks: dict[str, list[Floats]] = {column: [] for column in stripped}
     texts: dict[str, list[tuple[int, str]]] = {}
     rows = 0
@@ -140,7 +130,9 @@ def _collect(name, names, batches) -> tuple[dict[str, Floats], dict[str, list[tu
             raise FlightLogError(f"{name} has more than {MAX_ROWS:,} rows: cut it, or log at 20 Hz")
         if rows >= _BATCH_ROWS:
             log.info("read %d rows of %s", rows, name)
-    return {column: np.concatenate(block) if block else np.empty(0) for column, block in blocks.items()}, texts
+    pa.default_memory_pool().release_unused()  # it keeps what it read the file with, twice as much as the numbers
+    whole = {column: np.concatenate(blocks.pop(column) or [np.empty(0)]) for column in stripped}
+    return whole, texts
 
 
 def _numbers(array: pa.Array) -> tuple[Floats, list[tuple[int, str]]]:

@@ -58,7 +58,7 @@ def check_time_unit(name: str, t: Floats) -> None:
     Raises:
         FlightLogError: naming the likely unit.
     """
-    steps = np.diff(t[np.isfinite(t)])
+    steps = np.abs(np.diff(t[np.isfinite(t)]))  # backwards where the rows are reversed
     steps = steps[steps > 0]
     if len(steps) and (step := float(np.median(steps))) > SLOWEST_S:
         remedy = "t looks like milliseconds or microseconds: give seconds" if step >= 5 else "log at 2 Hz or faster"

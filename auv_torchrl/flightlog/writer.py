@@ -1,6 +1,7 @@
 """Write a flight log in the format that :func:`auv_torchrl.flightlog.read_flightlog` reads."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,21 +20,31 @@ def write_flightlog(log: FlightLog, path: str | os.PathLike[str], replace: bool 
     Raises:
         FileExistsError: if the file is there and is not to be replaced.
     """
+    return write_columns(raw_columns(log), path, replace)
+
+
+def write_columns(columns: Mapping[str, np.ndarray], path: str | os.PathLike[str], replace: bool = False) -> Path:
+    """Write columns (T,) by name, as they are, to a file of the same format; atomic.
+
+    Raises:
+        FileExistsError: if the file is there and is not to be replaced.
+    """
     path = Path(path)
     if path.exists() and not replace:
         raise FileExistsError(f"{path} exists: remove it or choose another name")
-    table = pa.table(_columns(log))
+    table = pa.table(dict(columns))
     partial = path.with_name(f".{path.name}.partial")
     if path.suffix.lower() in (".parquet", ".pq"):
         pyarrow.parquet.write_table(table, partial)
     else:
         rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
-        pyarrow.csv.write_csv(pa.table({**rounded, "episode": table["episode"]}), partial)
+        pyarrow.csv.write_csv(pa.table(rounded), partial)
     os.replace(partial, path)
     return path
 
 
-def _columns(log: FlightLog) -> dict[str, np.ndarray]:
+def raw_columns(log: FlightLog) -> dict[str, np.ndarray]:
+    """The columns (T,) of a log by name, as its file holds them: episode, t, measured axes, commands, battery."""
     episodes = log.episodes
     columns: dict[str, np.ndarray] = {
         "episode": np.concatenate([np.full(len(e), e.number, dtype=np.int64) for e in episodes])

@@ -1,16 +1,21 @@
 """A source policy is trained once for everything that shapes it."""
 
+import errno
 import json
 import logging
+import os
 from dataclasses import fields, replace
+from pathlib import Path
 
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 from tensordict import TensorDict
 from tiny_training import RANDOMIZATION, TASK, tiny_config, train_tiny
 
 from auv_torchrl.agents.config import REPORTING, load_agent_config
-from auv_torchrl.agents.policy import fingerprint, load_policy, save_policy
+from auv_torchrl.agents.policy import PolicyError, fingerprint, load_policy, save_policy
+from auv_torchrl.agents.storage import StorageError, digest
 from auv_torchrl.agents.train_source import describe
 from auv_torchrl.vehicle import load_vehicle
 
@@ -71,6 +76,113 @@ def test_damaged_policy_is_an_error(tmp_path, name):
     path.write_bytes(path.read_bytes()[:20])
     with pytest.raises(ValueError, match="move the folder away"):
         load_policy(tmp_path / "a")
+
+
+def _change(folder, kind):
+    """Do to a kept policy what must not be taken for it."""
+    weights, readable = folder / "policy.safetensors", folder / "policy.json"
+    content, tensors = json.loads(readable.read_text()), load_file(weights)
+    if kind == "negated":
+        save_file({name: -tensor for name, tensor in tensors.items()}, weights)
+    elif kind == "nan":
+        save_file({name: tensor * float("nan") for name, tensor in tensors.items()}, weights)
+    elif kind == "nan, with digest":
+        tensors = {name: tensor * float("nan") for name, tensor in tensors.items()}
+        save_file(tensors, weights)
+        content.pop("digest")
+        readable.write_text(json.dumps({"digest": digest(tensors, content), **content}))
+    elif kind == "settings":
+        readable.write_text(json.dumps({**content, "result": {"best_m": 0.0}}))
+    elif kind == "no digest":
+        content.pop("digest")
+        readable.write_text(json.dumps(content))
+    elif kind == "no json":
+        readable.unlink()
+    elif kind == "no weights":
+        weights.unlink()
+    else:
+        readable.write_text({"list": "[]", "empty": "", "cut": readable.read_text()[:50]}[kind])
+
+
+CHANGES = {
+    "negated": "was changed", "nan": "was changed", "nan, with digest": "no finite numbers", "settings": "was changed",
+    "no digest": "has no digest: it is of an earlier version", "no json": "policy.json is missing",
+    "no weights": "policy.safetensors is missing", "list": "damaged", "empty": "damaged", "cut": "damaged",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", CHANGES)
+def test_a_policy_that_is_not_what_was_kept_is_refused(tmp_path, kind):
+    """One line with the remedy, and the files stay as they are."""
+    save_policy(_policy(tmp_path), tmp_path / "a")
+    _change(tmp_path / "a", kind)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "a").iterdir()}
+    with pytest.raises(PolicyError, match=f"{CHANGES[kind]}.*: move the folder away to train it again") as error:
+        load_policy(tmp_path / "a")
+    assert "\n" not in str(error.value) and str(tmp_path / "a") in str(error.value)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "a").iterdir()} == before
+
+
+def test_a_sound_policy_of_another_training_is_refused(tmp_path):
+    """A folder that was copied to the place of another one is not taken for it."""
+    train_tiny(tmp_path / "one")
+    train_tiny(tmp_path / "two", seed=6)
+    (one,), (two,) = ([path.parent for path in (tmp_path / name).glob("*/policy.json")] for name in ("one", "two"))
+    two.rename(one.parent / "other")
+    one.rename(one.parent / "mine")
+    (one.parent / "other").rename(one)
+    with pytest.raises(PolicyError, match=f"of another training.*wanted is {one.name}"):
+        train_tiny(tmp_path / "one")
+
+
+def test_weights_that_are_no_numbers_are_not_kept(tmp_path):
+    """A policy of NaN is refused before it is written."""
+    policy = _policy(tmp_path)
+    next(policy.module.parameters()).data.fill_(float("nan"))
+    with pytest.raises(PolicyError, match="no finite numbers: it is not kept"):
+        save_policy(policy, tmp_path / "a")
+    assert not list(tmp_path.iterdir())
+
+
+def _fails(monkeypatch, code, names):
+    """Let every file of these names fail to open for writing, as on a full disk or in a read-only folder."""
+    usual = Path.open
+
+    def fail(self, mode="r", *rest, **more):
+        if ("w" in mode) and any(name in self.name for name in names):
+            raise OSError(code, os.strerror(code))
+        return usual(self, mode, *rest, **more)
+
+    monkeypatch.setattr(Path, "open", fail)
+
+
+@pytest.mark.parametrize(
+    ("code", "names", "cause"),
+    [
+        (errno.EROFS, ("checkpoint", ".lock"), "Read-only file system"),
+        (errno.ENOSPC, ("checkpoint",), "No space left on device"),
+        (errno.ENOSPC, ("policy.",), "No space left on device"),
+    ],
+)
+def test_a_store_that_cannot_hold_a_policy_says_so_and_loses_nothing(tmp_path, monkeypatch, code, names, cause):
+    """One line with the remedy; when there is room again the same command goes on."""
+    with monkeypatch.context() as failing:
+        _fails(failing, code, names)
+        with pytest.raises(
+            StorageError, match=f"kept in .* \\({cause}\\): make room .*policies=DIR; .*goes on from there"
+        ):
+            train_tiny(tmp_path)
+    assert not list(tmp_path.glob("*/policy.json")) and not list(tmp_path.glob("*/*.partial"))
+    resumed = train_tiny(tmp_path)
+    for one, other in zip(resumed.module.parameters(), train_tiny(tmp_path / "b").module.parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+def test_a_folder_that_is_read_only_still_gives_its_policy(tmp_path, monkeypatch):
+    """What was trained before needs no writing."""
+    train_tiny(tmp_path)
+    _fails(monkeypatch, errno.EROFS, ("",))
+    train_tiny(tmp_path)
 
 
 def ingredients(**changes):

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -12,10 +11,11 @@ import tiny_training
 import torch
 from tiny_training import TASK, train_tiny
 
-from auv_torchrl.agents.checkpoint import CheckpointError
+from auv_torchrl.agents.checkpoint import CheckpointError, load_checkpoint, save_checkpoint
 from auv_torchrl.agents.interrupt import Interrupted
 from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.trainer import CHECKPOINT, Diverged
+from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
 
 
@@ -48,20 +48,13 @@ def interrupt_in_stretch(monkeypatch):
 
 
 def test_killed_training_ends_like_an_unbroken_one(tmp_path):
-    """Kill -9 at some moment, then the same command: the same policy, bit for bit."""
+    """Kill -9 in the middle of a stretch, then the same command: the same policy, bit for bit."""
     frames = 80 * 10
-    program = [sys.executable, tiny_training.__file__, str(tmp_path / "broken"), str(frames)]
-    process = subprocess.Popen(program, env={**os.environ, "OMP_NUM_THREADS": "1"}, stderr=subprocess.DEVNULL)
-    try:
-        deadline = time.monotonic() + 120
-        while not list(tmp_path.glob(f"broken/*.training/{CHECKPOINT}")):
-            assert process.poll() is None and time.monotonic() < deadline
-            time.sleep(0.01)
-        time.sleep(0.1)
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    assert not list(tmp_path.glob("broken/*/policy.json")), "it was killed too late to test anything"
+    program = [sys.executable, tiny_training.__file__, tmp_path / "broken", str(frames), "4"]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT)}
+    killed = subprocess.run(program, env=environment, stderr=subprocess.DEVNULL)
+    assert killed.returncode == -signal.SIGKILL
+    assert list(tmp_path.glob(f"broken/*.training/{CHECKPOINT}")) and not list(tmp_path.glob("broken/*/policy.json"))
     resumed = train_tiny(tmp_path / "broken", total_frames=frames)
     assert_same_policy(resumed, train_tiny(tmp_path / "unbroken", total_frames=frames))
 
@@ -106,18 +99,36 @@ def broken_off(tmp_path, interrupt_in_stretch) -> Path:
     return checkpoint
 
 
-@pytest.mark.parametrize("damage", ["cut", "text", "empty", "foreign"])
+@pytest.mark.parametrize("damage", ["cut", "text", "empty", "foreign", "one byte", "no digest"])
 def test_damaged_checkpoint_is_refused_and_kept(broken_off, tmp_path, damage):
     """The error names the file and the remedy, and the file stays as it is."""
     whole = broken_off.read_bytes()
     if damage == "foreign":
         torch.save({"weights": torch.zeros(3)}, broken_off)
     else:
-        broken_off.write_bytes({"cut": whole[: len(whole) // 2], "text": b"not a checkpoint", "empty": b""}[damage])
+        middle = len(whole) // 2
+        changed = {"cut": whole[:middle], "text": b"not a checkpoint", "empty": b"", "no digest": whole[:-32]}
+        changed["one byte"] = whole[:middle] + bytes([whole[middle] ^ 128]) + whole[middle + 1 :]
+        broken_off.write_bytes(changed[damage])
     content = broken_off.read_bytes()
     with pytest.raises(CheckpointError, match="move it away to train from the beginning") as error:
         train_tiny(tmp_path)
     assert str(broken_off) in str(error.value)
+    assert broken_off.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    "change", [lambda state: state.pop("best"), lambda state: state["updater"].clear()], ids=range(2)
+)
+def test_checkpoint_with_other_keys_is_refused_and_kept(broken_off, tmp_path, change):
+    """A sound file that holds something else is an error with the remedy, not a training that goes on without it."""
+    key = broken_off.parent.name.removesuffix(".training")
+    state = load_checkpoint(broken_off, key)
+    change(state)
+    save_checkpoint(broken_off, key, state)
+    content = broken_off.read_bytes()
+    with pytest.raises(CheckpointError, match="does not fit this training.*move it away to train from the beginning"):
+        train_tiny(tmp_path)
     assert broken_off.read_bytes() == content
 
 

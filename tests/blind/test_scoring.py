@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 
 from auv_torchrl.blind.cases import FAMILIES, draw_cases
 from auv_torchrl.blind.fly import fly
-from auv_torchrl.blind.judge import judge, thrusters_at_fault
+from auv_torchrl.blind.hand_over import hand_over
+from auv_torchrl.blind.judge import judge
 from auv_torchrl.blind.report import BEGIN, END, markdown, publish, write_report
 from auv_torchrl.blind.score import numbers, tables
 from auv_torchrl.blind.seal import LABELS, is_sealed, open_labels, read_manifest, seal
 from auv_torchrl.blind.statistics import Share, calibration_error, reliability
+from auv_torchrl.blind.thrusters import thrusters_at_fault
 from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.vehicle import load_vehicle
@@ -27,7 +29,7 @@ def labels():
     """Labels of a benchmark with every family."""
     cases = draw_cases(60, dict.fromkeys(FAMILIES, 1.0), seed=4)
     short = [replace(case, plant="foreign", episodes=1, episode_s=30.0) for case in cases]
-    return [label for _, label in fly(short, VEHICLE, seed=1)]
+    return [{**label, "named_by": hand_over(log, label).named_by} for log, label in fly(short, VEHICLE, seed=1)]
 
 
 def perfect(label):
@@ -45,9 +47,11 @@ def perfect(label):
     if label["truth"] == "unknown":
         effects, verdict = [], "unexplained"
     candidates = [{"name": e["name"], "probability": 1.0} for e in effects] or [{"name": "none", "probability": 1.0}]
+    by = label.get("named_by")
     return {
         "diagnosis": {
             "verdict": verdict, "effects": effects, "candidates": candidates, "indistinguishable": [],
+            "findings": [{"code": by["codes"][0], "columns": by["columns"]}] if by else [],
             "gap": {"closed": 1.0}, "where": {"onset_s": label["onset_s"]},
         },
         "seconds": 1.0, "cpu_s": 1.0,
@@ -57,7 +61,7 @@ def perfect(label):
 def blind_eye(label):
     """The diagnosis that never sees anything."""
     answer = perfect({**label, "values": {}, "truth": "no_gap"})
-    answer["diagnosis"]["candidates"] = [{"name": "none", "probability": 1.0}]
+    answer["diagnosis"] |= {"candidates": [{"name": "none", "probability": 1.0}], "findings": []}
     return answer
 
 

@@ -67,6 +67,78 @@ def test_what_is_no_diagnosis_of_this_vehicle_is_refused_with_the_remedy(tmp_pat
         read_diagnosed(path, load_vehicle("bluerov2"), "bluerov2")
 
 
+def with_entry(content, path, value):
+    """The content with one entry replaced, or removed if the value is ``...``."""
+    *parents, last = path
+    block = content
+    for parent in parents:
+        block = block[parent]
+    if value is ...:
+        del block[last]
+    else:
+        block[last] = value
+    return content
+
+
+GAIN = ("effects", 0, "parameters", "gain_4")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ((*GAIN, "value"), 40.0, r"gain_4 of thruster_gain is 40, not in \[-2, 2\]"),
+        ((*GAIN, "value"), -0.9, "gain_4 of thruster_gain is -0.9, outside its interval"),
+        ((*GAIN, "value"), float("nan"), "NaN is no number of JSON"),
+        ((*GAIN, "value"), None, "gain_4.value is None instead of a number"),
+        ((*GAIN, "value"), "0.5", "value is '0.5' instead of a number"),
+        ((*GAIN, "value"), True, "value is True instead of a number"),
+        ((*GAIN, "low"), float("inf"), "Infinity is no number of JSON"),
+        ((*GAIN, "low"), ..., "'low' is missing"),
+        ((*GAIN, "unit"), ..., "unit"),
+        (
+            ("effects", 0, "parameters", "gain_9"),
+            {"value": 1, "low": 1, "high": 1, "nominal": 1, "unit": "1"},
+            "gain_9",
+        ),
+        (("effects", 0, "name"), "fouling", "no effect named 'fouling': there are"),
+        (("effects", 0, "name"), ["thruster_gain"], "name is .* instead of a text"),
+        (("effects", 0, "probability"), 7.0, "probability of thruster_gain is 7"),
+        (("effects", 0, "thrusters"), [12], "names thruster 12, the vehicle has 6"),
+        (("effects", 0, "thrusters"), ["one"], "instead of a whole number"),
+        (("effects", 0, "colour"), "red", "colour"),
+        (("effects",), {"thruster_gain": 0.5}, "is no diagnosis"),
+        (("effects",), ..., "'effects' is missing"),
+        (("verdict",), "fine", "'FINE' is missing or unknown"),
+        (("vehicle",), "submarine", "about vehicle 'submarine'.*give vehicle=submarine"),
+        (("vehicle",), 3, "vehicle is 3 instead of a text"),
+        (("where", "onset_s"), "late", "onset_s is 'late' instead of a number"),
+        (("gap", "horizon_s"), ["soon"], "horizon_s.* instead of a number"),
+        (("gap",), None, "is no diagnosis"),
+    ],
+    ids=str,
+)
+def test_a_diagnosis_that_was_changed_is_refused_by_the_entry(tmp_path, path, value, message):
+    """What a value cannot be is neither bent to fit nor flown: one line names it."""
+    content = with_entry(json.loads(json.dumps(example().to_json())), path, value)
+    file = tmp_path / "diagnosis.json"
+    file.write_text(json.dumps(content))
+    with pytest.raises(ValueError, match=message) as error:
+        read_diagnosed(file, VEHICLE, "paper")
+    assert str(file) in str(error.value) and "\n" not in str(error.value)
+    assert "give" in str(error.value) and type(error.value) is ValueError
+
+
+@pytest.mark.parametrize(
+    "content", [b"{", b"\xff\xfe{", b"[" * 100_000, b'{"version": 1, "version": 1}', b" " * 10_000_001], ids=range(5)
+)
+def test_a_broken_diagnosis_is_refused_in_one_line(tmp_path, content):
+    """Cut off, in another encoding, endless, with a key twice."""
+    file = tmp_path / "diagnosis.json"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"diagnosis.json is no diagnosis \(.*\): give the diagnosis.json that"):
+        read_diagnosed(file, VEHICLE, "paper")
+
+
 def test_swaps_stay_fixed_while_everything_else_is_drawn():
     """The base of the randomization has the effects without range, and no other."""
     content = {"effects": {"thruster_swap": {"pair": [1, 2]}, "buoyancy": {"force": 5.0}}}

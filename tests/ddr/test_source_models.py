@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import pytest
 import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
 
 from auv_torchrl.ddr import PretrainingConfig
 from auv_torchrl.ddr.pretraining import source_transitions
@@ -42,3 +44,20 @@ def test_models_are_trained_once(tmp_path, vehicle, task):
     with pytest.raises(ValueError, match="move the file away"):
         load_or_pretrain(vehicle, task, tmp_path, config)
     assert path.read_bytes() == b"damaged"
+
+
+@pytest.mark.parametrize("kind", ["negated", "no digest"])
+def test_models_that_are_not_what_was_kept_are_refused(tmp_path, vehicle, task, kind):
+    """Changed weights, or none to compare them with: one line with the remedy, and the file stays."""
+    config = PretrainingConfig(transitions=200, iterations=3, hidden=4)
+    load_or_pretrain(vehicle, task, tmp_path, config)
+    (path,) = tmp_path.glob("*.safetensors")
+    with safe_open(path, "pt") as file:
+        kept = file.metadata() if kind == "negated" else {}
+    sign = -1 if kind == "negated" else 1
+    save_file({name: sign * tensor for name, tensor in load_file(path).items()}, path, kept)
+    content = path.read_bytes()
+    with pytest.raises(ValueError, match="digest.*: move the file away to train them again"):
+        load_or_pretrain(vehicle, task, tmp_path, config)
+    assert path.read_bytes() == content
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]

@@ -216,7 +216,6 @@ def test_a_wrong_uncertainty_is_refused(section, message):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1200)
 @pytest.mark.skipif(not REAL, reason="AUV_TORCHRL_BLUEROV2 is not set: docs/diagnosis.md says how to get the runs")
 def test_a_real_vehicle_is_predicted_better_than_published():
     """Calibrated on two runs of a real vehicle, the third is predicted better than by any published model."""

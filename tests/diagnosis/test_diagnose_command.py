@@ -40,9 +40,7 @@ def python(*arguments, given=None) -> subprocess.CompletedProcess[str]:
     """Run Python in the project's folder."""
     environment = {**os.environ, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, input=given, cwd=PROJECT, env=environment, timeout=250
-    )
+    return subprocess.run(command, capture_output=True, text=True, input=given, cwd=PROJECT, env=environment)
 
 
 @pytest.fixture(scope="module")

@@ -292,7 +292,7 @@ def test_a_browser_shows_the_page_without_complaint(diagnosis, paper, tmp_path, 
     options += [f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900", "--enable-logging=stderr"]
     options += ["--force-dark-mode"] * dark
     command = [str(CHROMIUM), *options, "--dump-dom", (tmp_path / "report.html").as_uri()]
-    shown = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    shown = subprocess.run(command, capture_output=True, text=True, check=True)
     complaints = [line for line in shown.stderr.splitlines() if "CONSOLE" in line]
     assert not complaints
     data = dict(re.findall(r'data-(\w+)="([^"]*)"', shown.stdout[:2000]))

@@ -245,9 +245,11 @@ def test_positions_off_the_path_are_left_out(pose_only, paper, tmp_path):
     for row in range(300, 601):
         rows[row][x] = str(float(rows[row][x]) + 7.0)
     log = read_flightlog(store(tmp_path / "log.csv", rows), paper)
-    assert [f.rows for f in log.findings if f.code == "position_spike"] == [(100, 100)]
-    assert [f.rows for f in log.findings if f.code == "position_jump"] == [(299, 300)]
-    assert log.samples == pose_only.samples - 1
+    assert [f.rows for f in log.findings if f.code == "outliers"] == [(100, 100)]
+    assert [f.rows for f in log.findings if f.code == "jump"] == [(299, 300)]
+    assert log.episodes[0].filled is not None
+    assert [tuple(at) for at in np.argwhere(log.episodes[0].filled)] == [(99, 0)]  # x of that row, and nothing else
+    assert log.episodes[0].pose[99, 0] == pytest.approx(pose_only.episodes[0].pose[99, 0], abs=0.02)
 
 
 def test_an_axis_that_is_mostly_missing_is_left_out(pose_only, paper, tmp_path):

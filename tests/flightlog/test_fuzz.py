@@ -15,7 +15,10 @@ from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
 
 PAPER = load_vehicle("paper")
-quick = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+quick = settings(
+    max_examples=150,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
 
 
 def read_or_refuse(path) -> None:

@@ -1,5 +1,6 @@
 """Reading and writing flight logs."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pyarrow.parquet
 import pytest
 
 from auv_torchrl.flightlog import FlightLogError, Severity, join, read_flightlog, write_flightlog
+from auv_torchrl.flightlog.table import read_table
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, load_vehicle
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
 
@@ -140,7 +142,7 @@ def test_parquet_with_text_in_it_names_the_column(paper, tmp_path):
     """A Parquet column of text is reported, not guessed at."""
     n = 100
     columns = {f"cmd_{i + 1}": np.sin(np.arange(n) * 0.1 * (i + 1)) for i in range(6)}
-    table = pa.table({"t": np.arange(n) * 0.05, "x": np.zeros(n), "y": ["north"] * n, **columns})
+    table = pa.table({"t": np.arange(n) * 0.05, "x": 0.1 * np.arange(n), "y": ["north"] * n, **columns})
     pyarrow.parquet.write_table(table, tmp_path / "log.parquet")
     log = read_flightlog(tmp_path / "log.parquet", paper)
     assert log.axes == ("x",)
@@ -161,3 +163,17 @@ def test_logs_of_different_vehicles_are_not_joined(flown):
     """Joining logs with different numbers of thrusters is refused."""
     with pytest.raises(FlightLogError, match="different numbers of thrusters"):
         join([flown, replace(simulated_logs("bluerov2_heavy", [{}], seconds=2.0)[0], name="heavy")])
+
+
+def test_reading_takes_little_more_memory_than_the_numbers(tmp_path):
+    """The blocks of a file and the columns that are made of them are never held both at once."""
+    rows, names = 250_000, [f"column_{i}" for i in range(12)]
+    path = tmp_path / "long.parquet"
+    pyarrow.parquet.write_table(pa.table({name: np.arange(rows) + 0.5 for name in names}), path)
+    tracemalloc.start()
+    try:
+        table = read_table(path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 1.3 * sum(column.nbytes for column in (*table.columns.values(), table.row))

@@ -67,14 +67,14 @@ def measure_scale(windows: Windows, left: Floats) -> tuple[Floats, float]:
     One number of samples for all channels: a channel that drifts slowly while nothing is asked of it would otherwise
     weigh next to nothing while something is.
     """
-    present = windows.present
-    inside = left[present]
-    inside = np.where(np.isfinite(inside), inside, np.inf)
-    middle = 1.4826 * np.median(np.abs(inside), axis=0)
+    seen = windows.trust[..., used_channels(windows)] > 0
+    inside = np.where(seen, np.where(np.isfinite(left), left, np.inf), np.nan)
+    inside = inside[seen.any(-1)]
+    middle = 1.4826 * np.nanmedian(np.abs(inside), axis=0)
     cut = np.clip(inside, -3 * middle, 3 * middle)
-    scale = np.maximum(np.maximum(np.sqrt((cut**2).mean(0)), middle), SMALLEST)
+    scale = np.maximum(np.maximum(np.sqrt(np.nanmean(cut**2, axis=0)), middle), SMALLEST)
     # first-order correlation of neighbours: (1 + rho) / (1 - rho) samples say as much as one
-    near = present[:, 1:] & present[:, :-1]
+    near = (seen[:, 1:] & seen[:, :-1]).any(-1)
     clipped = np.clip(np.nan_to_num(left), -3 * scale, 3 * scale)
     now, then = clipped[:, 1:][near], clipped[:, :-1][near]
     rho = np.clip((now * then).mean(0) / (0.5 * (now**2 + then**2)).mean(0).clip(SMALLEST**2), 0.0, 0.98)

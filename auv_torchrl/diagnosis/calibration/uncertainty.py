@@ -38,6 +38,8 @@ def read_uncertainty(content: Mapping[str, Any] | None, vehicle: Vehicle) -> tup
         ValueError: for an unknown effect or parameter, one without a continuous value, or a width that is no positive
             number.
     """
+    if not isinstance(content, Mapping | None):
+        raise ValueError(f"uncertainty is {content!r}: give a mapping of effects to standard deviations")
     found = []
     for name, widths in (content or {}).items():
         effect = get_effect(name)

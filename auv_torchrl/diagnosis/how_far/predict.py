@@ -42,12 +42,8 @@ def predict(
     Raises:
         ValueError: if the log holds no stretch of one second.
     """
-    dt, _ = grid_step(log)
-    pair = 2 * max(1, round(settings.bin_s / dt))
-    head = pair * max(1, round(START_S / (pair * dt)))
-    longest = max(episode.duration for episode in log.episodes) - settings.lead_s
-    parts = max(1, min(int((longest + 1e-6) / (head * dt)), int(np.ceil(HORIZONS_S[-1] / (head * dt)))))
-    windows = cut_windows(log, parts * head * dt, settings.lead_s)
+    windows, head = cut_stretches(log, settings)
+    parts = windows.steps // head
     if len(windows) > MOST_STRETCHES:
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_STRETCHES).astype(int))
     begin = windows.split(head).subset(np.arange(0, len(windows) * parts, parts))
@@ -74,6 +70,20 @@ def predict(
     return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1))
 
 
+def cut_stretches(log: FlightLog, settings: Settings) -> tuple[Windows, int]:
+    """Stretches as long as the horizons and the log allow, and the grid steps of about a second; they divide it.
+
+    Raises:
+        FlightLogError: if the log holds no stretch of one second.
+    """
+    dt, _ = grid_step(log)
+    pair = 2 * max(1, round(settings.bin_s / dt))
+    head = pair * max(1, round(START_S / (pair * dt)))
+    longest = max(episode.duration for episode in log.episodes) - settings.lead_s
+    parts = max(1, min(int((longest + 1e-6) / (head * dt)), int(np.ceil(HORIZONS_S[-1] / (head * dt)))))
+    return cut_windows(log, parts * head * dt, settings.lead_s), head
+
+
 SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction
 
 
@@ -81,7 +91,7 @@ def closed_share(p: Predictions, before: int = 0, after: int = 1) -> float | Non
     """Share of the gap that is closed, over all channels and horizons in units of the floor; None without a gap."""
     with np.errstate(over="ignore"):
         scaled = (p.error / p.spread[:, None])[:, [before, after]]
-    share = [_rms(scaled[:, v][p.windows.present]) for v in (0, 1)]
+    share = [_rms(scaled[:, v][p.windows.trust > 0]) for v in (0, 1)]
     if not share[0] > WITHIN_FLOOR:
         return None
     return float(np.clip((share[0] - share[1]) / (share[0] - 1.0), 0.0, 1.0))
@@ -98,20 +108,24 @@ def errors_by_kind(p: Predictions) -> dict[str, Any]:
     rows = [_at_horizon(windows, horizon) for horizon in _horizons(windows)]
     columns = {name: i for i, name in enumerate(windows.channels)}
 
-    def errors(values: Floats, floor: Floats) -> Errors:
-        """``values`` (W, V, m) and ``floor`` (W, m) to root mean squares at each horizon."""
-        measured = [[_rms(values[:, v][rows_h]) for rows_h in rows] for v in (0, 1)]
-        return Errors(tuple(measured[0]), tuple(measured[1]), tuple(_rms(floor[rows_h]) for rows_h in rows))
+    def errors(values: Floats, floor: Floats, seen: np.ndarray) -> Errors:
+        """``values`` (W, V, m) and ``floor`` (W, m), where they are ``seen``, to root mean squares at each horizon."""
+        known = [rows_h & seen for rows_h in rows]
+        measured = [[_rms(values[:, v][rows_h]) for rows_h in known] for v in (0, 1)]
+        return Errors(tuple(measured[0]), tuple(measured[1]), tuple(_rms(floor[rows_h]) for rows_h in known))
 
     def together(*names: str) -> Errors | None:
         inside = [columns[name] for name in names if name in columns]
-        return errors(_norm(p.error[..., inside]), _norm(p.spread[..., inside])) if inside else None
+        if not inside:
+            return None
+        seen = np.asarray((windows.trust[..., inside] > 0).all(-1))
+        return errors(_norm(p.error[..., inside]), _norm(p.spread[..., inside]), seen)
 
     return {
         "position_m": together("x", "y", "z"),
         "yaw_rad": together("yaw"),
         "velocity": together("u", "v", "w"),
-        "dof": {name: errors(*both) for name, both in _body_errors(p).items()},
+        "dof": {name: errors(*parts) for name, parts in _body_errors(p).items()},
     }
 
 
@@ -119,23 +133,26 @@ def _horizons(windows: Windows) -> tuple[float, ...]:
     return tuple(h for h in HORIZONS_S if h <= windows.steps * windows.dt + windows.dt)
 
 
-def _body_errors(p: Predictions) -> dict[str, tuple[Floats, Floats]]:
-    """Errors (W, V, m) and floors (W, m) by degree of freedom, from velocities where measured, else from the pose."""
+def _body_errors(p: Predictions) -> dict[str, tuple[Floats, Floats, np.ndarray]]:
+    """Errors (W, V, m), floors and whether they are seen (W, m), by degree of freedom; from velocities if measured."""
     columns = {name: i for i, name in enumerate(p.windows.channels)}
-    found: dict[str, tuple[Floats, Floats]] = {}
+    found: dict[str, tuple[Floats, Floats, np.ndarray]] = {}
+    seen = p.windows.trust > 0
     for name, velocity in zip(DEGREES_OF_FREEDOM, CHANNELS[6:], strict=True):
         if velocity in columns:
-            found[name] = p.error[..., columns[velocity]], p.spread[..., columns[velocity]]
+            column = columns[velocity]
+            found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
     for name, pose in zip(DEGREES_OF_FREEDOM, CHANNELS[:6], strict=True):
         if name in found or pose not in columns:
             continue
-        found[name] = p.error[..., columns[pose]], p.spread[..., columns[pose]]
+        column = columns[pose]
+        found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
     if {"x", "y", "yaw"} <= set(columns) and not {"u", "v"} <= set(columns):
         yaw = p.windows.measured[..., columns["yaw"]]
         c, s = np.cos(yaw), np.sin(yaw)
-        (ex, fx), (ey, fy) = found["surge"], found["sway"]
-        found["surge"] = c[:, None] * ex + s[:, None] * ey, np.hypot(c * fx, s * fy)
-        found["sway"] = c[:, None] * ey - s[:, None] * ex, np.hypot(c * fy, s * fx)
+        (ex, fx, sx), (ey, fy, sy) = found["surge"], found["sway"]
+        found["surge"] = c[:, None] * ex + s[:, None] * ey, np.hypot(c * fx, s * fy), sx & sy
+        found["sway"] = c[:, None] * ey - s[:, None] * ex, np.hypot(c * fy, s * fx), sx & sy
     return found
 
 

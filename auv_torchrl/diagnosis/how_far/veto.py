@@ -17,7 +17,7 @@ STILL_FAR = 2.0  # ... unless what is left is smaller than this many floors
 def scaled_errors(p: Predictions) -> np.ndarray:
     """Root mean square error (V,) of each vehicle over all held-out samples, in units of the floor."""
     scaled = (p.error / p.spread[:, None]) ** 2
-    mean = np.array([scaled[:, v][p.windows.present].mean() for v in range(scaled.shape[1])])
+    mean = np.array([scaled[:, v][p.windows.trust > 0].mean() for v in range(scaled.shape[1])])
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
 
 

@@ -1,6 +1,7 @@
 """From windows full of samples to one small quadratic: what the log says about every change at once."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,24 +17,38 @@ OU_TIME = 1.0  # s, correlation time of the disturbance force
 
 @dataclass(frozen=True)
 class Quadratic:
-    """Chi-square of amounts ``a`` (N,) of columns: ``constant - 2 b a + a A a``, starts and disturbance fitted.
-
-    The sums run over windows; ``by_window`` keeps the parts, for change points and held-out windows.
-    """
+    """Chi-square of amounts ``a`` (N,) of columns: ``constant - 2 b a + a A a``, starts and disturbance fitted."""
 
     constant: float
     b: Floats  # (N,)
     A: Floats  # (N, N)
-    constant_by_window: Floats  # (W,)
-    b_by_window: Floats  # (W, N)
-    A_by_window: Floats  # (W, N, N)
     numbers: int  # measured numbers
 
-    def windows(self, chosen: np.ndarray) -> "Quadratic":
+
+@dataclass(frozen=True)
+class Parts:
+    """What each of ``W`` windows adds to a quadratic of ``N`` columns."""
+
+    parts: Floats  # (W, 1 + N, 1 + N): constant and b in the first row, A in the others
+    numbers: float  # measured numbers of all of them
+
+    def windows(self, chosen: np.ndarray) -> Quadratic:
         """The quadratic of some windows (a boolean mask)."""
-        share = chosen.mean()
-        constant, b, A = self.constant_by_window[chosen], self.b_by_window[chosen], self.A_by_window[chosen]
-        return Quadratic(constant.sum(), b.sum(0), A.sum(0), constant, b, A, round(self.numbers * share))
+        return pooled([self], chosen)
+
+
+def pooled(pieces: Iterable[Parts], chosen: np.ndarray) -> Quadratic:
+    """The quadratic of some of all windows (a boolean mask), whose parts come piece by piece, in order.
+
+    A generator keeps no more than one piece in memory.
+    """
+    first, whole, numbers = 0, np.zeros((1, 1)), 0.0
+    for piece in pieces:
+        behind = first + len(piece.parts)
+        whole = whole + piece.parts[chosen[first:behind]].sum(0)
+        numbers += piece.numbers
+        first = behind
+    return Quadratic(float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], round(round(numbers) * chosen.mean()))
 
 
 def disturbance_precision(layout: Layout, dt: float, size: Floats) -> Floats:
@@ -75,6 +90,10 @@ class Freedom:
         """Free numbers (W, R, L) of starts (W, R, 12) and bins (W, R, B, D), less what the prior expects."""
         moved = (start - windows.guess[:, None])[..., layout.start]
         return np.concatenate([moved, bins.reshape(*bins.shape[:2], -1)], axis=-1)
+
+    def rows(self, some: slice) -> "Freedom":
+        """That of some windows."""
+        return replace(self, slope=self.slope[some], inverse=self.inverse[some])
 
     def determined(self, layout: Layout) -> float:
         """How many entries of all starts the samples tell; an axis that nobody measured costs no number."""
@@ -129,7 +148,7 @@ def chi_square(
 
 
 @DIVERGING
-def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, columns: Floats) -> Quadratic:
+def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, columns: Floats) -> Parts:
     """Eliminate the start and the disturbance of every window.
 
     Args:
@@ -148,11 +167,7 @@ def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, 
     diverged = ~np.isfinite(inner).all((1, 2))
     inner[diverged] = 0.0
     inner[diverged, 0, 0] = DIVERGED
-    whole = inner.sum(0)
-    numbers = int(windows.present.sum()) * len(windows.channels) - round(freedom.determined(layout))
-    return Quadratic(
-        float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], inner[:, 0, 0], inner[:, 0, 1:], inner[:, 1:, 1:], numbers
-    )
+    return Parts(inner, windows.numbers - freedom.determined(layout))
 
 
 def bounded_minimum(

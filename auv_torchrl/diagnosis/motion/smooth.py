@@ -12,13 +12,16 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, fly
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
+ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
 TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring moment: prior of roll and pitch
+LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,18 @@ class Layout:
 
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
-        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured."""
+        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured.
+
+        Raises:
+            FlightLogError: if the log measures none of them.
+        """
         moves = np.flatnonzero(vehicle.free.numpy() > 0)
         seen = [CHANNELS[d] in windows.channels or CHANNELS[d + 6] in windows.channels for d in moves]
+        if not any(seen):
+            raise FlightLogError(
+                f"the log measures {', '.join(windows.channels)} alone, in which the vehicle is held or does not move: "
+                "log x, y and yaw, z, or body velocities too"
+            )
         per_bin = max(1, round(bin_s / windows.dt))
         start = np.concatenate([moves, moves + 6])
         loose = loose_start(vehicle)[start]
@@ -191,7 +203,7 @@ def follow(
 def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Floats:
     """Root mean square (W,) of the residual of each window in units of the noise; infinite where it diverged."""
     scaled = (residual / noise_per_sample(windows, sigma)) ** 2
-    mean = scaled.sum(1) / (windows.present.sum(1) * len(windows.channels))
+    mean = scaled.sum(1) / np.maximum((windows.trust**2).sum((1, 2)), 1.0)
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
 
 
@@ -207,9 +219,13 @@ def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], for
     left = state.residual.reshape(windows.measured.shape)
     free = np.clip(1 - leverage.reshape(left.shape), 0.05, 1.0)
     noise = {}
+    counts = windows.trust**2
     for column, channel in enumerate(windows.channels):
-        squares = (left[..., column] ** 2 * windows.present).sum(1) / (free[..., column] * windows.present).sum(1)
-        noise[channel] = float(np.sqrt(np.median(squares)))  # the median window: a few windows may be badly followed
+        seen = counts[..., column].sum(1) > 0
+        freedom = (free[..., column] * counts[..., column])[seen].sum(1)
+        squares = (left[seen][..., column] ** 2).sum(1) / freedom
+        size = np.sqrt(np.median(squares)) if seen.any() else 0.0  # the median: a few windows may be badly followed
+        noise[channel] = float(max(size, windows.resolution[column] * ROUNDING, LEAST_NOISE))
     return noise
 
 
@@ -220,8 +236,9 @@ def first_noise(windows: Windows) -> dict[str, float]:
         series = windows.measured[..., column]
         if channel in ANGLES:
             series = np.unwrap(series, axis=1)
-        third = np.diff(series, 3, axis=1)[windows.present[:, 3:]]
+        rows = zip(series, windows.trust[..., column] > 0, strict=True)
+        third = np.concatenate([np.diff(window[seen], 3) for window, seen in rows if seen.sum() > 3] or [np.zeros(1)])
         scale = 1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)
         floor = 1e-4 if CHANNELS.index(channel) < 6 else 1e-3
-        noise[channel] = float(max(scale, floor))
+        noise[channel] = float(max(scale, floor, windows.resolution[column] * ROUNDING))
     return noise

@@ -111,7 +111,7 @@ def _respond(
         values = history[:, :, entry[0]]
         ahead = values[here, np.minimum(whole + 1, steps)]
         change[:, :, column] = (1 - part) * values[here, whole] + part * ahead
-    change *= windows.present[:, :, None, None]
+    change *= windows.trust[..., None]
     return change.reshape(len(windows), -1, moved.shape[-1])
 
 

@@ -35,6 +35,8 @@ class Windows:
     fraction: Floats  # (W, m) of a step behind it
     measured: Floats  # (W, m, C)
     present: np.ndarray  # (W, m) True where there is a sample
+    trust: Floats  # (W, m, C) factor on each number: 1 measured, 0 missing or filled in, between them an outlier
+    resolution: Floats  # (C,) step in which each channel was written; 0 where it is finer than anything
     guess: Floats  # (W, 12) pose and velocity at the start, from a local fit to the samples
 
     def __len__(self) -> int:
@@ -50,9 +52,14 @@ class Windows:
         """(W,) s since the start of the episode at the start of each window."""
         return self.origin + self.start * self.dt
 
-    def subset(self, chosen: np.ndarray) -> "Windows":
+    @property
+    def numbers(self) -> float:
+        """How many numbers were measured, outliers by what they count."""
+        return float((self.trust**2).sum())
+
+    def subset(self, chosen: np.ndarray | slice) -> "Windows":
         """Some of the windows."""
-        names = ("episode", "number", "start", "origin", "index", "fraction", "measured", "present", "guess")
+        names = ("episode", "number", "start", "origin", "index", "fraction", "measured", "present", "trust", "guess")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def split(self, steps: int) -> "Windows":
@@ -66,13 +73,14 @@ class Windows:
         most = max(int(inside.sum()) for _, _, inside in rows)
         shape = (len(rows), most)
         index, fraction, present = np.zeros(shape, int), np.zeros(shape), np.zeros(shape, bool)
-        measured = np.zeros((*shape, len(self.channels)))
+        measured, trust = (np.zeros((*shape, len(self.channels))) for _ in range(2))
         guess = np.empty((len(rows), 12))
         columns = [CHANNELS.index(channel) for channel in self.channels]
         for row, (w, part, inside) in enumerate(rows):
             k = int(inside.sum())
             index[row, :k], fraction[row, :k] = self.index[w, inside] - part * steps, self.fraction[w, inside]
             measured[row, :k], present[row, :k] = self.measured[w, inside], True
+            trust[row, :k] = self.trust[w, inside]
             away = np.where(self.present[w], np.abs(position[w] - part * steps) * self.dt, np.inf)
             near = away <= max(0.3, np.partition(away, 3)[3])  # a slow log has fewer than four within 0.3 s
             values = np.full((int(near.sum()), 12), np.nan)
@@ -81,15 +89,17 @@ class Windows:
         owner = np.repeat(np.arange(len(self)), parts)
         start = self.start[owner] + np.tile(np.arange(parts) * steps, len(self))
         whole = replace(self.subset(owner), steps=steps, start=start)
-        return replace(whole, index=index, fraction=fraction, measured=measured, present=present, guess=guess)
+        return replace(
+            whole, index=index, fraction=fraction, measured=measured, present=present, trust=trust, guess=guess
+        )
 
     def residual(self, predicted: Floats) -> Floats:
-        """Measured less predicted (W, ..., m, C), angles wrapped, zero where there is no sample."""
+        """Measured less predicted (W, ..., m, C), angles wrapped, each number times the trust in it."""
         extra = predicted.ndim - self.measured.ndim
         shape = (len(self), *(1,) * extra)
         left = self.measured.reshape(*shape, *self.measured.shape[1:]) - predicted
         left[..., self.angular] -= 2 * np.pi * np.round(left[..., self.angular] / (2 * np.pi))
-        return left * self.present.reshape(*shape, -1, 1)
+        return left * self.trust.reshape(*shape, *self.trust.shape[1:])
 
 
 def grid_step(log: FlightLog) -> tuple[float, int]:
@@ -122,16 +132,17 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
     lead = round(lead_s / dt)
     grids, rows = [], []
     for order, episode in enumerate(log.episodes):
-        t, values = _merge(episode, merged)
+        t, values, trusted = _merge(episode, merged)
         length = int(np.floor((t[-1] - episode.t[0]) / dt + 1e-6)) + 1
         grids.append(_commands_on_grid(episode, dt, length))
         position = (t - episode.t[0]) / dt
         for start in range(lead, length - steps + 1, steps):
             inside = np.flatnonzero((position > start - 1e-6) & (position < start + steps - 1e-6))
-            ends = np.concatenate([[start], position[inside], [start + steps]])
-            if len(inside) < 4 or np.diff(ends).max() * dt > max(0.5, 0.25 * window_s):
+            seen = inside[trusted[inside][:, columns].any(1)]
+            ends = np.concatenate([[start], position[seen], [start + steps]])
+            if len(seen) < 4 or np.diff(ends).max() * dt > max(0.5, 0.25 * window_s):
                 continue
-            rows.append((order, episode, start, position[inside] - start, values[inside]))
+            rows.append((order, episode, start, position[inside] - start, values[inside], trusted[inside]))
     if not rows:
         raise FlightLogError(
             f"{log.name}: no episode holds a window of {window_s:g} s behind the first {lead_s:g} s: give a longer log"
@@ -141,13 +152,14 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
     most = max(len(row[3]) for row in rows)
     number = len(rows)
     index, fraction = np.zeros((number, most), int), np.zeros((number, most))
-    measured, present = np.zeros((number, most, len(columns))), np.zeros((number, most), bool)
+    measured, trust = (np.zeros((number, most, len(columns))) for _ in range(2))
+    present = np.zeros((number, most), bool)
     guess = np.zeros((number, 12))
-    for w, (_, _, _, position, values) in enumerate(rows):
+    for w, (_, _, _, position, values, trusted) in enumerate(rows):
         k = len(position)
         whole = np.floor(position + 1e-6).astype(int)
         index[w, :k], fraction[w, :k] = whole, np.where(position - whole < 1e-3, 0.0, position - whole)
-        measured[w, :k], present[w, :k] = values[:, columns], True
+        measured[w, :k], present[w, :k], trust[w, :k] = values[:, columns], True, trusted[:, columns]
         guess[w] = _guess_start(position * dt, values)
     longest = max(len(grid) for grid in grids)
     commands = np.stack([np.pad(grid, ((0, longest - len(grid)), (0, 0)), mode="edge") for grid in grids])
@@ -164,23 +176,27 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         fraction=fraction,
         measured=measured,
         present=present,
+        trust=trust,
+        resolution=np.array([log.resolution.get(channel, 0.0) for channel in channels]),
         guess=guess,
     )
 
 
-def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats]:
-    """Times (T,) and values (T, 12) of an episode, each the mean of ``merged`` samples, angles unwrapped."""
+def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats, Floats]:
+    """Times (T,), values and trust (T, 12) of an episode, each the mean of ``merged`` samples, angles unwrapped."""
     values = np.concatenate([episode.pose, episode.velocity], axis=1)
     for angle in ANGLES:
         column = CHANNELS.index(angle)
         if np.isfinite(values[:, column]).all():
             values[:, column] = np.unwrap(values[:, column])
+    trusted = np.ones_like(values) if episode.filled is None else 1.0 - episode.filled
     if merged == 1:
-        return episode.t, values
+        return episode.t, values, trusted
     whole = len(values) // merged * merged
     return (
         episode.t[:whole].reshape(-1, merged).mean(1),
         values[:whole].reshape(-1, merged, values.shape[1]).mean(1),
+        np.round(trusted[:whole].reshape(-1, merged, values.shape[1]).mean(1)),
     )
 
 

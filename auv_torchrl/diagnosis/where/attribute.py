@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import marks
-from auv_torchrl.diagnosis.motion.reduce import Quadratic, reduce
+from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.which.bench import Bench
@@ -48,8 +48,8 @@ def attribute(bench: Bench, base: Base) -> tuple[dict[str, float], dict[str, flo
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
     shown = marks(bench.windows, base.vehicle, bench.layout, base.state, columns)
-    q = reduce(bench.windows, bench.layout, bench.freedom(base.state.slope), base.state, shown)
-    folds = _folds(q, known)
+    parts = reduce(bench.windows, bench.layout, bench.freedom(base.state.slope), base.state, shown)
+    folds = _folds(parts, known)
 
     def predicted(players: Sequence[int]) -> float:
         return _predicted(folds, np.flatnonzero(np.isin(owner, list(players))))
@@ -140,10 +140,10 @@ def _by_dof(motion: Floats, dof: np.ndarray) -> Floats:
     return np.stack([motion * (np.arange(6) == d) for d in dof], axis=1)
 
 
-def _folds(q: Quadratic, followed: np.ndarray) -> list[tuple[Quadratic, Quadratic]]:
+def _folds(parts: Parts, followed: np.ndarray) -> list[tuple[Quadratic, Quadratic]]:
     """Windows to fit to and windows to predict, in turn."""
     turn = np.arange(len(followed)) % FOLDS
-    return [(q.windows(followed & (turn != k)), q.windows(followed & (turn == k))) for k in range(FOLDS)]
+    return [(parts.windows(followed & (turn != k)), parts.windows(followed & (turn == k))) for k in range(FOLDS)]
 
 
 def _predicted(folds: list[tuple[Quadratic, Quadratic]], chosen: np.ndarray) -> float:

@@ -51,7 +51,7 @@ def mixed(known: dict[str, float], rest: dict[str, float], share: float) -> dict
 def mean_force(bench: Bench, follow: Base) -> Floats:
     """(W, D) missing force over each window in units of the thrusters' reach: root mean square of means over 0.6 s."""
     bins = follow.state.bins / bench.wide
-    width = max(1, round(0.6 / (bench.layout.steps_per_bin * bench.windows.dt)))
+    width = min(max(1, round(0.6 / (bench.layout.steps_per_bin * bench.windows.dt))), bench.layout.bins)
     kept = bins[:, : bins.shape[1] // width * width]
     return np.sqrt((kept.reshape(len(bins), -1, width, bins.shape[2]).mean(2) ** 2).mean(1))
 
@@ -67,6 +67,8 @@ def by_dof(bench: Bench, follow: Base) -> dict[str, float]:
     if not known.any():
         return {}
     energy = (mean_force(bench, follow)[known] ** 2).mean(0)
+    if not energy.any():  # nothing moves and nothing pushes
+        return {}
     names = [DEGREES_OF_FREEDOM[d] for d in bench.layout.dof]
     return {name: float(e) for name, e in zip(names, energy / energy.sum(), strict=True)}
 

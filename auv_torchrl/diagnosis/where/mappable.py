@@ -21,7 +21,7 @@ def input_mappable(bench: Bench, follow: Base) -> float | None:
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
     columns = marks(windows, follow.vehicle, layout, follow.state, forces)
     q = reduce(windows, layout, bench.freedom(follow.state.slope), follow.state, columns).windows(bench.followed)
-    if q.constant < NO_GAP * q.numbers:
+    if q.constant <= NO_GAP * q.numbers:
         return None
     best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])
     return float(np.clip((q.constant - best) / (q.constant - q.numbers), 0.0, 1.0))

@@ -44,7 +44,8 @@ def log_likelihood(bench: Bench, judged: Judged) -> float:
     finite = np.isfinite(slope).all((1, 2))  # a window that diverged has paid by its chi-square
     gram = slope[finite].swapaxes(1, 2) @ slope[finite] + precision
     volumes = float((np.linalg.slogdet(gram)[1] - np.linalg.slogdet(precision)[1]).sum())
-    noise = sum(np.log(bench.sigma[channel]) for channel in windows.channels) * int(windows.present.sum())
+    counts = (windows.trust**2).sum((0, 1))
+    noise = sum(np.log(bench.sigma[c]) * count for c, count in zip(windows.channels, counts, strict=True))
     return judged.evidence - 0.5 * volumes - float(noise)
 
 

@@ -4,6 +4,8 @@ Sketching looks along the measured motion, where effects are nearly linear, and 
 one explanation and fits its values, its slack, the starts and the disturbance until nothing moves.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.smooth import sensor_noise
@@ -50,7 +52,7 @@ class Bench(Weighing):
                 break
             moving = best.chi2 - again.chi2 > GAINS * again.chi2
             best = again
-        return best
+        return replace(best, slack_marks=None)
 
     def sketch(self, explanation: Explanation, follow: Base, rounds: int = 6) -> Judged:
         """Fit all values of an explanation along the measured motion, and weigh it: a quick look before polishing.
@@ -69,7 +71,7 @@ class Bench(Weighing):
             best, step, slack_step = trial, trial_step, trial_slack_step
             if settled:
                 break
-        return best
+        return replace(best, slack_marks=None)
 
     def _descend(self, base: Base, rounds: int) -> tuple[Judged, bool]:
         """Gauss-Newton with a shrinking stride; tells whether it went far.

@@ -46,7 +46,9 @@ class Following(Ground):
         vehicle = batch(self.vehicle, [{}])
         state = self._follow(self.windows, vehicle, self.wide)
         while np.median(misfit(self.windows, state.residual, self.sigma)) > FOLLOWED and self.layout.steps_per_bin > 2:
-            self.layout = Layout.of(self.windows, self.vehicle, 0.5 * self.layout.steps_per_bin * self.windows.dt)
+            steps = self.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
+            finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
+            self.layout = Layout.of(self.windows, self.vehicle, finer * self.windows.dt)
             state = self._follow(self.windows, vehicle, self.wide)
         self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
         self.seen_start = state.start
@@ -101,7 +103,7 @@ class Following(Ground):
 
     def _stuck(self, base: Base) -> np.ndarray:
         """(W,) windows that leave more than an explanation that is about right would."""
-        numbers = self.windows.present.sum(1) * len(self.windows.channels)
+        numbers = (self.windows.trust**2).sum((1, 2))
         return ~(self._chi2_by_window(base.state) < STUCK * numbers)
 
     def some_diverged(self, *bases: Base) -> bool:

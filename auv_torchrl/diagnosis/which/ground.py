@@ -37,6 +37,11 @@ class Base:
         """(W, S, 13) in the middle of each grid step."""
         return middles(self.states)
 
+    def without_slopes(self) -> "Base":
+        """The motion alone, in a fifteenth of the memory: to compare with or to begin from, not to linearise about."""
+        nothing = np.empty(0)
+        return replace(self, state=replace(self.state, slope=nothing, transition=nothing, push=nothing))
+
 
 @dataclass(frozen=True)
 class Known:
@@ -59,7 +64,7 @@ class Judged:
     base: Base
     quadratic: Quadratic  # of slack, then fitted knobs, at the base
     steps: Floats  # (k,) one unit of the quadratic, of each fitted knob
-    slack_marks: Floats  # (W, K, k) that it was made of
+    slack_marks: Floats | None  # (W, K, k) that it was made of, while its values are being fitted
 
     @property
     def nothing_left(self) -> bool:
@@ -119,6 +124,10 @@ class Ground:
         self._freedoms = [*self._freedoms[-3:], (slope, self.sigma, prior, freedom)]
         return freedom
 
+    def forget(self) -> None:
+        """Give back the memory of what was kept for speed alone."""
+        self._freedoms = []
+
     def slack_now(self, explanation: Explanation) -> Floats:
         """Slack deviations of an explanation, in the order of the slack parameters."""
         return np.array([explanation.slack.get((effect, member), 0.0) for effect, member, _, _ in self.slack])
@@ -150,6 +159,8 @@ class Ground:
     @DIVERGING
     def _sizes(self, explanations: list[Explanation], base: Base) -> Floats:
         """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
+        if not self.followed.any():
+            return np.zeros(len(explanations))
         rows = batch(self.vehicle, [explanation.values(self.vehicle) for explanation in explanations])
         moves = self.layout.start[: len(self.layout.start) // 2]  # unseen ones too: some effects act through a tilt
         forces = force_changes(self.windows, batch(self.vehicle, [{}]), rows, base.motion)[..., moves]

@@ -7,11 +7,9 @@ from typing import Annotated, Any
 
 import numpy as np
 import torch
-import yaml
 
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
-from auv_torchrl.paths import config_path
-from auv_torchrl.settings import Entries, In
+from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
 
 Values = dict[str, dict[str, float]]  # effect -> parameter -> value
@@ -58,13 +56,9 @@ def load_settings(name: str = "default") -> Settings:
 
     Raises:
         FileNotFoundError: for an unknown name.
-        TypeError: for a missing or unknown entry, naming it.
+        ValueError: for a missing, unknown or impossible entry, naming it.
     """
-    content = yaml.safe_load(config_path("diagnosis", name).read_text(encoding="utf-8"))
-    content["floor_force"] = tuple(content["floor_force"])
-    content["ignored"] = tuple(content["ignored"])
-    content["thresholds"] = tuple(content["thresholds"])
-    return Settings(**content)
+    return read_settings(Settings, "diagnosis", name)
 
 
 def apply_values(vehicle: Vehicle, values: Mapping[str, Mapping[str, Any]]) -> Vehicle:
@@ -149,12 +143,16 @@ def _changes(vehicle: Vehicle, atom: Atom) -> bool:
 
 
 def slack_parameters(vehicle: Vehicle, settings: Settings) -> list[tuple[str, str, float, float]]:
-    """(effect, parameter, nominal, prior standard deviation) of what no vehicle has exactly as modelled."""
+    """(effect, parameter, nominal, prior standard deviation) of what no vehicle has exactly as modelled.
+
+    A coefficient of 0 has no relative slack, and a scale of it changes nothing: both are left out.
+    """
     found = []
     for name, widths in settings.slack.items():
         declared = EFFECTS[name].member_parameters(vehicle)
         for member, p in declared.items():
             nominal = p.nominal_value(vehicle, member)
-            if p.name in widths:
-                found.append((name, member, nominal, widths[p.name] * abs(nominal)))
+            width = widths.get(p.name, 0.0) * abs(nominal)
+            if _changes(vehicle, Atom(name, {member: nominal + width})):
+                found.append((name, member, nominal, width))
     return found

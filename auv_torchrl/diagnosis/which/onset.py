@@ -36,7 +36,7 @@ def find_onset(bench: Bench, follow: Base) -> Onset | None:
     the moment is where that is most likely.
     """
     windows, layout = bench.windows, bench.layout
-    width = max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt)))
+    width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt))), layout.bins)
     count = layout.bins // width
     bins = follow.state.bins[:, : count * width] / bench.wide
     force = bins.reshape(len(bins), count, width, -1).mean(2)

@@ -57,7 +57,7 @@ class Field:
         explanation = base.explanation if around is None else around
         moved, steps = bench.knob_changes(explanation)
         atoms = [explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
-        q = bench.quadratic(base, [*moved, *atoms], around).windows(bench.followed)
+        q = bench.quadratic(base, [*moved, *atoms], around, chosen=bench.followed)
         _, b, A, _, _ = bench.without_slack(q, explanation)
         b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
         values = bench.value_steps(explanation, steps)

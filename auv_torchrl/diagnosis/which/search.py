@@ -1,7 +1,7 @@
 """Find the explanation: screen everything, polish what could be it, refine the best."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -70,7 +70,7 @@ def search(
     field = Field.of(bench, follow)
     families = field.families()
     progress("screening effects", 0.4)
-    hopeless = field.none().evidence < families[0].evidence - HOPELESS
+    hopeless = bool(families) and field.none().evidence < families[0].evidence - HOPELESS
     polished = [bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)]  # without any effect, then with some
     bench.slack_suffices = not bench.leaves_much(polished[0])
     promise = np.inf
@@ -101,8 +101,16 @@ def search(
     if not given_up and (not best.nothing_left or bench.is_strained(best)):
         best = grow(bench, best, polished, field.twins, progress)
     best = tidy(bench, best, polished)
-    ranked = sorted(polished, key=lambda judged: -judged.evidence)
-    return Found(follow, polished[0], best, ranked, families, field, promise)
+    bench.forget()
+    none = polished[0]
+    kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
+    ranked = sorted(kept, key=lambda judged: -judged.evidence)
+    return Found(follow, none, best, ranked, families, field, promise)
+
+
+def _set_aside(judged: Judged) -> Judged:
+    """An explanation that lost: what it was worth and the motion under it, without the slopes that fill the memory."""
+    return replace(judged, base=judged.base.without_slopes(), slack_marks=None)
 
 
 def _adds_to(hint: Explanation, shown: Screened | Judged) -> bool:
@@ -167,6 +175,8 @@ def _candidates(
     They are single effects, or where none comes near, and other ones are asked for, what a look along the measured
     motion shows.
     """
+    if not families:  # no effect leaves a mark, or all are ignored
+        return [], np.inf
     numbers = field.quadratic.numbers
     if others is Others.SINGLE or is_near(families[0].chi2, numbers):
         return _promising(field, families), families[0].chi2 / numbers

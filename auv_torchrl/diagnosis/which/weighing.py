@@ -1,12 +1,13 @@
 """Weigh an explanation at given windows: chi-square, evidence, uncertainty and the step that makes it better."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import force_changes, marks
-from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum, reduce
+from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, bounded_minimum, pooled, reduce
+from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.which.evidence import volume
 from auv_torchrl.diagnosis.which.explanation import Explanation
@@ -19,6 +20,7 @@ SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicl
 SLACK_STEP = 0.05  # relative step of slack derivatives
 SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
 KNOB_STEP = 0.004  # of the plausible range of a parameter
+MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
 
 
 class Weighing(Following):
@@ -30,20 +32,31 @@ class Weighing(Following):
         changes: list[Explanation],
         around: Explanation | None = None,
         slack_marks: Floats | None = None,
+        chosen: np.ndarray | None = None,
     ) -> Quadratic:
         """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
 
         It is taken ``around`` an explanation, by default that of the base; another one acts as the force that it makes
-        along the motion of the base. ``slack_marks`` are those of :meth:`slack_marks` if they are known.
+        along the motion of the base. ``slack_marks`` are those of :meth:`slack_marks` if they are known, ``chosen`` is
+        a mask (W,) of the windows that count, by default all.
         """
         if slack_marks is None:
             slack_marks = self.slack_marks(base, base.explanation if around is None else around)
-        state = base.state
-        columns, there = self._marks(base, changes, around)
-        if there is not None:
-            state = replace(state, residual=state.residual - there)
-        columns = np.concatenate([slack_marks, columns], axis=-1)
-        return reduce(self.windows, self.layout, self.freedom(base.state.slope), state, columns)
+        if chosen is None:
+            chosen = np.ones(len(self.windows), bool)
+        return pooled(self._parts(base, changes, around, slack_marks), chosen)
+
+    def _parts(
+        self, base: Base, changes: list[Explanation], around: Explanation | None, slack_marks: Floats
+    ) -> Iterator[Parts]:
+        """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
+        freedom = self.freedom(base.state.slope)
+        for some, columns, there in self._marks(base, changes, around):
+            state = rows_of(base.state, some)
+            if there is not None:
+                state = replace(state, residual=state.residual - there)
+            columns = np.concatenate([slack_marks[some], columns], axis=-1)
+            yield reduce(self.windows.subset(some), self.layout, freedom.rows(some), state, columns)
 
     def slack_marks(self, base: Base, at: Explanation) -> Floats:
         """Marks (W, K, k) of the slack parameters, per unit, around an explanation on the windows of a base."""
@@ -52,20 +65,26 @@ class Weighing(Following):
             key = effect, member
             steps[column] = SLACK_STEP * abs(nominal)
             moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
-        return self._marks(base, moved, None if at == base.explanation else at)[0] / steps
+        pieces = self._marks(base, moved, None if at == base.explanation else at)
+        return np.concatenate([columns for _, columns, _ in pieces]) / steps
 
     def _marks(
         self, base: Base, changes: list[Explanation], around: Explanation | None
-    ) -> tuple[Floats, Floats | None]:
-        """Marks (W, K, N) of changes beyond ``around``, and the mark (W, K) of that; None is that of the base."""
+    ) -> Iterator[tuple[slice, Floats, Floats | None]]:
+        """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the base."""
         rows = [change.values(self.vehicle) for change in (*changes, *([around] if around else []))]
-        if not rows:
-            return np.empty((*base.state.residual.shape, 0)), None
-        forces = force_changes(self.windows, base.vehicle, batch(self.vehicle, rows), base.motion)
-        columns = marks(self.windows, base.vehicle, self.layout, base.state, forces)
-        if around is None:
-            return columns, None
-        return columns[..., :-1] - columns[..., -1:], columns[..., -1]
+        vehicles = batch(self.vehicle, rows) if rows else None
+        for some in in_pieces(len(self.windows), len(rows)):
+            if vehicles is None:
+                yield some, np.empty((*base.state.residual[some].shape, 0)), None
+                continue
+            windows = self.windows.subset(some)
+            forces = force_changes(windows, base.vehicle, vehicles, base.motion[some])
+            columns = marks(windows, base.vehicle, self.layout, rows_of(base.state, some), forces)
+            if around is None:
+                yield some, columns, None
+            else:
+                yield some, columns[..., :-1] - columns[..., -1:], columns[..., -1]
 
     def without_slack(self, q: Quadratic, explanation: Explanation) -> tuple[float, Floats, Floats, Floats, Floats]:
         """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
@@ -111,10 +130,10 @@ class Weighing(Following):
         """
         explanation = base.explanation if sketched is None else sketched
         changes, steps = self.knob_changes(explanation)
-        slack_marks = self.slack_marks(base, explanation) if before is None else before.slack_marks
-        q = self.quadratic(base, changes, sketched, slack_marks)
-        if sketched is not None:
-            q = q.windows(self.followed)
+        slack_marks = None if before is None else before.slack_marks
+        if slack_marks is None:
+            slack_marks = self.slack_marks(base, explanation)
+        q = self.quadratic(base, changes, sketched, slack_marks, None if sketched is None else self.followed)
         at = self.slack_now(explanation)
         chi2 = q.constant + float(at @ self.slack_precision @ at)
         if not np.isfinite(chi2):  # the windows diverge under this vehicle
@@ -219,3 +238,15 @@ def joint_precision(slack: Floats, values: Floats) -> Floats:
     joint[:k, :k] = slack
     joint[k:, k:] = np.diag(values)
     return joint
+
+
+def in_pieces(windows: int, changes: int) -> Iterator[slice]:
+    """Slices of windows, all about as long, of which ``changes`` make no more than :data:`MARKS_AT_ONCE` at once."""
+    pieces = min(windows, -(-windows * changes // MARKS_AT_ONCE)) or 1
+    edges = np.linspace(0, windows, pieces + 1).astype(int).tolist()
+    return (slice(first, behind) for first, behind in zip(edges, edges[1:], strict=False))
+
+
+def rows_of(state: Smoothed, some: slice) -> Smoothed:
+    """The state of some windows."""
+    return Smoothed(*(field[some] for field in fields(state)))

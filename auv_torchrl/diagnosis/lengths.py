@@ -1,0 +1,60 @@
+"""Whether logs are long enough for the settings, before anything is computed."""
+
+from collections.abc import Callable, Sequence
+
+from auv_torchrl.diagnosis.how_far.predict import START_S, cut_stretches
+from auv_torchrl.diagnosis.motion.windows import Windows, cut_windows
+from auv_torchrl.diagnosis.which.hypotheses import Settings
+from auv_torchrl.flightlog import FlightLog, FlightLogError, join
+
+LEARNT = 0.8  # of each episode, where no test log is given and there are too few episodes to hold one out
+ROUNDING_S = 0.1  # s: cuts fall on samples and on grid steps
+
+
+def check_lengths(
+    training: FlightLog, testing: FlightLog, healthy: Sequence[FlightLog], cut: bool, settings: Settings
+) -> None:
+    """Refuse logs that hold no window, by the very cuts that the diagnosis makes.
+
+    Args:
+        training: what is learnt from.
+        testing: what is predicted.
+        healthy: logs of the sound vehicle.
+        cut: whether ``training`` and ``testing`` are the first and the last part of the same episodes.
+        settings: of the diagnosis.
+
+    Raises:
+        FlightLogError: naming the log, the settings and how long an episode must be.
+    """
+    learn, predict = settings.lead_s + settings.window_s, settings.lead_s + START_S
+    lead, window = f"diagnosis.lead_s={settings.lead_s:g}", f"diagnosis.window_s={settings.window_s:g}"
+    shared = max(learn / LEARNT, predict / (1 - LEARNT)) + ROUNDING_S
+
+    def windows(log: FlightLog) -> Windows:
+        return cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+
+    def stretches(log: FlightLog) -> Windows:
+        return cut_stretches(log, settings)[0]
+
+    if healthy:
+        _check(windows, join(healthy), learn, f"a healthy log needs {lead} and {window}", learn)
+    first = "of each episode the first four fifths" if cut else "an episode to learn from"
+    _check(windows, training, learn, f"{first} must hold {lead} and {window}", shared if cut else learn)
+    last = "of each episode the last fifth, held out," if cut else "an episode to predict"
+    other = ", or give another log as test=FILE" if cut else ""
+    _check(stretches, testing, predict, f"{last} must hold {lead} and {START_S:g} s", shared if cut else predict, other)
+
+
+def _check(
+    cut: Callable[[FlightLog], Windows], log: FlightLog, least_s: float, why: str, needed_s: float, other: str = ""
+) -> None:
+    try:
+        cut(log)
+    except FlightLogError as error:
+        longest = max(episode.duration for episode in log.episodes)
+        if longest > least_s + ROUNDING_S:  # long enough, but with pauses: the error says what it lacks
+            raise
+        raise FlightLogError(
+            f"{log.name} is too short: {why} ({least_s:g} s), and there are {max(longest, 0):.1f} s at most: "
+            f"give an episode of {needed_s:.1f} s or more{other}, or make these settings smaller"
+        ) from error

@@ -1,0 +1,79 @@
+"""Whether position and body velocity tell the same motion; where they do not, the one that obeys the thrusters stays.
+
+d(position)/dt must equal R(attitude) v. Faults of a vehicle leave that law alone, so what breaks it is a sensor.
+"""
+
+import numpy as np
+
+from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, with_axes
+from auv_torchrl.flightlog.motion import Blocks, blocks, force_balance, rotations
+from auv_torchrl.physics.kinematics import matvec
+from auv_torchrl.vehicle import Vehicle
+
+NEEDED = {"x", "y", "yaw", "u", "v"}
+SLOWEST = 0.02  # m/s, root mean square speed below which nothing can be compared
+FAILS = 0.5  # share of the motion that velocities must give, or they disagree ...
+CLEARLY = 0.5  # ... as they do where a scale or a delay takes away this share of what is left open,
+SCALED = 0.15  # relative, if the scale is at least so far from 1,
+LATE_S = np.arange(0.0, 1.05, 0.1)  # s
+LEAST_LATE_S = 0.2  # or the delay is at least so long
+BALANCED = 0.3  # balance of forces from which a sensor is believed against another one
+
+
+def reconcile(
+    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle
+) -> tuple[tuple[Episode, ...], tuple[str, ...], list[Finding]]:
+    """The episodes and axes without the sensor that disagrees, and a finding that says so; else as they are."""
+    if not set(axes) >= NEEDED:
+        return episodes, axes, []
+    b = blocks(episodes, vehicle)
+    if len(b.length) < 12 or not np.sqrt(np.nanmean(b.velocity[:, :3] ** 2)) > SLOWEST:
+        return episodes, axes, []
+    own, _ = _agreement(b, 1.0)
+    tried = {late: _agreement(blocks(episodes, vehicle, late)) for late in LATE_S.tolist()}
+    late, (best, scale) = max(tried.items(), key=lambda item: item[1][0])
+    explains = 1 - best < CLEARLY * (1 - own) and best > FAILS
+    odd = abs(scale - 1) > SCALED or late >= LEAST_LATE_S
+    if own >= FAILS and not (explains and odd):
+        return episodes, axes, []
+    how = f"d(position)/dt and R(attitude) v agree to {max(own, 0):.0%} only"
+    if explains and odd:
+        what = [f"{scale:.2f} times the velocity"] if abs(scale - 1) > SCALED else []
+        what += [f"{late:.1f} s before the velocity"] if late >= LEAST_LATE_S else []
+        how += f"; the position moves with {' and '.join(what)} (to {best:.0%})"
+    lost, kept = _less_believed(b, axes, vehicle)
+    columns = tuple(axis for axis in (*POSE, *VELOCITY[:3]) if axis in axes)
+    remedy = "Check units, signs and time stamps of pose and velocity"
+    if not lost:
+        sentence = f"{how}; neither of the two follows the thrusters"
+        return (
+            episodes,
+            axes,
+            [Finding(Severity.WARNING, "pose_velocity_disagree", sentence, remedy, columns, limits=True)],
+        )
+    sentence = f"{how}; {', '.join(lost)} are left out, because the thrusters push as {', '.join(kept)} say"
+    finding = Finding(Severity.WARNING, "pose_velocity_disagree", sentence, remedy, columns)
+    axes = tuple(axis for axis in axes if axis not in lost)
+    return tuple(with_axes(episode, axes) for episode in episodes), axes, [finding]
+
+
+def _agreement(b: Blocks, scale: float | None = None) -> tuple[float, float]:
+    """Share of d(position)/dt that velocities give at a scale, by default the one that fits best, and that scale."""
+    derived = matvec(rotations(b.attitude), np.nan_to_num(b.velocity[:, :3]))
+    known = np.isfinite(b.rate[:, :3]) & np.isfinite(derived)
+    given, derived = b.rate[:, :3][known], derived[known]
+    if scale is None:
+        scale = float(given @ derived / max(derived @ derived, 1e-12))
+    return 1 - float(((given - scale * derived) ** 2).sum() / max(given @ given, 1e-12)), scale
+
+
+def _less_believed(b: Blocks, axes: tuple[str, ...], vehicle: Vehicle) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The axes that the balance of forces speaks against, and those that it speaks for; both empty where for none."""
+    nothing = np.full_like(b.velocity, np.nan)
+    by_pose = force_balance(b._replace(velocity=nothing), vehicle) or -np.inf
+    by_velocity = force_balance(b, vehicle) or -np.inf
+    if max(by_pose, by_velocity) < BALANCED:
+        return (), ()
+    poses, velocities = (tuple(n for n in names if n in axes) for names in (POSE[:3], VELOCITY))
+    return (velocities, poses) if by_pose >= by_velocity else (poses, velocities)
