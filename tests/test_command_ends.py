@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from auv_torchrl.agents.interrupt import interruptible
 from auv_torchrl.agents.storage import storing
 from auv_torchrl.blind import schema as blind_schema
-from auv_torchrl.command import BadInput, LogFile, checking_input
+from auv_torchrl.command import BadInput, LogFile, callback, checking_input
 from auv_torchrl.command.arguments import quote_files, refuse_unknown_keys
 from auv_torchrl.command.errors import CANNOT_WRITE, CannotWrite, writing
 from auv_torchrl.command.terminal import spell_signs
@@ -93,6 +93,25 @@ def test_a_sweep_goes_on_with_the_jobs_that_have_not_finished(train, tmp_path):
     assert code == 2 and "seed=0,1,2 is given only there" in error
     assert train(run, *sweep)[0] == 0
     assert done == [0, 1, 1, 2]
+
+
+def test_nothing_runs_where_its_folder_could_not_be_claimed(train, monkeypatch, tmp_path):
+    """Hydra only warns of what goes wrong in callbacks; for us it is the end, also of a value that cannot be read."""
+    begun = []
+
+    def run(experiment, folder: Path) -> None:
+        begun.append(folder)
+
+    code, error = train(run, "device=${nope}", f"output={tmp_path / 'out'}")
+    assert (code, error) == (2, "train: device: Interpolation key 'nope' not found\n")
+
+    def defect(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(callback, "claim_folder", defect)
+    code, error = train(run, f"output={tmp_path / 'out'}")
+    assert code == 1 and "ZeroDivisionError" in error
+    assert not begun
 
 
 def test_training_asks_for_the_signal_and_a_cluster_keeps_its_own_handler():

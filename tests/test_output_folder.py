@@ -47,6 +47,16 @@ def test_other_settings_are_refused_by_name(tmp_path):
         claim_folder(tmp_path, "diagnose", SETTINGS)
 
 
+@pytest.mark.parametrize("content", [b"a: [", b"\xff"], ids=str)
+def test_an_unfinished_run_whose_settings_were_damaged_is_refused(tmp_path, content):
+    """Whether it was the same run cannot be told."""
+    broken_off(tmp_path)
+    (tmp_path / "config.yaml").write_bytes(content)
+    with pytest.raises(BadInput, match=r"unfinished run whose settings, config.yaml, cannot be read .*output=DIR"):
+        claim_folder(tmp_path, "train", SETTINGS)
+    assert (tmp_path / "config.yaml").read_bytes() == content
+
+
 def test_another_sweep_is_refused_by_its_command_line(tmp_path):
     """A sweep has many settings: what was typed is compared, but for the folder itself."""
     claim_folder(tmp_path, "train", "", ["seed=0,1", "output=a"])
@@ -69,7 +79,15 @@ def test_a_finished_run_is_never_overwritten(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "about", ["", "mine", "[]", '{"command": "train"}', '{"command": "train", "finished": "2026-01-01"}']
+    "about",
+    [
+        "",
+        "mine",
+        "[]",
+        '{"command": "train"}',
+        '{"command": "train", "finished": null}',
+        '{"command": "train", "finished": "2026-01-01"}',
+    ],  # fmt: skip
 )
 def test_somebody_elses_files_are_refused_and_left_alone(tmp_path, about):
     """Also a run.json that no unfinished run of ours wrote, as that of an older version."""

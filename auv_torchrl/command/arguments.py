@@ -12,6 +12,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.command.errors import BadInput, one_line
 from auv_torchrl.paths import CONF, config_names
@@ -141,7 +142,9 @@ def explain(config_name: str, error: Exception) -> str:
         return (
             f"cannot read {error.override} ({why}): put a value with signs like , = ( [ in quotes: {key}=\"'{value}'\""
         )
-    text = str(error).split("Config search path")[0].split("\nSee https")[0]
+    text = str(error).split("Config search path")[0].split("\nSee https")[0].split("\n    full_key")[0]
+    if isinstance(error, OmegaConfBaseException) and error.full_key and error.full_key not in text:
+        text = f"{error.full_key}: {text}"
     if missing := re.search(r"Could not override '([^']+)'\.\s*To append", text):
         return unknown_key(config_name, missing[1])
     if absent := re.search(r"Could not (?:find|load) '([^']+)/([^/']+)'", text):

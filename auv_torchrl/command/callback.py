@@ -1,14 +1,21 @@
 """What Hydra calls before a run or a job begins: its folder is claimed, and how it was started is written down."""
 
 import logging
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-from auv_torchrl.command.errors import BadInput, fail
+from auv_torchrl.command.arguments import explain
+from auv_torchrl.command.errors import BadInput, fail, writing
 from auv_torchrl.command.folder import claim_folder, finish, goes_on, is_finished
 
 log = logging.getLogger(__name__)
@@ -19,29 +26,47 @@ class OutputFolder(Callback):
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Claim the folder of a single run."""
-        self._claim(config, config.hydra.run.dir, _settings(config))
+        with _or_end(config):
+            _claim(config, config.hydra.run.dir, _settings(config))
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Claim the folder of a sweep."""
-        self._claim(config, config.hydra.sweep.dir, "")
+        with _or_end(config):
+            _claim(config, config.hydra.sweep.dir, "")
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Every job has ended well."""
-        finish(Path(config.hydra.sweep.dir))
+        with _or_end(config):
+            finish(Path(config.hydra.sweep.dir))
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Claim the folder of a job of a sweep, unless it ended there before the sweep was broken off."""
         folder = Path(config.hydra.runtime.output_dir)
         if config.hydra.mode is RunMode.MULTIRUN and not is_finished(folder):
-            self._claim(config, str(folder), _settings(config), (f"{config.hydra.job.name}.log",))
+            with _or_end(config):
+                _claim(config, str(folder), _settings(config), (f"{config.hydra.job.name}.log",))
         if goes_on(folder):
             log.info("going on with the unfinished run in %s", folder)
 
-    def _claim(self, config: DictConfig, folder: str, settings: str, ours: tuple[str, ...] = ()) -> None:
-        try:
-            claim_folder(Path(folder), config.hydra.job.name, settings, list(config.hydra.overrides.task), ours)
-        except BadInput as error:  # Hydra only warns of exceptions in callbacks
-            fail(config.hydra.job.name, error)
+
+@contextmanager
+def _or_end(config: DictConfig) -> Iterator[None]:
+    """End the command on any error: Hydra only warns of those in callbacks, and the run would go on unclaimed."""
+    command = config.hydra.job.name
+    try:
+        with writing():
+            yield
+    except BadInput as error:
+        fail(command, error)
+    except (HydraException, OmegaConfBaseException) as error:
+        fail(command, BadInput(explain(config.hydra.job.config_name, error)))
+    except Exception:  # a defect of the program
+        traceback.print_exc()
+        sys.exit(1)
+
+
+def _claim(config: DictConfig, folder: str, settings: str, ours: tuple[str, ...] = ()) -> None:
+    claim_folder(Path(folder), config.hydra.job.name, settings, list(config.hydra.overrides.task), ours)
 
 
 def _settings(config: DictConfig) -> str:

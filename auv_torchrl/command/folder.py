@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from auv_torchrl import __version__
 from auv_torchrl.command.errors import BadInput
@@ -122,7 +124,7 @@ def _refuse_foreign(folder: Path, command: str, ours: tuple[str, ...]) -> dict[s
     """What ``run.json`` says of an unfinished run; None where the folder is empty."""
     used = sorted({entry.name for entry in folder.iterdir()} - {LOCK, *ours})
     about = _read(folder)
-    if about is not None and about.get("command") == command and about.get("finished", "long ago") is None:
+    if about is not None and about.get("command") == command and _is_unfinished(about):
         return about
     if not used:
         return None
@@ -134,10 +136,22 @@ def _refuse_foreign(folder: Path, command: str, ours: tuple[str, ...]) -> dict[s
     )
 
 
+def _is_unfinished(about: Mapping[str, Any]) -> bool:
+    """Whether :func:`_about` wrote this, and the run has not ended."""
+    lists = about.get("overrides"), about.get("continued", [])
+    return all(isinstance(entry, list) for entry in lists) and "started" in about and about.get("finished", "") is None
+
+
 def _refuse_other_settings(folder: Path, config: str, overrides: list[str], before: Mapping[str, Any]) -> None:
     if config:
         kept = folder / CONFIG
-        there = _flat(OmegaConf.load(kept)) if kept.is_file() else {}
+        try:
+            there = _flat(OmegaConf.load(kept)) if kept.is_file() else {}
+        except (ValueError, OSError, YAMLError, OmegaConfBaseException) as error:
+            raise BadInput(
+                f"the output folder {folder} is already used by an unfinished run whose settings, {CONFIG}, cannot be "
+                f"read ({type(error).__name__}): give another folder with output=DIR, or delete it"
+            ) from error
         here = _flat(OmegaConf.create(config)) if there else {}
         changed = [key for key in sorted({*there, *here}) if key != "output" and there.get(key) != here.get(key)]
         differ = [f"{key} is {_value(there, key)} there and {_value(here, key)} here" for key in changed]
