@@ -20,9 +20,9 @@ log = logging.getLogger("diagnose")
 register()
 
 
-@command("diagnose")
+@command("diagnose", files=("log", "healthy", "test", "output"))
 def main(config: DictConfig) -> None:
-    """Read the logs, diagnose them, write the files, print the verdict."""
+    """Read the logs, diagnose them, print the verdict, write the files."""
     with checking_input():
         request = read_request(config)
     with checking_input((FlightLogError,)), ProgressBar() as progress:
@@ -37,8 +37,9 @@ def main(config: DictConfig) -> None:
             uncertainty=request.uncertainty,
         )
     folder = Path(HydraConfig.get().runtime.output_dir)
-    write_files(diagnosis, request.vehicle, folder)
-    log.info("\n%s\n\nreport.html, diagnosis.json and scenario.yaml are in %s", summary_table(diagnosis), folder)
+    log.info("\n%s\n", summary_table(diagnosis))  # before the files, so that a full disk does not keep it
+    write_files(diagnosis, request.vehicle, folder, replace=True)  # of an unfinished run; others are refused before
+    log.info("report.html, diagnosis.json and scenario.yaml are in %s", folder)
 
 
 if __name__ == "__main__":

@@ -20,16 +20,16 @@ log = logging.getLogger("train")
 schema.register()
 
 
-@command("train")
+@command("train", files=("diagnosis_file", "policies", "output"), groups=("scenario", "experiment"))
 def main(config: DictConfig) -> None:
-    """Check the config, run the experiment, print its table."""
+    """Check the config, run the experiment."""
     torch.set_num_threads(1)  # small networks: a second thread costs more than it gives, and the cores are for sweeps
     hydra = HydraConfig.get()
     with checking_input():
         experiment = read_experiment(config, scenario_name(hydra.runtime.choices, hydra.overrides.task))
     folder = Path(hydra.runtime.output_dir)
-    results = run(experiment, folder)
-    log.info("\n%s\n\nresults.json, figures and run.rrd are in %s", results.table(), folder)
+    run(experiment, folder)
+    log.info("\nresults.json, figures and run.rrd are in %s", folder)
 
 
 def spelt_out(arguments: list[str]) -> list[str]:

@@ -16,6 +16,7 @@ from tensordict import TensorClass
 from torch import Tensor
 
 from auv_torchrl.paths import config_path
+from auv_torchrl.settings import choices
 from auv_torchrl.yaml_file import read_yaml
 
 GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weights
@@ -169,7 +170,8 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     known = {"name", "uncertainty", "rigid_body", "thrusters", "mixer", *_VECTORS[""]}
     if unknown := set(vehicle) - known:
-        raise ValueError(f"vehicle: unknown entries {sorted(map(str, unknown))}: there are {', '.join(sorted(known))}")
+        odd = sorted(map(str, unknown))
+        raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
     fields = {}
     for section, keys in _VECTORS.items():
         block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
@@ -178,7 +180,7 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
         allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
         if unknown := set(block) - allowed:
             odd = sorted(map(str, unknown))
-            raise ValueError(f"vehicle: unknown entries {odd} in {section}: there are {', '.join(sorted(allowed))}")
+            raise ValueError(f"vehicle: unknown entries {odd} in {section}: {choices(odd, sorted(allowed))}")
         for key, length in keys.items():
             label = f"{section}.{key}" if section else key
             if key not in block:

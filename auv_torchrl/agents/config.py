@@ -2,64 +2,51 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from auv_torchrl.settings import read_settings
+from auv_torchrl.settings import Entries, In, OneOf, check_fields, read_settings
 
-POSITIVE = (
-    "learning_rate", "alpha_learning_rate", "batch_size", "alpha_init", "num_envs", "steps_per_batch",
-    "updates_per_step", "total_frames", "buffer_size", "stretch_steps", "evaluation_starts",
-)  # fmt: skip
 REPORTING = ("csv", "tensorboard")  # the settings that do not shape the policy
 
 
 @dataclass(frozen=True)
 class AgentConfig:
-    """What ``conf/agent/*.yaml`` sets; there are no defaults elsewhere."""
+    """What ``conf/agent/*.yaml`` sets; there are no defaults elsewhere.
 
-    loss: str
-    hidden: tuple[int, ...]
-    learning_rate: float
-    learning_rate_end: float
-    alpha_learning_rate: float
-    gamma: float
-    tau: float
-    batch_size: int
-    target_entropy: float
-    alpha_init: float
-    average: float
-    num_envs: int
-    steps_per_batch: int
-    updates_per_step: int
-    random_frames: int
-    total_frames: int
-    buffer_size: int
-    stretch_steps: int
-    evaluation_starts: int
-    evaluation_box_m: float | None
-    stop_below_m: float | None
+    Upper ends keep what is held in memory below about 10 GB.
+    """
+
+    loss: Annotated[str, OneOf(("fused", "stock"))]
+    hidden: Annotated[tuple[int, ...], In("[1, 4096]"), Entries(1, 8)]
+    learning_rate: Annotated[float, In("(0, inf)")]
+    learning_rate_end: Annotated[float, In("(0, 1]")]
+    alpha_learning_rate: Annotated[float, In("(0, inf)")]
+    gamma: Annotated[float, In("[0, 1)")]
+    tau: Annotated[float, In("(0, 1]")]
+    batch_size: Annotated[int, In("[1, 100000]")]
+    target_entropy: Annotated[float, In("[-1000, 1000]")]
+    alpha_init: Annotated[float, In("(0, 1000]")]
+    average: Annotated[float, In("[0, 1)")]
+    num_envs: Annotated[int, In("[1, 100000]")]
+    steps_per_batch: Annotated[int, In("[1, 10000]")]
+    updates_per_step: Annotated[int, In("[1, 1000]")]
+    random_frames: Annotated[int, In("[0, 1000000000]")]
+    total_frames: Annotated[int, In("[1, 1000000000]")]
+    buffer_size: Annotated[int, In("[1, 50000000]")]
+    stretch_steps: Annotated[int, In("[1, 100000]")]
+    evaluation_starts: Annotated[int, In("[1, 10000]")]
+    evaluation_box_m: Annotated[float, In("(0, 1000]")] | None
+    stop_below_m: Annotated[float, In("(0, 1000]")] | None
     csv: bool
     tensorboard: bool
 
     def __post_init__(self) -> None:
         """Refuse values with which training cannot run."""
         object.__setattr__(self, "hidden", tuple(self.hidden))
-        if self.loss not in ("fused", "stock"):
-            raise ValueError(f"agent: loss is {self.loss!r}: give fused or stock")
-        if not self.hidden or min(self.hidden) < 1:
-            raise ValueError(f"agent: hidden is {list(self.hidden)}: give the units of at least one layer")
-        for name in POSITIVE:
-            if not getattr(self, name) > 0:
-                raise ValueError(f"agent: {name} is {getattr(self, name)!r}: give a number above 0")
-        for name in ("gamma", "average"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ValueError(f"agent: {name} is {getattr(self, name)!r}: give a number in [0, 1)")
-        for name in ("tau", "learning_rate_end"):
-            if not 0 < getattr(self, name) <= 1:
-                raise ValueError(f"agent: {name} is {getattr(self, name)!r}: give a number in (0, 1]")
+        check_fields(self, "agent")
         if self.stretch_steps % self.steps_per_batch:
             raise ValueError(
-                f"agent: stretch_steps is {self.stretch_steps}: give a multiple of steps_per_batch, "
+                f"agent.stretch_steps is {self.stretch_steps}: give a multiple of steps_per_batch, "
                 f"{self.steps_per_batch}"
             )
 

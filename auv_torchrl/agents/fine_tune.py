@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from torchrl.envs import EnvBase, TransformedEnv
 from torchrl.envs.transforms import Transform
@@ -13,6 +13,7 @@ from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import describe, kept_or_trained, make_examiner
 from auv_torchrl.agents.trainer import Trainer
 from auv_torchrl.envs import RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.settings import In, check_fields
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -20,17 +21,13 @@ from auv_torchrl.vehicle import Vehicle
 class FineTuning:
     """How long a policy is trained on; ``conf/train.yaml`` explains the values."""
 
-    total_frames: int = 76800
-    critic_frames: int = 25600
-    learning_rate: float = 1.0e-3
+    total_frames: Annotated[int, In("[1, 1000000000]")] = 76800
+    critic_frames: Annotated[int, In("[0, 1000000000]")] = 25600
+    learning_rate: Annotated[float, In("(0, inf)")] = 1.0e-3
 
     def __post_init__(self) -> None:
         """Refuse values that cannot work."""
-        for name in ("total_frames", "learning_rate"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"fine tuning: {name} is {getattr(self, name)!r}: give a number above 0")
-        if self.critic_frames < 0:
-            raise ValueError(f"fine tuning: critic_frames is {self.critic_frames!r}: give a number of 0 or more")
+        check_fields(self, "tuning")
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ class Trainer:
         """Train to the end, from the beginning or from where :meth:`resume` left off.
 
         Raises:
-            Interrupted: after Ctrl-C, when the running stretch is over and its checkpoint written.
+            Interrupted: after Ctrl-C or SIGTERM, when the running stretch is over and its checkpoint written.
             Diverged: if a loss is no finite number; the checkpoint is the last one before.
         """
         config = self.config
@@ -129,10 +129,11 @@ class Trainer:
                     self._run_stretch(progress)
                     progress.report(self.curve)
                     self.save()
-                    if asked_to_stop() and not self.finished:
+                    if (signum := asked_to_stop()) and not self.finished:
                         raise Interrupted(
                             f"training stopped at {self.frames} transitions and saved to {self.folder / CHECKPOINT}: "
-                            "run the same command to go on"
+                            "run the same command to go on",
+                            signum,
                         )
         finally:
             torch.set_num_threads(threads)

@@ -13,22 +13,26 @@ from auv_torchrl.blind.examine import VEHICLE, examine, read_answers
 from auv_torchrl.blind.fly import fly
 from auv_torchrl.blind.judge import judge
 from auv_torchrl.blind.report import markdown, publish, write_report
+from auv_torchrl.blind.schema import BlindSchema, register
 from auv_torchrl.blind.score import failures, numbers
 from auv_torchrl.blind.seal import answers_folder, is_sealed, open_labels, seal
 from auv_torchrl.command import checking_input, command
+from auv_torchrl.settings import check
 from auv_torchrl.vehicle import load_vehicle
 
 BATCH = 24  # cases flown at once: 0.1 GB
 
 log = logging.getLogger(__name__)
+register()
 
 
-@command("blind")
+@command("blind", files=("folder", "publish"))
 def main(config: DictConfig) -> None:
     """Each step finds what the one before left in the folder, so that a killed run goes on where it was."""
     torch.set_num_threads(1)
     folder = Path(config.folder)
     with checking_input():
+        check(BlindSchema, {name: config[name] for name in ("cases", "seed", "workers")})
         fly_and_seal(config, folder)
     answers = answers_folder(folder)
     examine(folder, answers, config.workers or os.cpu_count() or 1)

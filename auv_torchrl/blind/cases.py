@@ -1,5 +1,6 @@
 """Which cases are flown: families of cases in fixed shares, in an order that any part of is representative."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import cycle
@@ -9,6 +10,7 @@ import numpy as np
 from auv_torchrl.blind.damages import DAMAGES, FAULTS, POSES, can_show
 from auv_torchrl.blind.outside import OUTSIDE
 from auv_torchrl.blind.sizes import CLEAR
+from auv_torchrl.settings import choices
 
 SLACK = 0.03  # standard deviation of the factors on gains, drags and inertias of a vehicle that is not quite nominal
 STEPS_DOWN = (0.5, 0.25, 0.12, 0.06)  # of a clear size, to below the detection limit
@@ -70,8 +72,8 @@ def count_by_family(cases: int, shares: Mapping[str, float]) -> dict[str, int]:
         ValueError: for an unknown family or shares that are not positive numbers.
     """
     if unknown := set(shares) - set(FAMILIES):
-        raise ValueError(f"blind: unknown families {sorted(unknown)}: there are {', '.join(FAMILIES)}")
-    if not shares or min(shares.values()) < 0 or sum(shares.values()) <= 0:
+        raise ValueError(f"blind: unknown families {sorted(unknown)}: {choices(unknown, FAMILIES)}")
+    if not all(0 <= share < math.inf for share in shares.values()) or not sum(shares.values()) > 0:
         raise ValueError(f"blind: families are {dict(shares)}: give shares of 0 or more, one of them above 0")
     if cases < 1:
         raise ValueError(f"blind: cases is {cases}: give 1 or more")

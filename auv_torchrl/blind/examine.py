@@ -34,8 +34,12 @@ def examine(folder: Path, answers: Path, workers: int) -> None:
         return
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         jobs = [pool.submit(_answer, folder, answers, name, task) for name, task in open_tasks.items()]
-        for job in tqdm(as_completed(jobs), total=len(jobs), desc="diagnosed", unit="log", disable=None):
-            job.result()
+        try:
+            for job in tqdm(as_completed(jobs), total=len(jobs), desc="diagnosed", unit="log", disable=None):
+                job.result()
+        except BaseException:  # those that run write their answers, the rest does not begin
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:

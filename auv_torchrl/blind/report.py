@@ -32,7 +32,7 @@ def write_report(judgements: Sequence[Judgement], folder: Path, command: str) ->
             *map(_picture, pictures),
         ]
     )
-    (folder / "results.md").write_text(text.replace(f"({FIGURES}/", "(") + "\n")
+    (folder / "results.md").write_text(text.replace(f"({FIGURES}/", "(") + "\n", encoding="utf-8")
     return text
 
 
@@ -51,7 +51,7 @@ def publish(text: str, pictures: Path, document: Path) -> None:
     Raises:
         ValueError: if the document does not have both markers, in order.
     """
-    before, begin, rest = document.read_text().partition(BEGIN)
+    before, begin, rest = document.read_text(encoding="utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise ValueError(f"{document} has no {BEGIN} followed by {END}: put both where the tables belong")
@@ -60,7 +60,7 @@ def publish(text: str, pictures: Path, document: Path) -> None:
         if (pictures / f"{name}.png").exists():
             shutil.copyfile(pictures / f"{name}.png", document.parent / FIGURES / f"{name}.png")
     partial = document.with_name(f".{document.name}.partial")
-    partial.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}")
+    partial.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
     os.replace(partial, document)
 
 

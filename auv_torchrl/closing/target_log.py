@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import torch
@@ -13,6 +14,7 @@ from auv_torchrl.envs import FleetEnv, RegulationTask
 from auv_torchrl.evaluation import draw_starts, roll_out
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics.kinematics import euler_angles, wrap_angle
+from auv_torchrl.settings import In, Seed, check_fields
 
 POSITION_NOISE = 0.002  # m, a motion-capture system under water
 ATTITUDE_NOISE = 0.004  # rad
@@ -26,16 +28,13 @@ PERIODS_S = (2.0, 12.0)  # of the waves
 class Excitation:
     """How long the target is flown for a diagnosis; ``conf/train.yaml`` explains the values."""
 
-    episodes: int = 6
-    episode_s: float = 30.0
-    seed: int = 0
+    episodes: Annotated[int, In("[1, 1000]")] = 6
+    episode_s: Annotated[float, In("[5, 3600]", "s")] = 30.0
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
         """Refuse flights that show nothing."""
-        if self.episodes < 1 or not 5.0 <= self.episode_s < math.inf:
-            raise ValueError(
-                f"excitation: {self.episodes} episodes of {self.episode_s} s: give 1 or more, of 5 s or more"
-            )
+        check_fields(self, "excitation")
 
     @property
     def seconds(self) -> float:

@@ -1,14 +1,15 @@
 """From a composed config to the logs and the vehicle that a diagnosis needs, checked."""
 
 import logging
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, join, read_flightlog
 from auv_torchrl.vehicle import Vehicle, load_vehicle
@@ -57,6 +58,8 @@ def read_request(config: DictConfig) -> Request:
     if OmegaConf.is_missing(config, "log"):
         raise ValueError("no log: give log=flight.csv")
     vehicle = load_vehicle(_plain(config.vehicle))
+    settings = read_settings(_plain(config.diagnosis), vehicle)
+    uncertainty = read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle)
     extra = _names(config, "extra")
     kinds = {}
     for kind in ("log", "healthy", "test"):
@@ -70,26 +73,12 @@ def read_request(config: DictConfig) -> Request:
     return Request(
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
         vehicle=vehicle,
-        uncertainty=read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle),
-        settings=read_settings(_plain(config.diagnosis)),
+        uncertainty=uncertainty,
+        settings=settings,
         log=join(kinds["log"]),
         healthy=kinds["healthy"],
         test=kinds["test"],
     )
-
-
-def read_settings(content: Mapping[str, Any]) -> Settings:
-    """Settings from a mapping like ``conf/diagnosis/default.yaml``.
-
-    Raises:
-        ValueError: for a missing or unknown entry.
-    """
-    names = [entry.name for entry in fields(Settings)]
-    if set(content) != set(names):
-        odd = sorted(set(content) ^ set(names))
-        raise ValueError(f"diagnosis: {', '.join(odd)} missing or unknown: there are {', '.join(names)}")
-    values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in content.items()}
-    return Settings(**values)
 
 
 def report_findings(logs: Sequence[FlightLog]) -> None:

@@ -2,6 +2,7 @@
 
 from auv_torchrl.effects import actuation, body, external, flow, sensing
 from auv_torchrl.effects.effect import Effect, Origin, Parameter
+from auv_torchrl.settings import choices
 
 EFFECTS: dict[str, Effect] = {}
 for _effect in (*actuation.EFFECTS, *body.EFFECTS, *flow.EFFECTS, *external.EFFECTS, *sensing.EFFECTS):
@@ -17,7 +18,7 @@ def get_effect(name: str) -> Effect:
         ValueError: if there is none; the message lists those there are.
     """
     if not isinstance(name, str) or name not in EFFECTS:
-        raise ValueError(f"no effect named {name!r}: there are {', '.join(EFFECTS)}")
+        raise ValueError(f"no effect named {name!r}: {choices([name], EFFECTS)}")
     return EFFECTS[name]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
 Values = Mapping[str, float | Tensor]
@@ -96,7 +97,7 @@ class Effect:
         values: dict[str, float] = {}
         for name, value in given.items():
             if name not in declared:
-                raise ValueError(f"effect {self.name}: no parameter {name!r}: there are {', '.join(declared)}")
+                raise ValueError(f"effect {self.name}: no parameter {name!r}: {choices([name], declared)}")
             p = declared[name]
             if isinstance(value, bool) or not isinstance(value, int | float) or not p.low <= value <= p.high:
                 raise ValueError(

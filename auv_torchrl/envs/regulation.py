@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import torch
 from array_api_compat import array_namespace
@@ -10,8 +10,10 @@ from torch import Tensor
 
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
+from auv_torchrl.settings import In, check_fields
 
 Array = Any
+Weight = Annotated[float, In("[0, 1000]")]
 
 _SENSED = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate")
 _ERROR = ("error_x", "error_y", "error_z", "heading_error_sin", "heading_error_cos")
@@ -27,35 +29,27 @@ class RegulationTask:
     uniform box has almost none there and the last centimetres are what is judged.
     """
 
-    episode_s: float = 20.0  # s, section 5
-    control_dt: float = CONTROL_DT  # s
-    box_m: float = 10.0  # m, starts are uniform in a cube of this half width, section 5
-    near_share: float = 0.75  # share of the starts at a log-uniform distance instead
-    near_m: tuple[float, float] = (0.05, 2.0)  # m, range of that distance
-    start_speed: float = 2.0  # m/s, start velocities are uniform within this per axis, section 5
-    start_yaw_rate: float = 1.0  # rad/s, likewise
-    start_tilt: float = 0.0  # rad, start roll and pitch are uniform within this
-    error_weight: float = 1.0  # 1/m, alpha_1 of Eq. 6
-    heading_weight: float = 0.1  # 1/rad; the paper's error has no heading, so that it would drift
-    velocity_weight: float = 0.05  # s/m, alpha_2 of Eq. 6
-    action_weight: float = 0.005  # alpha_3 of Eq. 6, on the four channels in [-1, 1]
-    near_scale_m: float = 0.1  # m, the observation has tanh(error / near_scale_m): learning is 2 to 3 times faster
+    episode_s: Annotated[float, In("(0, 3600]")] = 20.0  # s, section 5
+    control_dt: Annotated[float, In("[0.001, 1]")] = CONTROL_DT  # s
+    box_m: Annotated[float, In("(0, 1000]")] = 10.0  # m, starts are uniform in a cube of this half width, section 5
+    near_share: Annotated[float, In("[0, 1]")] = 0.75  # share of the starts at a log-uniform distance instead
+    near_m: Annotated[tuple[float, float], In("(0, 1000]")] = (0.05, 2.0)  # m, range of that distance
+    start_speed: Weight = 2.0  # m/s, start velocities are uniform within this per axis, section 5
+    start_yaw_rate: Weight = 1.0  # rad/s, likewise
+    start_tilt: Annotated[float, In("[0, 3.2]")] = 0.0  # rad, start roll and pitch are uniform within this
+    error_weight: Weight = 1.0  # 1/m, alpha_1 of Eq. 6
+    heading_weight: Weight = 0.1  # 1/rad; the paper's error has no heading, so that it would drift
+    velocity_weight: Weight = 0.05  # s/m, alpha_2 of Eq. 6
+    action_weight: Weight = 0.005  # alpha_3 of Eq. 6, on the four channels in [-1, 1]
+    near_scale_m: Annotated[float, In("(0, 1000]")] = 0.1  # m, of tanh(error / near_scale_m): 2 to 3 times faster
     tilt: bool = True  # observe roll and pitch motion: faults and weak restoring moments tilt the vehicle
     thruster_commands: bool = False  # actions are the n thruster commands themselves, not the four channels
 
     def __post_init__(self) -> None:
         """Refuse values that no episode can have."""
-        for name in ("episode_s", "control_dt", "box_m", "near_scale_m"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"task: {name} is {getattr(self, name)!r}: give a number above 0")
-        for name in ("start_speed", "start_yaw_rate", "start_tilt", "error_weight", "heading_weight",
-                     "velocity_weight", "action_weight"):  # fmt: skip
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"task: {name} is {getattr(self, name)!r}: give a number of 0 or more")
-        if not 0 <= self.near_share <= 1:
-            raise ValueError(f"task: near_share is {self.near_share!r}: give a share from 0 to 1")
-        if not 0 < self.near_m[0] < self.near_m[1]:
-            raise ValueError(f"task: near_m is {self.near_m!r}: give two distances, 0 < low < high")
+        check_fields(self, "task")
+        if not self.near_m[0] < self.near_m[1]:
+            raise ValueError(f"task.near_m is {list(self.near_m)}: give two distances, 0 < low < high")
 
     @property
     def steps(self) -> int:

@@ -94,10 +94,10 @@ class Closing:
         }
 
     def save(self, folder: Path, experiment: Experiment) -> None:
-        """Write the log and the diagnosis, where this run made them."""
+        """Write the log and the diagnosis, where this run made them, over those of a run that was broken off."""
         if self.log is not None and self.diagnosed.diagnosis is not None:
-            write_flightlog(self.log, folder / LOG)
-            write_files(self.diagnosed.diagnosis, experiment.vehicle, folder / FILES)
+            write_flightlog(self.log, folder / LOG, replace=True)
+            write_files(self.diagnosed.diagnosis, experiment.vehicle, folder / FILES, replace=True)
 
 
 def stages_of(experiment: Experiment) -> int:

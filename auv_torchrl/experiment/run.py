@@ -45,11 +45,16 @@ class Outcome:
 
 
 def run(experiment: Experiment, folder: Path) -> Results:
-    """Everything that ``train.py`` does after its config is checked; files go into ``folder``."""
+    """Everything that ``train.py`` does after its config is checked.
+
+    Files go into ``folder``, over those of a run that was broken off there. The table is said before they are written,
+    so that a full disk does not keep it.
+    """
     stages = Stages(7 + stages_of(experiment))
     outcome = perform(experiment, stages)
     results, flights, scenario = outcome.results, outcome.flights, experiment.scenario.name
     with stages("Results, figures and recording"):
+        log.info("\n%s\n", results.table())
         results.save(folder)
         if outcome.closing is not None:
             outcome.closing.save(folder, experiment)
@@ -61,7 +66,7 @@ def run(experiment: Experiment, folder: Path) -> Results:
             title = f"{scenario} in flight: start {outcome.in_flight.shown + 1} of {results.starts}"
             flight_figure(one_flight, title).savefig(folder / "flight.png", dpi=DPI)
         control_map = linear_map(outcome.adaptation.adapter) if outcome.adaptation is not None else None
-        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map, one_flight)
+        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map, one_flight, replace=True)
     return results
 
 

@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import torch
 from torch import Tensor
 
 from auv_torchrl.online.recovery import SETTLED_S
 from auv_torchrl.scenario import Scenario
+from auv_torchrl.settings import In, check_fields
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -20,14 +22,15 @@ class FlightConfig:
     """
 
     fly: bool
-    length_s: float
-    fault_s: tuple[float, float]
+    length_s: Annotated[float, In("(0, 3600]")]
+    fault_s: Annotated[tuple[float, float], In("(0, 3600]")]
 
     def __post_init__(self) -> None:
         """Refuse faults before the start or so late that no recovery could be seen."""
+        check_fields(self, "flight")
         earliest, latest = self.fault_s
-        if not 0 < earliest <= latest:
-            raise ValueError(f"flight: fault_s is {list(self.fault_s)}: give two times, 0 < earliest <= latest")
+        if not earliest <= latest:
+            raise ValueError(f"flight.fault_s is {list(self.fault_s)}: give two times, 0 < earliest <= latest")
         self.check_end(latest, "flight.fault_s ends")
 
     def check_end(self, last_change_s: float, what: str) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import MISSING as NO_DEFAULT
 from dataclasses import dataclass, field, fields, make_dataclass
 from enum import Enum
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
@@ -16,6 +16,7 @@ from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import BACKENDS, RegulationTask
 from auv_torchrl.experiment.schedule import FlightConfig
 from auv_torchrl.online import OnlineConfig
+from auv_torchrl.settings import In, Seed
 
 Backend = Enum("Backend", {name: name for name in BACKENDS})
 
@@ -55,10 +56,10 @@ class TrainSchema:
     tuning: Any = field(default_factory=schema_of(FineTuning))
     backend: Backend = MISSING  # type: ignore[valid-type]
     device: str = MISSING
-    seed: int = MISSING
-    starts: int = MISSING
-    starts_seed: int = MISSING
-    box_m: float = MISSING
+    seed: Seed = MISSING
+    starts: Annotated[int, In("[1, 10000]")] = MISSING
+    starts_seed: Seed = MISSING
+    box_m: Annotated[float, In("(0, 1000]")] = MISSING
     policies: str = MISSING
     output: str = MISSING
 

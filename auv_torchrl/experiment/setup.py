@@ -19,8 +19,10 @@ from auv_torchrl.envs import FleetEnv, RegulationTask, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
 from auv_torchrl.experiment.schedule import FlightConfig, schedule
+from auv_torchrl.experiment.schema import TrainSchema
 from auv_torchrl.online import OnlineConfig
 from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.settings import check
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 NOMINAL = "nominal"  # the name of no scenario
@@ -80,6 +82,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     Raises:
         ValueError: for a value that cannot work, naming it and what to give.
     """
+    check(TrainSchema, {name: config[name] for name in ("seed", "starts", "starts_seed", "box_m")})
     vehicle = load_vehicle(_plain(config.vehicle))
     task = RegulationTask(**_with_tuples(_plain(config.task)))
     if task.episode_s <= STEADY_FROM_S:
@@ -90,6 +93,8 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     _check_device(config.device, config.backend.name)
     randomization = _plain(config.randomization)
     read_ranges(vehicle, randomization)
+    if Path(config.policies).is_file():
+        raise ValueError(f"policies is {config.policies!r}: it is a file: give a folder")
     scenario = read_scenario(scenario_name, _plain(config.scenario), vehicle)
     vehicle_name = str(config.vehicle.get("name", "unnamed"))
     diagnosed = None

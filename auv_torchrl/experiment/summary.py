@@ -36,7 +36,7 @@ class SweepSummary(Callback):
 def summarize(runs: Runs, folder: Path) -> str:
     """Write table and picture into ``folder`` and return the table."""
     text = table(runs)
-    (folder / TABLE).write_text(text + "\n")
+    (folder / TABLE).write_text(text + "\n", encoding="utf-8")
     picture(runs).savefig(folder / PICTURE, dpi=DPI)
     return text
 

@@ -14,23 +14,23 @@ from auv_torchrl.flightlog.log import POSE, VELOCITY, FlightLog
 _DIGITS = 6  # micrometres and microradians
 
 
-def write_flightlog(log: FlightLog, path: str | os.PathLike[str]) -> Path:
+def write_flightlog(log: FlightLog, path: str | os.PathLike[str], replace: bool = False) -> Path:
     """Write thruster commands and measured axes as CSV, or as Parquet if the name ends so; atomic.
 
     Raises:
-        FileExistsError: if the file is there.
+        FileExistsError: if the file is there and is not to be replaced.
     """
-    return write_columns(raw_columns(log), path)
+    return write_columns(raw_columns(log), path, replace)
 
 
-def write_columns(columns: Mapping[str, np.ndarray], path: str | os.PathLike[str]) -> Path:
+def write_columns(columns: Mapping[str, np.ndarray], path: str | os.PathLike[str], replace: bool = False) -> Path:
     """Write columns (T,) by name, as they are, to a file of the same format; atomic.
 
     Raises:
-        FileExistsError: if the file is there.
+        FileExistsError: if the file is there and is not to be replaced.
     """
     path = Path(path)
-    if path.exists():
+    if path.exists() and not replace:
         raise FileExistsError(f"{path} exists: remove it or choose another name")
     table = pa.table(dict(columns))
     partial = path.with_name(f".{path.name}.partial")

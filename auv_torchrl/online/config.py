@@ -1,13 +1,13 @@
 """Settings of the adaptation in one flight; ``conf/online/*.yaml`` gives and explains the values."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from auv_torchrl.settings import read_settings
+from auv_torchrl.settings import In, OneOf, Seed, check_fields, read_settings
 
 SENSED = ("velocity", "pose")
+Positive = Annotated[float, In("(0, 1000]")]
 
 
 @dataclass(frozen=True)
@@ -18,45 +18,35 @@ class OnlineConfig:
         ValueError: for a value that cannot work, saying what can.
     """
 
-    sensed: str
-    velocity_noise: float
-    position_noise: float
-    heading_noise: float
-    wrench_noise: float
-    gain_spread: float
-    mixing_spread: float
-    constant_spread: float
-    gain_drift: float
-    constant_drift: float
-    drift_spread: float
-    false_alarms_per_hour: float
-    smallest_shift: float
-    dither: float
-    uncertain_above: float
-    settled_below: float
-    longest_search_s: float
-    lost_after_s: float
-    largest_jump_m: float
-    heading_weight: float
-    seed: int
+    sensed: Annotated[str, OneOf(SENSED)]
+    velocity_noise: Positive
+    position_noise: Positive
+    heading_noise: Positive
+    wrench_noise: Positive
+    gain_spread: Positive
+    mixing_spread: Positive
+    constant_spread: Positive
+    gain_drift: Annotated[float, In("[0, 1)")]
+    constant_drift: Annotated[float, In("[0, 1)")]
+    drift_spread: Positive
+    false_alarms_per_hour: Positive
+    smallest_shift: Positive
+    dither: Annotated[float, In("[0, 1)")]
+    uncertain_above: Positive
+    settled_below: Positive
+    longest_search_s: Annotated[float, In("(0, 3600]")]
+    lost_after_s: Annotated[float, In("(0, 3600]")]
+    largest_jump_m: Positive
+    heading_weight: Positive
+    seed: Seed
 
     def __post_init__(self) -> None:
         """Refuse values that cannot work."""
-        if self.sensed not in SENSED:
-            raise ValueError(f"online: sensed is {self.sensed!r}: there are {', '.join(SENSED)}")
-        for name in ("velocity_noise", "position_noise", "heading_noise", "wrench_noise", "gain_spread",
-                     "mixing_spread", "constant_spread", "drift_spread", "false_alarms_per_hour", "smallest_shift",
-                     "uncertain_above", "settled_below", "longest_search_s", "lost_after_s", "largest_jump_m",
-                     "heading_weight"):  # fmt: skip
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"online: {name} is {getattr(self, name)!r}: give a number above 0")
-        for name in ("gain_drift", "constant_drift", "dither"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ValueError(f"online: {name} is {getattr(self, name)!r}: give a number from 0 to below 1")
+        check_fields(self, "online")
         if self.settled_below > self.uncertain_above:
             raise ValueError(
-                f"online: settled_below {self.settled_below} is above uncertain_above {self.uncertain_above}: "
-                "the dither would never stop"
+                f"online.settled_below is {self.settled_below}: give online.uncertain_above, {self.uncertain_above}, "
+                "or less: above it the dither would never stop"
             )
 
 

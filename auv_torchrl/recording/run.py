@@ -11,6 +11,7 @@ from auv_torchrl.evaluation import Flight
 from auv_torchrl.palette import CONTROLLER, SERIES, rgb
 from auv_torchrl.recording.blueprint import run_blueprint
 from auv_torchrl.recording.body import record_vehicle
+from auv_torchrl.recording.file import write_recording
 from auv_torchrl.recording.flight import OneFlight, record_flight
 from auv_torchrl.recording.series import record_series
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
@@ -45,30 +46,33 @@ def record_run(
     about: str,
     control_map: ControlMap | None = None,
     one_flight: OneFlight | None = None,
+    replace: bool = False,
 ) -> None:
     """Write the flights to ``path`` with a blueprint, so that the viewer opens arranged.
 
     Args:
-        path: of the .rrd file; it must not exist.
+        path: of the .rrd file.
         flights: ``nominal``, ``u_s`` and ``u_t``, as far as they were flown, from the same starts, batch (N, T + 1).
         vehicles: the vehicle (no batch) that each of them flew.
         about: markdown with the result, shown beside the scene.
         control_map: the map, where one was learnt.
         one_flight: in which the vehicle changes, where one was flown.
+        replace: the file if there is one; otherwise there must be none.
 
     Raises:
-        FileExistsError: if there is such a file.
+        FileExistsError: if there is such a file and it is not to be replaced.
     """
-    if path.exists():
+    if path.exists() and not replace:
         raise FileExistsError(f"the recording {path} exists already: give another output folder or delete it")
     shown = _starts_to_show(flights)
     first = next(iter(flights.values()))
     reach = float(first.position[shown, 0].norm(dim=-1).max())
     driven = "u_t" if "u_t" in flights else list(flights)[-1]
     commands = _command_names(flights[driven])
-    partial = path.with_suffix(".rrd.partial")
     with rr.RecordingStream("auv_torchrl train") as recording:
-        recording.save(partial, default_blueprint=run_blueprint(list(flights), commands, reach, one_flight is not None))
+        memory = recording.memory_recording()
+        blueprint = run_blueprint(list(flights), commands, reach, one_flight is not None)
+        recording.send_blueprint(blueprint, make_active=False)
         recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
         recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
         _record_target(recording)
@@ -84,7 +88,7 @@ def record_run(
             _record_map(recording, control_map)
         if one_flight is not None:
             record_flight(recording, one_flight)
-    partial.replace(path)
+        write_recording(memory, path)
 
 
 def _starts_to_show(flights: Mapping[str, Flight]) -> list[int]:

@@ -231,7 +231,7 @@ def test_everything_else_shapes_the_hash():
         ({"gama": 0.9}, "unknown settings.*gama.*there are.*gamma"),
         ({"gamma": 1.0}, "gamma is 1.0: give a number in"),
         ({"loss": "fast"}, "give fused or stock"),
-        ({"batch_size": 0}, "batch_size is 0: give a number above 0"),
+        ({"batch_size": 0}, "batch_size is 0: give a whole number of 1 or more"),
         ({"hidden": []}, "hidden is"),
         ({"stretch_steps": 41}, "multiple of steps_per_batch"),
         ({"tau": 0.0}, "tau is 0.0"),

@@ -32,14 +32,14 @@ def assert_same_policy(one, other):
 def interrupt_in_stretch(monkeypatch):
     """Press Ctrl-C during the evaluation of some stretch."""
 
-    def arm(stretch: int) -> None:
+    def arm(stretch: int, signum: int = signal.SIGINT) -> None:
         examined = []
         fly = Examiner.__call__
 
         def fly_and_press(self, policy):
             examined.append(policy)
             if len(examined) == stretch:
-                signal.raise_signal(signal.SIGINT)
+                signal.raise_signal(signum)
             return fly(self, policy)
 
         monkeypatch.setattr(Examiner, "__call__", fly_and_press)
@@ -69,6 +69,15 @@ def test_interrupted_training_ends_like_an_unbroken_one(tmp_path, backend, loss,
         with pytest.raises(Interrupted, match="run the same command to go on"):
             train_tiny(tmp_path / f"broken_{stretch}", backend=backend, loss=loss)
         assert_same_policy(train_tiny(tmp_path / f"broken_{stretch}", backend=backend, loss=loss), unbroken)
+
+
+def test_sigterm_saves_as_ctrl_c_does(tmp_path, interrupt_in_stretch):
+    """The checkpoint is written, and the interrupt says which signal it was."""
+    interrupt_in_stretch(1, signal.SIGTERM)
+    with pytest.raises(Interrupted, match="run the same command to go on") as stopped:
+        train_tiny(tmp_path)
+    assert stopped.value.signum == signal.SIGTERM
+    assert list(tmp_path.glob(f"*.training/{CHECKPOINT}"))
 
 
 def test_seeds_differ_and_repeat(tmp_path):

@@ -54,10 +54,10 @@ def test_what_acts_from_the_start_is_a_change_at_0():
 @pytest.mark.parametrize(
     ("settings", "error"),
     [
-        ({"fault_s": (0.0, 15.0)}, "0 < earliest <= latest"),
+        ({"fault_s": (0.0, 15.0)}, "fault_s is .*: give a list of 2 entries, each a number above 0"),
         ({"fault_s": (15.0, 5.0)}, "0 < earliest <= latest"),
         ({"length_s": 20.0}, "give 25 or more"),
-        ({"length_s": float("nan")}, "give 25 or more"),
+        ({"length_s": float("nan")}, "length_s is nan: give a number above 0"),
     ],
 )
 def test_times_that_do_not_fit_are_refused(settings, error):

@@ -20,26 +20,27 @@ from auv_torchrl.vehicle import Vehicle
 log = logging.getLogger(__name__)
 
 
-def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path) -> list[Path]:
+def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: bool = False) -> list[Path]:
     """Write diagnosis.json, report.html, scenario.yaml and what goes with them; each appears complete or not at all.
 
     Args:
         diagnosis: what to write.
         vehicle: the nominal vehicle, no batch.
-        folder: where to; it must hold none of these files.
+        folder: where to.
+        replace: files of these names, as where an earlier run was broken off; otherwise there must be none.
 
     Returns:
         The files, in the order in which people look at them.
 
     Raises:
-        FileExistsError: if one is there already.
+        FileExistsError: if one is there already and is not to be replaced.
     """
     content = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     writers: dict[str, Callable[[Path], object]] = {
-        "report.html": lambda path: path.write_text(report_page(diagnosis, vehicle), encoding="utf-8"),
-        "diagnosis.json": lambda path: path.write_text(content, encoding="utf-8"),
-        "scenario.yaml": lambda path: path.write_text(scenario_yaml(diagnosis, vehicle), encoding="utf-8"),
-        "randomization.yaml": lambda path: path.write_text(randomization_yaml(diagnosis, vehicle), encoding="utf-8"),
+        "report.html": lambda path: _write_text(path, report_page(diagnosis, vehicle)),
+        "diagnosis.json": lambda path: _write_text(path, content),
+        "scenario.yaml": lambda path: _write_text(path, scenario_yaml(diagnosis, vehicle)),
+        "randomization.yaml": lambda path: _write_text(path, randomization_yaml(diagnosis, vehicle)),
         "predictions.parquet": lambda path: pyarrow.parquet.write_table(predictions(diagnosis.windows), path),
     }
     experiment = diagnosis.next_experiment
@@ -51,14 +52,24 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path) -> list[Pa
     written = []
     for name, write in writers.items():
         target = folder / name
-        if target.exists():
+        if target.exists() and not replace:
             raise FileExistsError(f"{target} exists: give another output folder or delete it")
         partial = folder / f".{name}.partial"
-        write(partial)
+        try:
+            write(partial)
+        except BaseException:
+            partial.unlink(missing_ok=True)  # on a full disk half a file takes the room of the next attempt
+            raise
         partial.replace(target)
         written.append(target)
-    record_diagnosis(diagnosis, vehicle, folder / "diagnosis.rrd")
+    record_diagnosis(diagnosis, vehicle, folder / "diagnosis.rrd", replace)
     return [*written, folder / "diagnosis.rrd"]
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(
+        text, encoding="utf-8", errors="surrogateescape"
+    )  # names of logs that are no UTF-8 keep their bytes
 
 
 def predictions(windows: tuple[Window, ...]) -> pa.Table:

@@ -73,7 +73,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         verdict=diagnosis.verdict,
         glyph=_GLYPH[diagnosis.verdict],
         version=__version__,
-        style=Markup((_HERE / "style.css").read_text()),
+        style=Markup((_HERE / "style.css").read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
         leads=_leads(diagnosis),

@@ -17,29 +17,31 @@ from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.recording.body import record_vehicle
+from auv_torchrl.recording.file import write_recording
 from auv_torchrl.vehicle import Vehicle
 
 COLOUR = {"measured": NEUTRAL, "before": U_S, "after": U_T}
 PAUSE_S = 0.5  # between windows on the common timeline
 
 
-def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path) -> None:
+def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path, replace: bool = False) -> None:
     """Write a recording of the windows of a diagnosis.
 
     Args:
         diagnosis: with its windows.
         vehicle: the nominal vehicle, no batch.
-        path: of the .rrd file; it must not exist.
+        path: of the .rrd file.
+        replace: the file if there is one; otherwise there must be none.
 
     Raises:
-        FileExistsError: if there is such a file.
+        FileExistsError: if there is such a file and it is not to be replaced.
     """
-    if path.exists():
+    if path.exists() and not replace:
         raise FileExistsError(f"the recording {path} exists already: give another output folder or delete it")
-    partial = path.with_name(f".{path.name}.partial")
     seen = [axis for axis in (*POSE, *VELOCITY) if any(_measured(window, axis) for window in diagnosis.windows)]
     with rr.RecordingStream("auv_torchrl diagnose") as recording:
-        recording.save(partial, default_blueprint=_blueprint(seen))
+        memory = recording.memory_recording()
+        recording.send_blueprint(_blueprint(seen), make_active=False)
         recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
         about = f"# {diagnosis.verdict.key.replace('_', ' ')}\n\n{diagnosis.summary}\n\n" + "\n".join(
             f"- {effect.sentence}" for effect in diagnosis.effects
@@ -47,7 +49,7 @@ def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path) -> None
         recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
         if diagnosis.windows:
             _record_windows(recording, diagnosis.windows, vehicle, seen)
-    partial.replace(path)
+        write_recording(memory, path)
 
 
 def _record_windows(

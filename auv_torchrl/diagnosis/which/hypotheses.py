@@ -3,14 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations, permutations
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
-import yaml
 
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
-from auv_torchrl.paths import config_path
+from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
 
 Values = dict[str, dict[str, float]]  # effect -> parameter -> value
@@ -39,17 +38,17 @@ class Atom:
 class Settings:
     """``conf/diagnosis/*.yaml``."""
 
-    window_s: float
-    lead_s: float
-    bin_s: float
-    floor_force: tuple[float, ...]
-    prior_none: float
+    window_s: Annotated[float, In("[0.5, 60]")]
+    lead_s: Annotated[float, In("[0, 60]")]
+    bin_s: Annotated[float, In("[0.05, 10]")]
+    floor_force: Annotated[tuple[float, ...], In("(0, 10000]"), Entries(6, 6)]
+    prior_none: Annotated[float, In("(0, 1)")]
     slack: dict[str, dict[str, float]]
     scan: dict[str, dict[str, Any]]
     ignored: tuple[str, ...]
     thresholds: tuple[str, ...]
-    excess: float
-    tempering: float
+    excess: Annotated[float, In("[1, 1000]")]
+    tempering: Annotated[float, In("(0, 1]")]
 
 
 def load_settings(name: str = "default") -> Settings:
@@ -57,13 +56,9 @@ def load_settings(name: str = "default") -> Settings:
 
     Raises:
         FileNotFoundError: for an unknown name.
-        TypeError: for a missing or unknown entry, naming it.
+        ValueError: for a missing, unknown or impossible entry, naming it.
     """
-    content = yaml.safe_load(config_path("diagnosis", name).read_text())
-    content["floor_force"] = tuple(content["floor_force"])
-    content["ignored"] = tuple(content["ignored"])
-    content["thresholds"] = tuple(content["thresholds"])
-    return Settings(**content)
+    return read_settings(Settings, "diagnosis", name)
 
 
 def apply_values(vehicle: Vehicle, values: Mapping[str, Mapping[str, Any]]) -> Vehicle:

@@ -1,0 +1,26 @@
+"""Types and ranges of what conf/blind.yaml holds."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from auv_torchrl.settings import In, Seed
+
+
+@dataclass
+class BlindSchema:
+    """The comments are in ``conf/blind.yaml``."""
+
+    cases: Annotated[int, In("[1, 100000]")] = MISSING
+    seed: Seed = MISSING
+    workers: Annotated[int, In("[1, 1024]")] | None = MISSING
+    folder: str = MISSING
+    publish: str | None = MISSING
+    families: dict[str, float] = MISSING
+
+
+def register() -> None:
+    """Make the schema known to Hydra as ``blind_schema``."""
+    ConfigStore.instance().store("blind_schema", BlindSchema)

@@ -1,0 +1,154 @@
+"""Arguments of a command before Hydra reads them: names of files as people have them, and keys that there are not."""
+
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
+from os.path import expanduser
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException, OverrideParseException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from auv_torchrl.command.errors import BadInput, one_line
+from auv_torchrl.paths import CONF, config_names
+from auv_torchrl.settings import choices
+
+_LISTED = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,]*)\s*(?:,|$)""")  # quoted, or up to a comma
+
+
+def quote_files(arguments: Sequence[str], files: Sequence[str]) -> list[str]:
+    """Quote the names of files that Hydra's grammar would refuse, where it is plain what is meant.
+
+    ``log=flüg(1).csv`` becomes ``log='flüg(1).csv'``. What Hydra can read stays as it is; so does a comma without
+    brackets, which may mean a list or a sweep, unless there is a file of that name.
+
+    Args:
+        arguments: of the command line.
+        files: the keys whose values name files or folders.
+    """
+    sweep = bool({"-m", "--multirun"} & set(arguments))
+    return [_quote_argument(given, files, sweep) for given in arguments]
+
+
+def _quote_argument(given: str, files: Sequence[str], sweep: bool) -> str:
+    parts = re.fullmatch(r"(\+{0,2}([\w.]+)=)(.*)", given, re.DOTALL)
+    if parts is None or parts[2] not in files or not parts[3]:
+        return given
+    key, value = parts[1], parts[3]
+    parsed = _parse(given)
+    if parsed is not None and not parsed.is_sweep_override():
+        plain = isinstance(parsed.value(), str | list | None)  # else a name that looks like a number
+        return given if plain else key + _quoted(value)
+    if "," in value and not sweep and Path(value).exists():
+        return key + _quoted(value)
+    if parsed is not None:
+        return given
+    if value.startswith("[") and value.endswith("]"):
+        return f"{key}[{','.join(_quoted(entry) for entry in _entries(value[1:-1]))}]"
+    if "," in value and sweep:
+        return key + ",".join(_quoted(entry) for entry in _entries(value))
+    if "," in value:
+        listed = ",".join(_entries(value))
+        raise BadInput(f"{given} is ambiguous: give {key}[{listed}] for several files, or {key}\"'{value}'\" for one")
+    return key + _quoted(value)
+
+
+def _parse(given: str) -> Override | None:
+    try:
+        return OverridesParser.create().parse_override(given)
+    except HydraException:
+        return None
+
+
+def _entries(listed: str) -> list[str]:
+    return [entry.strip() for entry in _LISTED.findall(listed) if entry.strip()]
+
+
+def _quoted(name: str) -> str:
+    if len(name) > 1 and name[0] == name[-1] and name[0] in "'\"":
+        return name
+    escaped = re.sub(r"(\\*)('|$)", lambda end: end[1] * 2 + (end[2] and "\\'"), expanduser(name))
+    return f"'{escaped}'"
+
+
+def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequence[str]) -> None:
+    """Refuse what Hydra would take and nothing would read: ``+key=value`` without such a key, and ``group=null``.
+
+    Args:
+        config_name: of the command.
+        arguments: of the command line.
+        groups: folders of ``conf`` from which something may be added.
+
+    Raises:
+        BadInput: for the first, with the nearest key, or what there is to choose from.
+    """
+    for given in arguments:
+        parsed = _parse(given)
+        if parsed is None or parsed.key_or_group.split(".")[0].split("/")[0] == "hydra":
+            continue
+        key, added = parsed.key_or_group, given.startswith("+")
+        if added and key not in groups:
+            _refuse_unknown(config_name, key, groups)
+        if added and parsed.package is not None:
+            raise BadInput(f"{given}: give +{key}=... without @{parsed.package}")
+        if not parsed.is_delete() and (CONF / key).is_dir() and parsed.value() is None:
+            raise BadInput(f"{given}: there are {', '.join(config_names(key))}")
+
+
+def _refuse_unknown(config_name: str, key: str, groups: Sequence[str]) -> None:
+    node: Any = _composed(config_name)
+    for name in key.split("."):
+        if not isinstance(node, DictConfig) or not _closed(node):
+            return  # what reads an open mapping checks it: effects, parameters, entries of a vehicle
+        if name not in node:
+            raise BadInput(unknown_key(config_name, key, groups))
+        node = node._get_node(name)
+    if "/" in key or (CONF / key).is_dir():
+        raise BadInput(f"+{key}: it is there already: give {key}=... without +")
+
+
+def _closed(node: DictConfig) -> bool:
+    """Whether its keys are given by a schema."""
+    return OmegaConf.get_type(node) not in (dict, None)
+
+
+@cache
+def _composed(config_name: str) -> DictConfig:
+    with hydra.initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
+        return hydra.compose(config_name)
+
+
+def unknown_key(config_name: str, key: str, groups: Sequence[str] = ()) -> str:
+    """One line about a key that there is not, with those that there are."""
+    config = _composed(config_name)
+    parent, _, name = key.rpartition(".")
+    while parent and not isinstance(OmegaConf.select(config, parent), DictConfig):
+        parent, _, name = parent.rpartition(".")
+    node: Mapping[Any, Any] = OmegaConf.select(config, parent) if parent else config
+    known = sorted({str(entry) for entry in node} | (set() if parent else set(groups)))
+    return f"no config key {name!r}{f' in {parent}' if parent else ''}: {choices([name], known)}"
+
+
+def explain(config_name: str, error: Exception) -> str:
+    """One line out of an error of Hydra or OmegaConf, with the keys there are."""
+    if isinstance(error, OverrideParseException):
+        key, _, value = error.override.partition("=")
+        why = one_line(str(error).split("\nSee https")[0])
+        return (
+            f"cannot read {error.override} ({why}): put a value with signs like , = ( [ in quotes: {key}=\"'{value}'\""
+        )
+    text = str(error).split("Config search path")[0].split("\nSee https")[0].split("\n    full_key")[0]
+    if isinstance(error, OmegaConfBaseException) and error.full_key and error.full_key not in text:
+        text = f"{error.full_key}: {text}"
+    if missing := re.search(r"Could not override '([^']+)'\.\s*To append", text):
+        return unknown_key(config_name, missing[1])
+    if absent := re.search(r"Could not (?:find|load) '([^']+)/([^/']+)'", text):
+        return f"no {absent[1]} named {absent[2]!r}: there are {', '.join(config_names(absent[1]))}"
+    cause = error.__cause__
+    reason = str(cause).split("\n    full_key")[0] if cause is not None else ""
+    return one_line(f"{text.strip()}: {reason}" if reason and reason not in text else text)

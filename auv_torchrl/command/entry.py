@@ -1,0 +1,104 @@
+"""What stands around every command: ``hydra.main``, and an end of one line whatever happens."""
+
+import functools
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
+
+from auv_torchrl.agents.interrupt import interrupt
+from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys
+from auv_torchrl.command.errors import BAD_INPUT, BadInput, fail, writing
+from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
+from auv_torchrl.command.terminal import spell_signs
+from auv_torchrl.config_source import check_config_files
+from auv_torchrl.paths import CONF
+
+INTERRUPTED = 128 + signal.SIGINT  # exit code, as shells have it
+
+log = logging.getLogger(__name__)
+
+
+def command(
+    config_name: str, files: tuple[str, ...] = ("output",), groups: tuple[str, ...] = ()
+) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
+    """``hydra.main`` on ``conf/<config_name>.yaml`` that ends with one line and exit code 2 on bad input.
+
+    Args:
+        config_name: of the command.
+        files: keys whose values name files or folders.
+        groups: folders of ``conf`` from which ``+group=option`` may add something.
+    """
+
+    def decorate(task: Callable[[DictConfig], None]) -> Callable[[], None]:
+        @functools.wraps(task)
+        def job(config: DictConfig) -> None:
+            spell_signs()  # here too, because jobs of a sweep may run in processes of their own
+            folder = Path(HydraConfig.get().runtime.output_dir)
+            if is_finished(folder):  # in a sweep that goes on
+                log.info("finished before: %s", folder)
+                return
+            try:
+                with writing():
+                    task(config)
+                    finish(folder)
+            except BadInput as error:
+                if HydraConfig.get().mode is RunMode.MULTIRUN:
+                    raise  # the other jobs of the sweep go on; Hydra reports this one when they are done
+                if error.code == BAD_INPUT:
+                    discard_start(folder, config_name)
+                fail(config_name, error)
+            finally:
+                leave(folder)
+
+        hydra_main = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)
+
+        def entry() -> None:
+            os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra hands its errors on instead of printing them
+            check_config_files()
+            spell_signs()
+            given = sys.argv
+            try:
+                with terminable():
+                    sys.argv = [given[0], *quote_files(given[1:], files)]
+                    refuse_unknown_keys(config_name, sys.argv[1:], groups)
+                    hydra_main()
+            except (HydraException, OmegaConfBaseException) as error:
+                fail(config_name, BadInput(explain(config_name, error)))
+            except BadInput as error:
+                fail(config_name, error)
+            except KeyboardInterrupt as stopped:
+                why = str(stopped) or "run the same command to go on"
+                sys.stderr.write(f"{config_name}: interrupted: {why}\n")
+                sys.exit(128 + getattr(stopped, "signum", signal.SIGINT))
+            finally:
+                sys.argv = given
+                leave()
+
+        return entry
+
+    return decorate
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    """Let SIGTERM end what is inside as Ctrl-C does, unless somebody else handles it."""
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
