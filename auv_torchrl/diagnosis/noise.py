@@ -11,6 +11,7 @@ from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES
 
 STATED = 1.3  # times the noise that the vehicle file states, from which the sensors are worse than that
+OUTLYING = 3e-4  # share of the samples from which outliers are worth a word; noise makes one in a million
 UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad", "u": "m/s", "v": "m/s", "w": "m/s",
          "p": "rad/s", "q": "rad/s", "r": "rad/s"}  # fmt: skip
 
@@ -28,6 +29,15 @@ def noise_finding(bench: Bench) -> Finding:
         return Finding(Severity.INFO, "sensor_noise", sentence, remedy)
     sentence = f"the sensors are noisier than the vehicle states ({', '.join(worse)}): {sizes}"
     return Finding(Severity.WARNING, "sensor_noise", sentence, remedy)
+
+
+def outlier_findings(bench: Bench) -> tuple[Finding, ...]:
+    """A warning about samples that were given less weight because no force on the vehicle could have reached them."""
+    if sum(bench.outlying.values()) < OUTLYING * bench.windows.numbers:
+        return ()
+    counts = ", ".join(f"{count} of {name}" for name, count in bench.outlying.items())
+    sentence = f"some values lie off every path that forces could have made ({counts}); they count less"
+    return (Finding(Severity.WARNING, "outliers", sentence, "Check the sensor", tuple(bench.outlying)),)
 
 
 def measured_noise(sigma: dict[str, float]) -> dict[str, float]:

@@ -167,9 +167,11 @@ def _leaps(
     series = np.unwrap(v) if name in ANGLES else v
     far = np.abs(series - median_filter(series, 2 * AROUND + 1, mode="nearest"))
     change, off = _changes(t, series, stretch)
-    usual = USUAL * max(float(np.quantile(np.abs(off), 0.95)), float(np.quantile(np.abs(change), 0.95)))
-    least = max(LEAPS * 1.4826 * float(np.median(np.abs(off))), usual, LEAPS * step)
-    outlier = far > least
+    odd, moved = (float(np.quantile(np.abs(size), 0.95)) for size in (off, change))
+    noise = max(LEAPS * 1.4826 * float(np.median(np.abs(off))), USUAL * odd, LEAPS * step)
+    least = max(noise, USUAL * moved)
+    around = median_filter(np.abs(np.concatenate([change[:1], change])), 2 * NEAR + 1, mode="nearest")
+    outlier = far > np.maximum(noise, USUAL * around)
     outlier[:1] |= abs(change[0]) > least  # the median at the first value is that value
     if name in ANGLES:
         outlier &= far < TUMBLE

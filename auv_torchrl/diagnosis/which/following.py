@@ -78,6 +78,8 @@ class Following(Ground):
         factor = np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(far, OUTLIER)))
         factor = np.where(some[:, None], factor, 1.0).reshape(windows.trust.shape)
         self.windows = replace(windows, trust=windows.trust * factor)
+        counts = (factor < 1).sum((0, 1))
+        self.outlying = {name: int(count) for name, count in zip(windows.channels, counts, strict=True) if count}
         return _replaced(state, some, self._follow(self.windows.subset(some), vehicle, self.wide))
 
     def _follow(self, windows: Windows, vehicle: Vehicle, prior: Floats) -> Smoothed:

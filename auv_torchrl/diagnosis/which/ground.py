@@ -104,6 +104,7 @@ class Ground:
         self.slack_suffices = True  # to explain the log; where it does not, a small effect is a finding
         self._freedoms: list[tuple[Floats, dict[str, float], Floats, Freedom]] = []  # latest, with what they are for
         self.followed = np.ones(len(windows), bool)  # windows in which the motion is known
+        self.outlying: dict[str, int] = {}  # samples by channel that no force could have reached
         self.seen_start = windows.guess  # (W, 12) where they begin, whatever the vehicle
 
     def _noise(self, measured: dict[str, float]) -> dict[str, float]:
