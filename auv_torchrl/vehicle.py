@@ -66,6 +66,10 @@ class Vehicle(TensorClass):
     # sensors
     heading_bias: Tensor  # () rad, measured yaw minus true yaw
     pose_delay: Tensor  # () s
+    position_scale: Tensor  # () reported positions are the true ones times this
+    depth_scale: Tensor  # () and depths times this, too
+    depth_bias: Tensor  # () m, reported depth minus true depth
+    velocity_scale: Tensor  # () reported linear velocities are the true ones times this
     position_noise: Tensor  # () m, standard deviation per axis
     attitude_noise: Tensor  # () rad, standard deviation per axis
 
@@ -153,6 +157,10 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
         battery_sag=zero,
         heading_bias=zero,
         pose_delay=zero,
+        position_scale=one,
+        depth_scale=one,
+        depth_bias=zero,
+        velocity_scale=one,
         position_noise=zero,
         attitude_noise=zero,
         batch_size=[],

@@ -12,7 +12,7 @@ from auv_torchrl.envs.mujoco_fleet import MujocoFleet
 from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, rotation_matrix
-from auv_torchrl.physics.sensors import measured_pose
+from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import memory_length, push
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
@@ -110,7 +110,7 @@ class MujocoPlant:
         true = rotation_matrix(self.poses[np.arange(self.rows), age, 3:])
         earth = np.einsum("rij,rj->ri", true, velocity[:, :3])
         velocity[:, :3] = np.einsum("rji,rj->ri", rotation_matrix(quaternion), earth)
-        return Reported(pose, velocity)
+        return Reported(pose, measured_velocity(c, velocity))
 
     def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position (rows, 3), yaw (rows,) and body velocity (rows, 6) that are true now."""

@@ -10,6 +10,7 @@ from auv_torchrl.diagnosis.axes import followable, restricted
 from auv_torchrl.diagnosis.calibration.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibration.healthy import noise_findings, stated_floor
 from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient
+from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
 from auv_torchrl.diagnosis.how_far.confirm import confirm
 from auv_torchrl.diagnosis.how_far.predict import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.how_far.veto import falls_short, is_worse, only, shortfalls, vetoes
@@ -86,10 +87,12 @@ def diagnose(
     verdict = judge(bench, found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
-    verdict = Verdict.PARTLY_EXPLAINED if short else verdict
+    noise = noise_finding(bench)
+    findings = (*log.findings, *corrected.findings, *rests_on(looked), *vetoes(vetoed), *shortfalls(short), noise)
+    doubted = doubts(findings)
+    verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
-    probability = effect_probabilities(bench, found, 1.0 if vetoed or short else unknown)
-    unseen = (*vetoes(vetoed), *shortfalls(short))
+    probability = bounded(effect_probabilities(bench, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)
     same = indistinguishable(bench, found)
@@ -102,7 +105,7 @@ def diagnose(
         log=log.name,
         vehicle=vehicle_name,
         verdict=verdict,
-        summary=summarise(verdict, effects, where, gap, corrected.sentences),
+        summary=said_first(summarise(verdict, effects, where, gap, corrected.sentences), verdict, doubted),
         where=where,
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
@@ -112,7 +115,7 @@ def diagnose(
         input_mappable=input_mappable(bench, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(bench, found),
-        findings=(*log.findings, *corrected.findings, *rests_on(looked), *unseen, noise_finding(bench)),
+        findings=findings,
         windows=held_out_windows(predictions, testing),
     )
 
@@ -133,7 +136,7 @@ def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightL
 def rests_on(looked: Looked) -> tuple[Finding, ...]:
     """What the verdict rests on: a healthy log, or assumptions."""
     if looked.sound is None:
-        return (stated_floor(looked.bench.settings, looked.bench.layout.dof), *looked.attitude)
+        return (stated_floor(looked.bench.settings, looked.bench.layout.dof), *looked.contradiction, *looked.attitude)
     return (*looked.sound.findings, *noise_findings(looked.bench.noisier), *looked.attitude)
 
 

@@ -22,7 +22,7 @@ from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.which.refine import Progress, explains
 from auv_torchrl.diagnosis.which.search import POLISHED, Found, Others, search
 from auv_torchrl.diagnosis.which.sketches import NEAR
-from auv_torchrl.flightlog import Finding, FlightLog
+from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
@@ -39,6 +39,7 @@ class Looked:
     sound: Calibration | None
     onset: Onset | None = None  # what is explained are the windows behind it
     attitude: tuple[Finding, ...] = ()
+    contradiction: tuple[Finding, ...] = ()  # why the healthy logs are not used
 
 
 def look(
@@ -71,11 +72,29 @@ def look(
     return Looked(bench, search(bench, follow, report, hints, others, below), sound)
 
 
+def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:
+    """What is said of healthy logs that show a fault themselves."""
+    names = " and ".join(name.replace("_", " ") for name in fault.effects)
+    sentence = (
+        f"the healthy log {', '.join(log.name for log in healthy)} is not healthy: {names} explains its departure from "
+        "the vehicle's file; it is not used, and what is found is relative to the file"
+    )
+    remedy = "Give a log from before the fault, or correct the vehicle's file if this is how it has always been"
+    return Finding(Severity.WARNING, "healthy_not_healthy", sentence, remedy)
+
+
 def look_both_ways(
     training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
 ) -> Looked:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
     level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
+    if level.sound is not None and level.sound.has_gap:
+        # Many coefficients that are a little off, or something unknown, are what calibration and floor are for. A few
+        # effects that explain all of it are a fault that was there already.
+        before = look_both_ways(join(healthy), vehicle, (), settings, report)
+        if judge(before.bench, before.found) is Verdict.EXPLAINED:
+            looked = look_both_ways(training, vehicle, (), settings, report)
+            return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
     best = level.found.best
     if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
         return level

@@ -36,6 +36,72 @@ pose_delay = Effect(
 )
 
 
+def _position_scale(vehicle: Vehicle, factor: Tensor) -> Vehicle:
+    return changed(vehicle, position_scale=factor)
+
+
+position_scale = Effect(
+    name="position_scale",
+    origin=Origin.SENSING,
+    meaning="reported positions are the true ones times a factor",
+    source="a speed of sound, baseline or camera calibration that is off; feet for metres",
+    parameters=(
+        Parameter("factor", "1", own("position_scale"), 0.2, 5.0, "positions are reported {value:.2f} times as large"),
+    ),
+    change=_position_scale,
+)
+
+
+def _depth_scale(vehicle: Vehicle, factor: Tensor) -> Vehicle:
+    return changed(vehicle, depth_scale=factor)
+
+
+depth_scale = Effect(
+    name="depth_scale",
+    origin=Origin.SENSING,
+    meaning="reported depths are the true ones times a factor; -1 is z up",
+    source="a water density or pressure gain that is off",
+    parameters=(
+        Parameter("factor", "1", own("depth_scale"), -5.0, 5.0, "depths are reported {value:.2f} times as large"),
+    ),
+    change=_depth_scale,
+)
+
+
+def _depth_bias(vehicle: Vehicle, offset: Tensor) -> Vehicle:
+    return changed(vehicle, depth_bias=offset)
+
+
+depth_bias = Effect(
+    name="depth_bias",
+    origin=Origin.SENSING,
+    meaning="reported depth minus true depth",
+    source="a pressure sensor that was not zeroed at the surface",
+    parameters=(
+        Parameter("offset", "m", own("depth_bias"), -20.0, 20.0, "the depth reading is off by {value:+.2f} m"),
+    ),
+    change=_depth_bias,
+)
+
+
+def _velocity_scale(vehicle: Vehicle, factor: Tensor) -> Vehicle:
+    return changed(vehicle, velocity_scale=factor)
+
+
+velocity_scale = Effect(
+    name="velocity_scale",
+    origin=Origin.SENSING,
+    meaning="reported linear velocities are the true ones times a factor",
+    source="a speed of sound or beam angle that is off; knots for metres per second",
+    parameters=(
+        Parameter(
+            "factor", "1", own("velocity_scale"), -5.0, 5.0, "velocities are reported {value:.2f} times as large"
+        ),
+    ),
+    change=_velocity_scale,
+)
+
+
 def _sensor_noise(vehicle: Vehicle, position: Tensor, attitude: Tensor) -> Vehicle:
     return changed(vehicle, position_noise=position, attitude_noise=attitude)
 
@@ -52,4 +118,4 @@ sensor_noise = Effect(
     change=_sensor_noise,
 )
 
-EFFECTS = (heading_bias, pose_delay, sensor_noise)
+EFFECTS = (heading_bias, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, sensor_noise)

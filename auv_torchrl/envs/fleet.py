@@ -16,7 +16,7 @@ from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.envs.rows import lengthened, with_rows
 from auv_torchrl.envs.scene import SIZE, Scene
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
-from auv_torchrl.physics.sensors import measured_pose
+from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import memory_length, push
 from auv_torchrl.physics.thrusters import applied_thrust
 from auv_torchrl.scenario import Scenario
@@ -282,13 +282,14 @@ class FleetEnv(EnvBase):
 
     def _report(self) -> dict[str, Tensor]:
         c, state = self._coefficients, self._state
-        position, quaternion = state.position, state.quaternion
+        position, quaternion, velocity = state.position, state.quaternion, state.velocity
         if self._terms.sensing:
             noise = None
             if self._terms.sensor_noise:
                 noise = self._native(torch.randn(self.num_envs, 6, generator=self.generator, dtype=torch.float64))
             position, quaternion = measured_pose(c, self._poses, self.task.control_dt, noise)
-        observation = self.task.observe(position, quaternion, state.velocity)
+            velocity = measured_velocity(c, velocity)
+        observation = self.task.observe(position, quaternion, velocity)
         dtype = self.state_dtype
         return {
             "observation": self._tensor(observation, torch.float32),

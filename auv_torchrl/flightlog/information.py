@@ -161,7 +161,7 @@ def _leaps(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Positions of samples that lie off the path, and of the first sample behind each jump of the path itself."""
     none = np.empty(0, int)
-    if len(v) < 4 * NEAR:
+    if len(v) < 4 * NEAR or name not in POSE:  # a velocity may leap: vehicles hit things
         return none, none
     stretch = np.concatenate([[0], np.cumsum(~joined)])[fresh]
     series = np.unwrap(v) if name in ANGLES else v
@@ -170,8 +170,9 @@ def _leaps(
     usual = USUAL * max(float(np.quantile(np.abs(off), 0.95)), float(np.quantile(np.abs(change), 0.95)))
     least = max(LEAPS * 1.4826 * float(np.median(np.abs(off))), usual, LEAPS * step)
     outlier = far > least
-    if name in POSE:
-        outlier[:1] |= abs(change[0]) > least  # the median at the first value is that value
+    outlier[:1] |= abs(change[0]) > least  # the median at the first value is that value
+    if name in ANGLES:
+        outlier &= far < TUMBLE
     edge = np.flatnonzero(np.diff(stretch))
     for k in range(AROUND):  # beside the edge of a stretch, the median is of another one
         outlier[edge - k] = outlier[np.minimum(edge + 1 + k, len(v) - 1)] = False
@@ -182,7 +183,7 @@ def _leaps(
     hits = np.flatnonzero(np.abs(off) > least)
     alone = np.diff(np.concatenate([[-np.inf], hits, [np.inf]])) > NEAR
     jumps = [hit for hit, before, behind in zip(hits, alone[:-1], alone[1:], strict=True) if before and behind]
-    if name not in POSE or len(hits) > TOO_MANY * len(off):
+    if len(hits) > TOO_MANY * len(off):
         jumps = []
     possible = [hit for hit in jumps if not (name in ANGLES and abs(off[hit]) > TUMBLE) and _stays(off, hit)]
     return np.flatnonzero(outlier), kept[np.array(possible, int) + 1]

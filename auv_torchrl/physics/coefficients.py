@@ -37,6 +37,10 @@ class Coefficients(NamedTuple):
     battery_sag: Array  # ()
     heading_bias: Array  # ()
     pose_delay: Array  # ()
+    position_scale: Array  # ()
+    depth_scale: Array  # ()
+    depth_bias: Array  # ()
+    velocity_scale: Array  # ()
     position_noise: Array  # ()
     attitude_noise: Array  # ()
 
@@ -91,7 +95,7 @@ class ActiveTerms(NamedTuple):
             battery_sag=bool((c.battery_sag != 0).any()),
             coupled_drag=bool((c.linear_drag * off_diagonal != 0).any()),
             coupled_mass=bool((c.mass_inverse * off_diagonal != 0).any()),
-            sensing=noisy or bool((c.heading_bias != 0).any() or (c.pose_delay > 0).any()),
+            sensing=noisy or not _sensors_are_true(c),
             sensor_noise=noisy,
         )
 
@@ -103,6 +107,12 @@ class ActiveTerms(NamedTuple):
     def everything() -> "ActiveTerms":
         """All terms, for code that must not look at values (``vmap``, ``compile``, gradients)."""
         return ActiveTerms(*(True for _ in ActiveTerms._fields))
+
+
+def _sensors_are_true(c: Coefficients) -> bool:
+    scales = (c.position_scale, c.depth_scale, c.velocity_scale)
+    offsets = (c.heading_bias, c.pose_delay, c.depth_bias)
+    return not any(bool((scale != 1).any()) for scale in scales) and not any(bool((o != 0).any()) for o in offsets)
 
 
 def prepare(vehicle: Vehicle) -> Coefficients:
@@ -134,7 +144,7 @@ def prepare(vehicle: Vehicle) -> Coefficients:
 _COPIED = (
     "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
     "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "heading_bias", "pose_delay",
-    "position_noise", "attitude_noise",
+    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "position_noise", "attitude_noise",
 )  # fmt: skip
 
 

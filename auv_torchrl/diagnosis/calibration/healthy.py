@@ -29,6 +29,7 @@ class Calibration:
     known: Known
     slack: dict[tuple[str, str], float]  # deviations from the vehicle as it was given
     findings: tuple[Finding, ...]
+    has_gap: bool  # beyond slack, under the floor of the settings
 
 
 def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings) -> Calibration:
@@ -56,7 +57,8 @@ def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings
     covariance = np.linalg.inv(judged.quadratic.A[:k, :k] + bench.slack_precision) + np.diag((REPEATS * nominal) ** 2)
     own = apply_values(vehicle, Explanation(slack=slack).values(vehicle))
     known = Known(floor, bench.sigma, bench.rough_noise, covariance)
-    return Calibration(own, known, slack, tuple(_findings(log, bench, slack, excess, settings)))
+    findings = tuple(_findings(log, bench, slack, excess, settings))
+    return Calibration(own, known, slack, findings, excess > settings.excess)
 
 
 def disturbance_floor(bench: Bench, judged: Judged) -> Floats:

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.motion.reported import as_true
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
-from auv_torchrl.physics.sensors import measured_pose
+from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.physics.thrusters import thrust_after, thrust_targets
 from auv_torchrl.vehicle import Vehicle
@@ -84,7 +85,7 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
 
     Args:
         actuation: what the vehicles (R,) do with the commands of the windows.
-        start: (W, R, 12) true position, roll, pitch, measured yaw, and body velocity at the start.
+        start: (W, R, 12) pose and velocity at the start as reported, see :func:`~.reported.as_true`.
         force: (W, R, S, 6) in N and N m, body frame, that acts besides what the vehicle does; None for none.
 
     Any of the three may have one row for all the others'.
@@ -131,7 +132,8 @@ def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Float
     """States (w, rows, 13) at the start of some windows."""
     first = np.broadcast_to(start[chunk], (chunk.stop - chunk.start, rows, 12))
     quaternion = quaternion_from_euler(first[..., 3], first[..., 4], first[..., 5] - actuation.c.heading_bias)
-    return np.concatenate([first[..., :3], quaternion, first[..., 6:]], axis=-1)
+    position, velocity = as_true(actuation.c, actuation.windows.channels, first[..., :3], first[..., 6:])
+    return np.concatenate([position, quaternion, velocity], axis=-1)
 
 
 class Run:
@@ -171,12 +173,12 @@ def late_steps(windows: Windows, c: Coefficients) -> int:
 def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats) -> Floats:
     """What the sensors report of ``states`` (w, R, steps + 1, 13) at the times of the samples: (w, R, m, C)."""
     pose = states[..., None, :7]
-    turned = c._replace(heading_bias=c.heading_bias[:, None])
-    position, quaternion = measured_pose(turned, pose, windows.dt)
+    by_step = c.rows((slice(None), None))  # (R, 1, ...) so that steps are a batch axis
+    position, quaternion = measured_pose(by_step, pose, windows.dt)
     angles = np.stack(euler_angles(quaternion), axis=-1)
     if windows.fraction.any():
         angles = np.unwrap(angles, axis=2)  # interpolation must not cross the cut at pi
-    values = np.concatenate([position, angles, states[..., 7:]], axis=-1)
+    values = np.concatenate([position, angles, measured_velocity(by_step, states[..., 7:])], axis=-1)
     at = (windows.index + windows.fraction)[chunk, None]
     late = (c.pose_delay / windows.dt)[:, None]
     return np.stack(

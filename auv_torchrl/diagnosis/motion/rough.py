@@ -6,6 +6,7 @@ It is noisy and only a place to begin from; the smoother then follows the sample
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import accelerations
+from auv_torchrl.diagnosis.motion.reported import true_forces
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate
 from auv_torchrl.diagnosis.motion.smooth import Layout
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
@@ -58,6 +59,7 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     actuation = actuate(windows, vehicle)
     predicted = accelerations(actuation, by_step)[:, 0]
     missing = np.repeat(rate, layout.steps_per_bin, axis=1)[:, : windows.steps] - predicted
+    missing = true_forces(actuation.c, windows.channels, missing)
     force = matvec(actuation.c.mass_matrix[0], missing)[..., layout.dof]
     edges = np.arange(0, windows.steps, layout.steps_per_bin)
     counts = np.diff(np.append(edges, windows.steps))

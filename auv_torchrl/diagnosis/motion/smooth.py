@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.motion.reported import true_per_reported
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, fly
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
@@ -21,6 +22,7 @@ PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
 TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring moment: prior of roll and pitch
+LEAST_FREEDOM = 0.15  # share of the numbers that a force must leave over to tell the noise from them
 LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
 
 
@@ -105,7 +107,8 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
     """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
     residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
     n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
-    starts = np.eye(n, layout.size)[None]
+    inward = true_per_reported(prepare(vehicle).numpy(), windows.channels)[0, layout.start]
+    starts = (inward[:, None] * np.eye(n, layout.size))[None]
     forces = np.zeros((1, windows.steps, len(moves), layout.size))
     for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
@@ -208,7 +211,10 @@ def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Float
 
 
 def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], force_prior: Floats) -> dict[str, float]:
-    """White noise of each channel, from what is left when a free force follows everything slower than its bins."""
+    """White noise of each channel, from what is left when a force held by ``force_prior`` (D,) has followed the rest.
+
+    A channel with so few samples that the force follows its noise, too, is left out.
+    """
     weight = 1.0 / noise_per_sample(windows, sigma)
     slope = state.slope * weight[:, None]
     starts = slope.shape[-1] - state.bins[0].size
@@ -223,6 +229,8 @@ def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], for
     for column, channel in enumerate(windows.channels):
         seen = counts[..., column].sum(1) > 0
         freedom = (free[..., column] * counts[..., column])[seen].sum(1)
+        if seen.any() and not freedom.sum() > LEAST_FREEDOM * counts[..., column].sum():
+            continue
         squares = (left[seen][..., column] ** 2).sum(1) / freedom
         size = np.sqrt(np.median(squares)) if seen.any() else 0.0  # the median: a few windows may be badly followed
         noise[channel] = float(max(size, windows.resolution[column] * ROUNDING, LEAST_NOISE))

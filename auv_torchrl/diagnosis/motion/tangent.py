@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auv_torchrl.diagnosis.motion.reported import reported_per_true
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, actuate, begin, late_steps, sample
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
@@ -26,6 +27,7 @@ class Tangent:
 
     transition: Floats  # (W, S, n, n) of a step in the state before it
     push: Floats  # (W, S, n, n / 2) of a step in a force on the vehicle during it, per N and N m
+    gain: Floats  # (12,) what sensors report of each number of the motion, over what is true
 
 
 @DIVERGING
@@ -38,7 +40,7 @@ def linearise(
         windows: the data.
         vehicle: batch (1,).
         entries: the ``n`` entries of a start that can move, positions before velocities.
-        start: true position, roll, pitch, measured yaw, and body velocity.
+        start: pose and velocity as reported.
         force: N and N m, body frame.
     """
     actuation = actuate(windows, vehicle)
@@ -64,7 +66,7 @@ def linearise(
         push[:, k] = change[..., len(entries) :] / STEP_FORCE[moves]
     states[:, :, steps] = body[:, :1]
     residual = windows.residual(sample(windows, everything, actuation.c, states))[:, 0]
-    return residual.reshape(len(windows), -1), Tangent(transition, push)
+    return residual.reshape(len(windows), -1), Tangent(transition, push, reported_per_true(actuation.c)[0])
 
 
 def respond(
@@ -76,7 +78,7 @@ def respond(
         windows: the data.
         entries: as in :func:`linearise`.
         tangent: of these windows.
-        start: (W or 1, n, N) change of the start.
+        start: (W or 1, n, N) change of the true start.
         force: (W or 1, S, n / 2, N) change of the force during each step, N and N m; the last one goes on.
         late: grid steps by which poses are older than velocities.
     """
@@ -110,7 +112,7 @@ def _respond(
         part = np.where(windows.present, at - whole, 0.0)[..., None]
         values = history[:, :, entry[0]]
         ahead = values[here, np.minimum(whole + 1, steps)]
-        change[:, :, column] = (1 - part) * values[here, whole] + part * ahead
+        change[:, :, column] = tangent.gain[CHANNELS.index(name)] * ((1 - part) * values[here, whole] + part * ahead)
     change *= windows.trust[..., None]
     return change.reshape(len(windows), -1, moved.shape[-1])
 

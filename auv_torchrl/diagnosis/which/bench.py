@@ -169,7 +169,9 @@ class Bench(Weighing):
         state = judged.base.state
         free, _ = self._settle(judged.base.vehicle, state, self.freedom(state.slope, self.wide))
         measured = sensor_noise(self.windows, free, self.sigma, self.wide)
-        sigma = self._noise({name: min(measured[name], self.rough_noise[name]) for name in measured})
+        if len(measured) < len(self.sigma):  # too few samples for a free force: the disturbance leaves more of them
+            measured = sensor_noise(self.windows, state, self.sigma, self.floor) | measured
+        sigma = self._noise({n: min(measured.get(n, size), self.rough_noise[n]) for n, size in self.sigma.items()})
         changed = any(abs(sigma[name] / self.sigma[name] - 1) > NOISE_MATTERS for name in sigma)
         if changed:
             self.sigma = sigma

@@ -6,6 +6,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import force_changes
 from auv_torchrl.diagnosis.motion.reduce import DIVERGED, Freedom, chi_square, settle
+from auv_torchrl.diagnosis.motion.reported import as_reported
 from auv_torchrl.diagnosis.motion.rollout import actuate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
@@ -16,12 +17,14 @@ from auv_torchrl.diagnosis.motion.smooth import (
     follow,
     local_slopes,
     misfit,
+    noise_per_sample,
     sensor_noise,
 )
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Base, Ground
 from auv_torchrl.diagnosis.which.hypotheses import batch
+from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.vehicle import Vehicle
 
@@ -29,6 +32,8 @@ FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
 FEW_LOST = 0.1  # share of diverged windows below which each is an accident
+OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
+MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
 STUCK = 1.5  # chi-square per number of a window that has not found its start
 ASTRAY = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
 SETTLING = 2  # steps of the free numbers where windows begin; a small change of the vehicle needs one
@@ -44,7 +49,7 @@ class Following(Ground):
         The force changes faster where bins of the usual length cannot follow, as under a limit cycle.
         """
         vehicle = batch(self.vehicle, [{}])
-        state = self._follow(self.windows, vehicle, self.wide)
+        state = self._weigh_outliers(vehicle, self._follow(self.windows, vehicle, self.wide))
         while np.median(misfit(self.windows, state.residual, self.sigma)) > FOLLOWED and self.layout.steps_per_bin > 2:
             steps = self.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
             finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
@@ -53,11 +58,27 @@ class Following(Ground):
         self.followed = misfit(self.windows, state.residual, self.sigma) < LOST
         self.seen_start = state.start
         measured = sensor_noise(self.windows, state, self.sigma, self.wide)
-        self.sigma = self._noise({name: min(measured[name], self.sigma[name]) for name in measured})
+        self.sigma = self._noise({n: min(measured.get(n, size), size) for n, size in self.sigma.items()})
         states = flown(actuate(self.windows, vehicle), self.layout, *_one_row(state)[:2])[1]
         base = Base(Explanation(), vehicle, state, states[:, 0])
         self.measure_slack(base)
         return base
+
+    def _weigh_outliers(self, vehicle: Vehicle, state: Smoothed) -> Smoothed:
+        """Take weight from samples that no force could have reached, and follow their windows again (Huber 1964).
+
+        They are judged where the simulator's error plays no part; later, a large residual may be the simulator's.
+        """
+        windows = self.windows
+        far = np.abs(state.residual) / noise_per_sample(windows, self.sigma)
+        far = np.where(np.isfinite(far), far, 0.0)
+        some = (far > OUTLIER).any(1) & ((far > OUTLIER).mean(1) < MANY_OUTLIERS)
+        if not some.any():
+            return state
+        factor = np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(far, OUTLIER)))
+        factor = np.where(some[:, None], factor, 1.0).reshape(windows.trust.shape)
+        self.windows = replace(windows, trust=windows.trust * factor)
+        return _replaced(state, some, self._follow(self.windows.subset(some), vehicle, self.wide))
 
     def _follow(self, windows: Windows, vehicle: Vehicle, prior: Floats) -> Smoothed:
         begin = rough_force(windows, vehicle, self.layout)
@@ -131,10 +152,11 @@ class Following(Ground):
 
     def _ends(self, base: Base) -> Floats:
         """States (W, 12) in which the windows end, as the start of what follows them."""
-        end = base.states[:, -1]
+        end, c = base.states[:, -1], prepare(base.vehicle).numpy()
         angles = np.stack(euler_angles(end[:, 3:7]), axis=-1)
-        angles[:, 2] += float(base.vehicle.heading_bias.reshape(-1)[0])  # a start has the measured yaw
-        return np.concatenate([end[:, :3], angles, end[:, 7:]], axis=1)
+        angles[:, 2] += c.heading_bias[0]
+        position, velocity = as_reported(c, self.windows.channels, end[:, :3], end[:, 7:])
+        return np.concatenate([position, angles, velocity], axis=1)
 
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.force import force_changes, marks
+from auv_torchrl.diagnosis.motion.force import force_changes, marks, reading_changes
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, bounded_minimum, pooled, reduce
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -81,6 +81,8 @@ class Weighing(Following):
             windows = self.windows.subset(some)
             forces = force_changes(windows, base.vehicle, vehicles, base.motion[some])
             columns = marks(windows, base.vehicle, self.layout, rows_of(base.state, some), forces)
+            read = reading_changes(windows, base.vehicle, vehicles, base.motion[some])
+            columns = columns if read is None else columns + read
             if around is None:
                 yield some, columns, None
             else:
