@@ -4,7 +4,6 @@ from pathlib import Path
 
 from hydra._internal.core_plugins.file_config_source import FileConfigSource
 from hydra._internal.sources_registry import SourcesRegistry
-from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigLoadError, ConfigResult
 
 from auv_torchrl.yaml_file import YamlFileError, read_yaml
@@ -37,7 +36,10 @@ class CheckedFiles(FileConfigSource):
         return Path(self.path) / self._normalize_file_name(config_path)
 
 
+# Hydra registers its own sources anew in each process of a sweep: one of the same name stays, another is an error.
+CheckedFiles.__name__ = FileConfigSource.__name__
+
+
 def check_config_files() -> None:
-    """Let Hydra read files through :class:`CheckedFiles` from now on."""
-    Plugins.instance()  # registers Hydra's own sources, which would otherwise be registered later and be refused
+    """Let Hydra read files through :class:`CheckedFiles` from now on, in processes of a sweep too."""
     SourcesRegistry.instance().types[CheckedFiles.scheme()] = CheckedFiles

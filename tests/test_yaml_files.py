@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
+from hydra._internal.sources_registry import SourcesRegistry
+from hydra.core.singleton import Singleton
 from hydra.plugins.config_source import ConfigLoadError
 
-from auv_torchrl.config_source import check_config_files
+from auv_torchrl.config_source import CheckedFiles, check_config_files
 from auv_torchrl.paths import CONF, PROJECT, config_path
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import MOST_BYTES, YamlFileError, read_yaml
@@ -119,3 +121,11 @@ def test_a_command_ends_with_that_line(tmp_path):
     (line,) = done.stderr.splitlines()
     assert str(path) in line and "oc.env" in line and str(Path.home()) not in line.replace(str(tmp_path), "")
     assert not (tmp_path / "out").exists()
+
+
+def test_processes_of_a_sweep_check_the_files_too(monkeypatch):
+    """They get Hydra's state from the process that started them, and register Hydra's own sources once more."""
+    monkeypatch.setattr(Singleton, "_instances", dict(Singleton._instances))
+    check_config_files()
+    Singleton.set_state(Singleton.get_state())
+    assert SourcesRegistry.instance().resolve("file") is CheckedFiles
