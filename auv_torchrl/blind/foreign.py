@@ -34,6 +34,7 @@ class ForeignPlant:
         self.limit, self.dead_band = LIMIT * ones, DEAD_BAND * ones
         self.angle, self.source = 0 * ones, np.tile(np.arange(6), (rows, 1))
         self.delay, self.sag, self.pose_delay, self.heading_bias = (np.zeros(rows) for _ in range(4))
+        self.position_scale = np.ones((rows, 3))
         self.linear = np.tile(np.diag(LINEAR), (rows, 1, 1))
         self.quadratic, self.mass_scale = np.tile(QUADRATIC, (rows, 1)), np.ones((rows, 4))
         self.load = np.zeros((rows, 4))  # kg, N, m, m: mass, weight in water, x, y
@@ -112,6 +113,10 @@ class ForeignPlant:
                 self.heading_bias[row] += rest.pop("angle")
             case "pose_delay":
                 self.pose_delay[row] = rest.pop("delay")
+            case "position_scale":
+                self.position_scale[row] *= rest.pop("factor")
+            case "depth_scale":
+                self.position_scale[row, 2] *= rest.pop("factor")
             case _:
                 raise ValueError(f"the foreign simulator has no effect {effect!r}")
         if rest:
@@ -241,7 +246,7 @@ class ForeignPlant:
         late = self._trace[index % len(self._trace), rows]
         late = late + part * (self._trace[np.minimum(index + 1, self._steps) % len(self._trace), rows] - late)
         pose, velocity = np.zeros((self.rows, 6)), np.zeros((self.rows, 6))
-        pose[:, :3], pose[:, 5] = late[:, :3], late[:, 3] + self.heading_bias
+        pose[:, :3], pose[:, 5] = late[:, :3] * self.position_scale, late[:, 3] + self.heading_bias
         cos, sin = np.cos(self.heading_bias), np.sin(self.heading_bias)
         velocity[:, :3], velocity[:, 5] = self._to_body(late[:, 4:7], cos, sin), late[:, 7]
         return Reported(pose, velocity)

@@ -12,7 +12,8 @@ from auv_torchrl.vehicle import CONTROLLED, Vehicle
 Rng = np.random.Generator
 Draw = Callable[[Rng], dict[str, Any]]
 HORIZONTAL = (1, 2, 3, 4)  # thrusters of the vehicle `paper`
-NOT_A_GAP = ("sensor_noise",)  # changes what is measured, not where the simulator goes wrong
+NOT_A_GAP = ("sensor_noise", "depth_bias")  # change what is measured, not where the simulator goes wrong
+NOT_LOGGED = ("velocity_scale",)  # the logs of the benchmark have no velocities, but where damage asks for them
 COEFFICIENTS = ("hull",)  # drag and inertia by another name, fitted by calibration: the scales below stand for them
 
 
@@ -83,6 +84,10 @@ def _tether(rng: Rng) -> dict[str, Any]:
     return {"north": north, "east": east, "down": down, "stiffness": rng.uniform(5.0, 15.0), "slack": slack}
 
 
+def _scale(rng: Rng) -> dict[str, Any]:
+    return {"factor": rng.uniform(0.7, 0.85) if rng.random() < 0.5 else rng.uniform(1.2, 1.4)}
+
+
 CLEAR: dict[str, Draw] = {
     "thruster_gain": _gain,
     "thruster_swap": _swap,
@@ -105,6 +110,8 @@ CLEAR: dict[str, Draw] = {
     "tether": _tether,
     "heading_bias": lambda rng: {"angle": _sign(rng) * rng.uniform(0.1, 0.3)},
     "pose_delay": lambda rng: {"delay": rng.uniform(0.1, 0.3)},
+    "position_scale": _scale,
+    "depth_scale": _scale,
 }
 _KEPT_WHOLE = {"tether": ("north", "east", "down", "slack"), "payload": ("x", "y", "z")}  # places, not sizes
 

@@ -12,7 +12,7 @@ from auv_torchrl.blind.influence import CLEAR_AT
 from auv_torchrl.blind.mujoco_plant import MujocoPlant
 from auv_torchrl.blind.outside import OUTSIDE, Outside
 from auv_torchrl.blind.plant import Influences, Slack
-from auv_torchrl.blind.sizes import CLEAR, COEFFICIENTS, HORIZONTAL, NOT_A_GAP, draw_failures, draw_values
+from auv_torchrl.blind.sizes import CLEAR, COEFFICIENTS, HORIZONTAL, NOT_A_GAP, NOT_LOGGED, draw_failures, draw_values
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
@@ -45,7 +45,7 @@ def distance(one, other):
 
 def test_sizes_cover_the_registry():
     """Every effect that opens a gap of its own has a clear size."""
-    assert set(CLEAR) | set(NOT_A_GAP) | set(COEFFICIENTS) == set(EFFECTS)
+    assert set(CLEAR) | set(NOT_A_GAP) | set(NOT_LOGGED) | set(COEFFICIENTS) == set(EFFECTS)
 
 
 @pytest.mark.parametrize("failed", [2, 3])

@@ -37,11 +37,17 @@ CLEAR = {  # one clear value per effect, harsh enough to look like something els
     "tether": {"north": 2.0, "stiffness": 40.0, "slack": 0.5},
     "heading_bias": {"angle": -3.0},
     "pose_delay": {"delay": 0.5},
+    "position_scale": {"factor": 1.3},
+    "depth_scale": {"factor": 0.8},
+    "depth_bias": {"offset": 0.5},
+    "velocity_scale": {"factor": 0.7},
     "sensor_noise": {"position": 0.05, "attitude": 0.05},
 }
 TRUE_OF = {  # findings that are right about a log with this effect
     "heading_bias": {"heading_offset"},
     "pose_delay": {"pose_velocity_disagree"},
+    "position_scale": {"pose_velocity_disagree"},
+    "velocity_scale": {"pose_velocity_disagree"},
 }
 
 
