@@ -10,7 +10,7 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
-from auv_torchrl.physics.sensors import measured_pose
+from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import memory_length
 from auv_torchrl.vehicle import Vehicle
 
@@ -76,7 +76,7 @@ def fly(
         where, turned = measured_pose(c, poses, DT)
         angles = np.stack(euler_angles(turned), -1)
         seen = np.concatenate([where, angles], -1) + rng.standard_normal((episodes, 6)) * np.repeat(noise, 3)
-        logged[step], velocity[step] = seen, state.velocity
+        logged[step], velocity[step] = seen, measured_velocity(c, state.velocity)
         demand = np.where(np.arange(episodes)[:, None] % 2 == 0, _hold_position(seen, before), waves[step])
         before = seen
         command = np.round(np.clip(demand @ mixer.T, -1, 1), 4)

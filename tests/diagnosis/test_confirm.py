@@ -21,6 +21,8 @@ CHANGES = {
     "command_delay": {"delay": 0.17},
     "pose_delay": {"delay": 0.12},
     "heading_bias": {"angle": 0.2},
+    "position_scale": {"factor": 1.25},
+    "depth_scale": {"factor": 0.8},
     "battery_sag": {"rate": 0.4},
     "current": {"north": 0.15, "east": -0.1},
 }

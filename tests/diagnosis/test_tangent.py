@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flown_logs import fly, hold
+from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
@@ -14,15 +14,23 @@ EFFECTS = {
     "nominal": {},
     "late commands and lag": {"command_delay": {"delay": 0.13}, "thruster_lag": {"time_constant": 0.1}},
     "late poses, biased heading": {"pose_delay": {"delay": 0.12}, "heading_bias": {"angle": 0.3}},
+    "scaled and biased sensors": {
+        "position_scale": {"factor": 1.2},
+        "depth_scale": {"factor": -0.8},
+        "depth_bias": {"offset": 0.3},
+        "velocity_scale": {"factor": 0.9},
+        "heading_bias": {"angle": 2.0},
+    },
 }
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["level", "free"])
 @pytest.mark.parametrize("name", EFFECTS)
-def test_slopes_are_those_of_the_simulation(name, held):
+@pytest.mark.parametrize("axes", [AXES, (*AXES, "u", "v", "w", "r")], ids=["pose", "pose and velocity"])
+def test_slopes_are_those_of_the_simulation(name, held, axes):
     """Moving the starts and forces of windows moves their samples as the tangent says, to second order."""
     vehicle = hold(load_vehicle("paper")) if held else load_vehicle("paper")
-    windows = cut_windows(fly(vehicle, EFFECTS[name], episodes=1, seconds=12.0), 2.0, 0.5, 0.2)
+    windows = cut_windows(fly(vehicle, EFFECTS[name], episodes=1, seconds=12.0, axes=axes), 2.0, 0.5, 0.2)
     layout = Layout.of(windows, vehicle, 0.2)
     one = batch(vehicle, [EFFECTS[name]])
     rng = np.random.default_rng(0)

@@ -65,9 +65,11 @@ class Following(Ground):
         return base
 
     def _weigh_outliers(self, vehicle: Vehicle, state: Smoothed) -> Smoothed:
-        """Take weight from samples that no force could have reached, and follow their windows again (Huber 1964).
+        """Take weight from samples that no force could have reached, and follow their windows again.
 
-        They are judged where the simulator's error plays no part; later, a large residual may be the simulator's.
+        The loss is redescending: beyond the threshold a sample counts the less the farther it is off, so that what is
+        left of chi-square is about the rest. Samples are judged where the simulator's error plays no part; later, a
+        large residual may be the simulator's.
         """
         windows = self.windows
         far = np.abs(state.residual) / noise_per_sample(windows, self.sigma)
@@ -75,7 +77,7 @@ class Following(Ground):
         some = (far > OUTLIER).any(1) & ((far > OUTLIER).mean(1) < MANY_OUTLIERS)
         if not some.any():
             return state
-        factor = np.sqrt(np.minimum(1.0, OUTLIER / np.maximum(far, OUTLIER)))
+        factor = (OUTLIER / np.maximum(far, OUTLIER)) ** 2
         factor = np.where(some[:, None], factor, 1.0).reshape(windows.trust.shape)
         self.windows = replace(windows, trust=windows.trust * factor)
         counts = (factor < 1).sum((0, 1))
