@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.lengths import LEARNT, check_lengths
 from auv_torchrl.diagnosis.look import Looked, excess, judge, look_both_ways
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
-from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings
+from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
 from auv_torchrl.diagnosis.where.locate import locate
@@ -87,7 +87,7 @@ def diagnose(
     verdict = judge(bench, found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
-    noise = (*outlier_findings(bench), noise_finding(bench))
+    noise = (*quiet_findings(bench), *outlier_findings(bench), noise_finding(bench))
     findings = (*log.findings, *corrected.findings, *rests_on(looked), *vetoes(vetoed), *shortfalls(short), *noise)
     doubted = doubts(findings)
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)

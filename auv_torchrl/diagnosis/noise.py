@@ -11,6 +11,7 @@ from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES
 
 STATED = 1.3  # times the noise that the vehicle file states, from which the sensors are worse than that
+LEAST_BELIEVED = 1e-5  # m, rad, m/s, rad/s: a hundredth of what the best sensors of this kind scatter by
 OUTLYING = 3e-4  # share of the samples from which outliers are worth a word; noise makes one in a million
 UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad", "u": "m/s", "v": "m/s", "w": "m/s",
          "p": "rad/s", "q": "rad/s", "r": "rad/s"}  # fmt: skip
@@ -29,6 +30,15 @@ def noise_finding(bench: Bench) -> Finding:
         return Finding(Severity.INFO, "sensor_noise", sentence, remedy)
     sentence = f"the sensors are noisier than the vehicle states ({', '.join(worse)}): {sizes}"
     return Finding(Severity.WARNING, "sensor_noise", sentence, remedy)
+
+
+def quiet_findings(bench: Bench) -> tuple[Finding, ...]:
+    """A doubt about channels with next to no noise: they are no measurement, or not only one."""
+    quiet = tuple(name for name, size in bench.sigma.items() if size < LEAST_BELIEVED)
+    if not quiet:
+        return ()
+    sentence = f"{', '.join(quiet)} have next to no noise: they were simulated, filtered or made up, not measured"
+    return (Finding(Severity.WARNING, "no_noise", sentence, "Log what the sensors say", quiet, limits=True),)
 
 
 def outlier_findings(bench: Bench) -> tuple[Finding, ...]:

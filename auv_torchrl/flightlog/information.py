@@ -10,24 +10,19 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.log import ANGLES, POSE, Floats
+from auv_torchrl.flightlog.leaps import find_leaps
+from auv_torchrl.flightlog.log import ANGLES, Floats
 
 FROZEN_S = 1.0  # s without any change, from which a sensor with noise stands still,
 FROZEN_COARSE_S = 8.0  # and one whose writing rounds away small motions, at least this many times its usual pauses:
 PAUSES = 8.0
+HOLDS = 4.0  # times the usual time for which a slow sensor is held
 ACTIVE = 0.1  # command from which a thruster may push; a vehicle that nothing pushes may stand still
 REPEATED = 0.01  # share of the rows from which repeats are worth a word
 COARSE = 0.4  # step of writing, in typical changes of a column, from which small motions are lost
 BY_CHANCE = 0.3  # share of the repeats that rounding accounts for, from which nothing was held
-NEAR = 4  # changes before and behind, whose median is the motion
-AROUND = 2  # samples before and behind, whose median is the path
-LEAPS = 8.0  # robust standard deviations of what changes differ by from those around them, and
-USUAL = 3.0  # times what 95 % of them, and of the changes themselves, stay below: a leap
-TOO_MANY = 0.05  # share of leaps from which they are how the vehicle moves
-TUMBLE = 1.0  # rad: a larger leap of an angle may be a vehicle that tumbles through the pole of its Euler angles
 LEAST_SEEN = 0.15  # share of the values without which an axis is left out
 
 
@@ -105,7 +100,8 @@ def _look_at(name: str, t: Floats, episode: Floats, values: Floats, active: np.n
     frozen = _frozen(t[here], repeats, active[here], rounded)
     held = repeats & ~frozen & (not rounded)
     fresh = np.flatnonzero(~(frozen | held))
-    outlier, jumps = _leaps(name, t[here][fresh], v[fresh], joined, fresh, step)
+    stretch = np.concatenate([[0], np.cumsum(~joined)])
+    outlier, jumps = find_leaps(name, t[here][fresh], v[fresh], stretch[fresh], step)
 
     def among_all(some: np.ndarray) -> np.ndarray:
         mask = nowhere.copy()
@@ -150,59 +146,10 @@ def _frozen(t: Floats, repeats: np.ndarray, active: np.ndarray, rounded: bool) -
     if rounded:
         least = max(FROZEN_COARSE_S, PAUSES * float(np.quantile(lasting, 0.95)) if len(lasting) > 20 else 0.0)
     else:
-        least = max(FROZEN_S, NEAR * float(np.median(usual)) if len(usual) else 0.0)
+        least = max(FROZEN_S, HOLDS * float(np.median(usual)) if len(usual) else 0.0)
     for first, last in zip(begin[lasting >= least], end[lasting >= least], strict=True):
         frozen[first : last + 1] = active[first : last + 1].any()
     return frozen
-
-
-def _leaps(
-    name: str, t: Floats, v: Floats, joined: np.ndarray, fresh: np.ndarray, step: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of samples that lie off the path, and of the first sample behind each jump of the path itself."""
-    none = np.empty(0, int)
-    if len(v) < 4 * NEAR or name not in POSE:  # a velocity may leap: vehicles hit things
-        return none, none
-    stretch = np.concatenate([[0], np.cumsum(~joined)])[fresh]
-    series = np.unwrap(v) if name in ANGLES else v
-    far = np.abs(series - median_filter(series, 2 * AROUND + 1, mode="nearest"))
-    change, off = _changes(t, series, stretch)
-    odd, moved = (float(np.quantile(np.abs(size), 0.95)) for size in (off, change))
-    noise = max(LEAPS * 1.4826 * float(np.median(np.abs(off))), USUAL * odd, LEAPS * step)
-    least = max(noise, USUAL * moved)
-    around = median_filter(np.abs(np.concatenate([change[:1], change])), 2 * NEAR + 1, mode="nearest")
-    outlier = far > np.maximum(noise, USUAL * around)
-    outlier[:1] |= abs(change[0]) > least  # the median at the first value is that value
-    if name in ANGLES:
-        outlier &= far < TUMBLE
-    edge = np.flatnonzero(np.diff(stretch))
-    for k in range(AROUND):  # beside the edge of a stretch, the median is of another one
-        outlier[edge - k] = outlier[np.minimum(edge + 1 + k, len(v) - 1)] = False
-    if outlier.mean() > TOO_MANY:
-        return none, none
-    kept = np.flatnonzero(~outlier)
-    change, off = _changes(t[kept], series[kept], stretch[kept])
-    hits = np.flatnonzero(np.abs(off) > least)
-    alone = np.diff(np.concatenate([[-np.inf], hits, [np.inf]])) > NEAR
-    jumps = [hit for hit, before, behind in zip(hits, alone[:-1], alone[1:], strict=True) if before and behind]
-    if len(hits) > TOO_MANY * len(off):
-        jumps = []
-    possible = [hit for hit in jumps if not (name in ANGLES and abs(off[hit]) > TUMBLE) and _stays(off, hit)]
-    return np.flatnonzero(outlier), kept[np.array(possible, int) + 1]
-
-
-def _changes(t: Floats, series: Floats, stretch: np.ndarray) -> tuple[Floats, Floats]:
-    """Changes from sample to sample (0 from one stretch to the next), and what they differ by from those around."""
-    pause = np.maximum(np.diff(t), 1e-9)
-    together = np.diff(stretch) == 0
-    change = np.where(together, np.diff(series) * np.minimum(1.0, np.median(pause) / pause), 0.0)
-    return change, np.where(together, change - median_filter(change, 2 * NEAR + 1, mode="nearest"), 0.0)
-
-
-def _stays(off: Floats, hit: int | np.integer) -> bool:
-    """Whether the samples around a leap keep the distance that it made."""
-    around = np.concatenate([off[max(0, hit - NEAR) : hit], off[hit + 1 : hit + 1 + NEAR]])
-    return len(around) >= NEAR and bool(abs(around.sum()) < 0.5 * abs(off[hit]))
 
 
 def _filled_in(name: str, t: Floats, episode: Floats, values: Floats, doubt: np.ndarray) -> Floats:

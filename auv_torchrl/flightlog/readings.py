@@ -22,7 +22,8 @@ FACTORS = np.geomspace(1 / 300, 300, 115)  # ten per cent apart
 LEAST_FACTOR = 1.6  # a smaller one is a sensor's scale, or a fault of the vehicle: the diagnosis weighs it
 NAMED_WITHIN = 0.15  # relative, of the estimate of a factor
 ONE_SIDED = 0.02  # below 0 or above 1 that rounding may go
-TIMES = {"half seconds": 2.0, "double seconds": 0.5}
+TIMES = {"a clock at double speed": 2.0, "a clock at half speed": 0.5}
+OPEN = "; nothing was changed, because thrust that is weaker or stronger everywhere would look the same"
 LENGTHS = {"feet": 1 / 0.3048, "inches": 1 / 0.0254, "centimetres": 100.0, "millimetres": 1000.0}  # per metre
 TIME = "time_unit"
 GAINS = np.geomspace(1 / 16, 16, 41)
@@ -60,21 +61,20 @@ def convert_units(
     balance, factor, reading = max(likely, key=lambda entry: entry[0])
     unit = next((u for u, f in reading.units.items() if abs(np.log(factor / f)) < NAMED_WITHIN), "")
     factor = reading.units.get(unit, factor)
-    looks = f" (as if in {unit})" if unit else ""
-    names = ", ".join(reading.columns)
-    sentence = (
-        f"{names} {'is' if reading.columns[1:] == () else 'are'} {factor:.3g} times what fits the thrusters{looks}"
+    open_ = reading.code == TIME and _weaker_thrusters(b, vehicle) > balance - SAME
+    sentence = _said(reading, factor, unit, balance, now) + (OPEN if open_ else "")
+    remedy = f"Give {reading.what}"
+    finding = Finding(Severity.WARNING, reading.code, sentence, remedy, reading.columns, limits=open_)
+    return episodes if open_ else tuple(_divided(e, reading.columns, factor) for e in episodes), [finding]
+
+
+def _said(reading: Reading, factor: float, unit: str, balance: float, now: float) -> str:
+    verb = "is" if len(reading.columns) == 1 else "are"
+    looks = f", as {unit} would be" if unit else ""
+    return (
+        f"{', '.join(reading.columns)} {verb} {factor:.3g} times what fits the thrusters{looks}; divided by that, the "
+        f"forces balance to {balance:.0%}, as logged to {max(now, 0):.0%}"
     )
-    sentence += f"; divided by it, the balance of forces closes to {balance:.0%}, as logged to {max(now, 0):.0%}"
-    doubtful = reading.code == TIME and _weaker_thrusters(b, vehicle) > balance - SAME
-    if doubtful:
-        sentence += (
-            "; thrust that is as much weaker or stronger everywhere would look the same, so that nothing was changed"
-        )
-    finding = Finding(
-        Severity.WARNING, reading.code, sentence, f"Give {reading.what}", reading.columns, limits=doubtful
-    )
-    return episodes if doubtful else tuple(_divided(e, reading.columns, factor) for e in episodes), [finding]
 
 
 def _is_unit(factor: float, balance: float | None, now: float) -> bool:

@@ -95,6 +95,14 @@ def test_a_slow_sensor_has_the_noise_that_it_has(sound):
     assert float(sizes["yaw"]) == pytest.approx(0.004, rel=0.3)
 
 
+def test_values_without_noise_are_doubted():
+    """What no sensor could have said bounds every probability."""
+    log = fly(HELD, {"thruster_gain": {"gain_2": 0.55}}, seed=20, episodes=3, seconds=12.0, noise=(0.0, 0.0))
+    diagnosis = diagnose(log, HELD)
+    assert "no_noise" in {finding.code for finding in diagnosis.findings}
+    assert all(effect.probability <= 0.5 for effect in diagnosis.effects)
+
+
 def test_a_healthy_log_with_the_fault_in_it_is_found_out():
     """The fault is named with its true size, and the healthy log is said not to be healthy."""
     fault = {"thruster_gain": {"gain_2": 0.55}}
