@@ -4,7 +4,7 @@ PYTHON ?= python3
 SCENARIO ?= thruster_gain
 VEHICLE ?= paper
 LOG ?= examples/flight.csv
-CASES ?= 437
+CASES ?= 430
 JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
@@ -53,7 +53,7 @@ bench: $(READY) ## measure the figures of docs/benchmarks.md
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python -m bench
 
-blind: $(READY) ## sealed benchmark of the diagnosis: CASES=437
+blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430
 	$(BIN)/python -m auv_torchrl.blind cases=$(CASES)
 
 clean: ## remove the environment and caches, keep outputs

@@ -36,6 +36,8 @@ def train(monkeypatch, capsys):
     """Runs train.py in process with another function in place of the experiment; returns exit code and errors."""
     import train
 
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+
     def call(run, *arguments: str) -> tuple[int, str]:
         monkeypatch.setattr(train, "run", run)
         monkeypatch.setattr(sys, "argv", ["train.py", *arguments, *QUIET])
@@ -46,7 +48,8 @@ def train(monkeypatch, capsys):
             code = int(ended.code or 0)
         return code, capsys.readouterr().err
 
-    return call
+    yield call
+    signal.signal(signal.SIGINT, before)
 
 
 def finishes(experiment, folder: Path) -> None:

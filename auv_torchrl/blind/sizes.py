@@ -13,6 +13,7 @@ Rng = np.random.Generator
 Draw = Callable[[Rng], dict[str, Any]]
 HORIZONTAL = (1, 2, 3, 4)  # thrusters of the vehicle `paper`
 NOT_A_GAP = ("sensor_noise", "depth_bias")  # change what is measured, not where the simulator goes wrong
+NOT_TOLD = ("depth_scale",)  # a log of poses shows it as vertical thrust; the family of damaged logs flies z up
 NOT_LOGGED = ("velocity_scale",)  # the logs of the benchmark have no velocities, but where damage asks for them
 COEFFICIENTS = ("hull",)  # drag and inertia by another name, fitted by calibration: the scales below stand for them
 
@@ -111,7 +112,6 @@ CLEAR: dict[str, Draw] = {
     "heading_bias": lambda rng: {"angle": _sign(rng) * rng.uniform(0.1, 0.3)},
     "pose_delay": lambda rng: {"delay": rng.uniform(0.1, 0.3)},
     "position_scale": _scale,
-    "depth_scale": _scale,
 }
 _KEPT_WHOLE = {"tether": ("north", "east", "down", "slack"), "payload": ("x", "y", "z")}  # places, not sizes
 

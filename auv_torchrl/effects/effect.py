@@ -70,6 +70,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     change: Callable[..., Vehicle]
     shorthand: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]] | None = None
+    odds: float = 1.0  # prior probability against that of other effects: how rare it is where a log cannot tell
 
     def member_parameters(self, vehicle: Vehicle) -> dict[str, Parameter]:
         """Every full parameter name for this vehicle with its declaration."""

@@ -45,6 +45,7 @@ position_scale = Effect(
     origin=Origin.SENSING,
     meaning="reported positions are the true ones times a factor",
     source="a speed of sound, baseline or camera calibration that is off; feet for metres",
+    odds=1e-3,  # a positioning system is calibrated as a whole; thrusters wear one by one
     parameters=(
         Parameter("factor", "1", own("position_scale"), 0.2, 5.0, "positions are reported {value:.2f} times as large"),
     ),
@@ -61,6 +62,7 @@ depth_scale = Effect(
     origin=Origin.SENSING,
     meaning="reported depths are the true ones times a factor; -1 is z up",
     source="a water density or pressure gain that is off",
+    odds=1e-6,  # a pressure sensor keeps its scale within 1 %, water its density within 3 %; vertical thrusters do not
     parameters=(
         Parameter("factor", "1", own("depth_scale"), -5.0, 5.0, "depths are reported {value:.2f} times as large"),
     ),
@@ -93,6 +95,7 @@ velocity_scale = Effect(
     origin=Origin.SENSING,
     meaning="reported linear velocities are the true ones times a factor",
     source="a speed of sound or beam angle that is off; knots for metres per second",
+    odds=1e-3,  # likewise
     parameters=(
         Parameter(
             "factor", "1", own("velocity_scale"), -5.0, 5.0, "velocities are reported {value:.2f} times as large"

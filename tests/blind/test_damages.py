@@ -134,9 +134,10 @@ def sealed(tmp_path_factory):
 def test_the_damage_reaches_the_file_and_the_manifest_does_not_tell(sealed):
     """The log that is read has the damage; the tasks name a healthy log where there is one, and nothing else."""
     logs = {name: read_flightlog(log_path(sealed, name), VEHICLE) for name in open_labels(sealed)}
-    assert logs["case_0001"].axes == BOTH == logs["case_0004"].axes
+    for name in ("case_0001", "case_0004"):
+        assert set(BOTH) <= set(log_path(sealed, name).read_text().split("\n", 1)[0].replace('"', "").split(","))
     assert "pose_velocity_disagree" in {finding.code for finding in logs["case_0001"].findings}
-    assert all((episode.pose[:, 2] == 0).all() for episode in logs["case_0003"].episodes)
+    assert "z" not in logs["case_0003"].axes  # it never changes
     tasks = read_manifest(sealed)["tasks"]
     assert tasks == {
         "case_0001": {"left_out": None, "healthy": None},

@@ -12,7 +12,16 @@ from auv_torchrl.blind.influence import CLEAR_AT
 from auv_torchrl.blind.mujoco_plant import MujocoPlant
 from auv_torchrl.blind.outside import OUTSIDE, Outside
 from auv_torchrl.blind.plant import Influences, Slack
-from auv_torchrl.blind.sizes import CLEAR, COEFFICIENTS, HORIZONTAL, NOT_A_GAP, NOT_LOGGED, draw_failures, draw_values
+from auv_torchrl.blind.sizes import (
+    CLEAR,
+    COEFFICIENTS,
+    HORIZONTAL,
+    NOT_A_GAP,
+    NOT_LOGGED,
+    NOT_TOLD,
+    draw_failures,
+    draw_values,
+)
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
@@ -45,7 +54,7 @@ def distance(one, other):
 
 def test_sizes_cover_the_registry():
     """Every effect that opens a gap of its own has a clear size."""
-    assert set(CLEAR) | set(NOT_A_GAP) | set(NOT_LOGGED) | set(COEFFICIENTS) == set(EFFECTS)
+    assert set(CLEAR) | set(NOT_A_GAP) | set(NOT_LOGGED) | set(NOT_TOLD) | set(COEFFICIENTS) == set(EFFECTS)
 
 
 @pytest.mark.parametrize("failed", [2, 3])
@@ -174,8 +183,8 @@ def test_bad_families_are_refused(cases, shares, message):
 
 
 def test_every_effect_is_in_as_many_pairs_as_the_others():
-    """In 42 pairs each of the 21 effects acts four times, beside another one that a log can tell from it."""
-    pairs = [case.effects for case in draw_cases(42, {"pair": 1.0}, seed=1)]
+    """In 44 pairs each of the 22 effects acts four times, beside another one that a log can tell from it."""
+    pairs = [case.effects for case in draw_cases(44, {"pair": 1.0}, seed=1)]
     assert set(Counter(name for pair in pairs for name in pair).values()) == {4}
     assert all(one != other and {one, other} not in ONE_CAN_HIDE_THE_OTHER for one, other in pairs)
 

@@ -36,6 +36,7 @@ class Prior:
         total = log((1 - self.none) / self.families)
         total += (len(effects) - 1) * log(SECOND_EFFECT)
         for effect in effects:
+            total += log(EFFECTS[effect].odds)
             members = len(EFFECTS[effect].member_parameters(self.vehicle))
             knobs = [knob for knob in explanation.knobs if knob.effect == effect]
             if not knobs[0].discrete:
