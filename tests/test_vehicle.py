@@ -1,6 +1,5 @@
 """Vehicle files: what is read, and that mistakes are named."""
 
-import copy
 import math
 
 import pytest
@@ -10,24 +9,11 @@ import yaml
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.physics.coefficients import total_mass_matrix
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
+from tests.entries import with_entry
 
 
 def paper():
     return yaml.safe_load(config_path("vehicle", "paper").read_text())
-
-
-def with_entry(path, value):
-    """The paper's file with one entry replaced, or removed if the value is ``...``."""
-    vehicle = copy.deepcopy(paper())
-    *parents, last = path.split(".")
-    block = vehicle
-    for parent in parents:
-        block = block[parent]
-    if value is ...:
-        del block[last]
-    else:
-        block[last] = value
-    return vehicle
 
 
 @pytest.mark.parametrize("name", config_names("vehicle"))
@@ -105,7 +91,7 @@ def test_an_unknown_name_lists_the_vehicles():
 def test_mistakes_are_named(path, value, message):
     """A missing, unknown, misshapen or unphysical entry is an error that names it and says what to give."""
     with pytest.raises(ValueError, match=message):
-        load_vehicle(with_entry(path, value))
+        load_vehicle(with_entry(paper(), path.split("."), value))
 
 
 @pytest.mark.parametrize("text", ["", "- 1\n- 2\n", "just words", "mass: [1, 2"])

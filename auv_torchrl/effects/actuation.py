@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, uniform
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -96,21 +96,15 @@ thruster_misalignment = Effect(
 )
 
 
-def _limit(vehicle: Vehicle, limit: Tensor) -> Vehicle:
-    return changed(vehicle, limit=limit)
-
-
 thrust_limit = Effect(
     name="thrust_limit",
     origin=Origin.ACTUATION,
     meaning="saturation of thruster i in newtons; `limit` sets all",
     source="Lu et al. 2023, Eq. 2",
     parameters=(
-        Parameter(
-            "limit", "N", uniform("limit"), 0.0, 200.0, "thruster {which} saturates at {value:.1f} N", "thruster"
-        ),
+        Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {value:.1f} N", "thruster"),
     ),
-    change=_limit,
+    change=sets(limit="limit"),
 )
 
 
@@ -124,7 +118,7 @@ dead_band = Effect(
     meaning="no thrust below this many newtons, all thrusters",
     source="Lu et al. 2023, Eq. 2",
     parameters=(
-        Parameter("width", "N", uniform("dead_band"), 0.0, 30.0, "the thrusters give nothing below {value:.1f} N"),
+        Parameter("width", "N", own("dead_band"), 0.0, 30.0, "the thrusters give nothing below {value:.1f} N"),
     ),
     change=_dead_band,
 )
@@ -141,10 +135,8 @@ thrust_curve = Effect(
     meaning="F = full sign(c) |c|^exponent, reverse thrust times (1 - asymmetry), then limit and dead band",
     source="Blue Robotics T200 chart",
     parameters=(
-        Parameter(
-            "exponent", "1", uniform("exponent"), 0.5, 3.0, "thrust grows as the command to the power {value:.2f}"
-        ),
-        Parameter("asymmetry", "1", uniform("asymmetry"), -0.6, 0.6, "reverse thrust is weaker by {value:.0%}"),
+        Parameter("exponent", "1", own("exponent"), 0.5, 3.0, "thrust grows as the command to the power {value:.2f}"),
+        Parameter("asymmetry", "1", own("asymmetry"), -0.6, 0.6, "reverse thrust is weaker by {value:.0%}"),
     ),
     change=_curve,
 )
@@ -160,16 +152,10 @@ thruster_lag = Effect(
     meaning="thrust follows its target with a first-order time constant",
     source="Yoerger, Cooke and Slotine 1990, thruster dynamics",
     parameters=(
-        Parameter(
-            "time_constant", "s", uniform("lag"), 0.0, 1.5, "thrust follows the command with a lag of {value:.2f} s"
-        ),
+        Parameter("time_constant", "s", own("lag"), 0.0, 1.5, "thrust follows the command with a lag of {value:.2f} s"),
     ),
     change=_lag,
 )
-
-
-def _delay(vehicle: Vehicle, delay: Tensor) -> Vehicle:
-    return changed(vehicle, delay=delay)
 
 
 command_delay = Effect(
@@ -178,12 +164,8 @@ command_delay = Effect(
     meaning="commands reach the thrusters late",
     source="network and driver latency; a T200's own dead time is 13 ms",
     parameters=(Parameter("delay", "s", own("delay"), 0.0, 0.8, "commands arrive {value:.2f} s late"),),
-    change=_delay,
+    change=sets(delay="delay"),
 )
-
-
-def _sag(vehicle: Vehicle, rate: Tensor) -> Vehicle:
-    return changed(vehicle, battery_sag=rate)
 
 
 battery_sag = Effect(
@@ -194,7 +176,7 @@ battery_sag = Effect(
     parameters=(
         Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {value:.0%} of its value per minute"),
     ),
-    change=_sag,
+    change=sets(rate="battery_sag"),
 )
 
 EFFECTS = (

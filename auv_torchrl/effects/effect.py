@@ -131,13 +131,8 @@ class Effect:
         return self.change(vehicle, **arguments)
 
 
-def uniform(field: str) -> Callable[[Vehicle], float]:
-    """Nominal value of a per-thruster field that is the same for all thrusters of a nominal vehicle."""
-    return lambda vehicle: float(getattr(vehicle, field).flatten()[0])
-
-
 def own(field: str) -> Callable[[Vehicle], float]:
-    """Nominal value of a scalar field."""
+    """Nominal value of a scalar field, or of one that is the same for all thrusters of a nominal vehicle."""
     return lambda vehicle: float(getattr(vehicle, field).flatten()[0])
 
 
@@ -147,6 +142,11 @@ def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:
     for name, value in fields.items():
         copy.set(name, value.to(vehicle.mass.dtype))
     return copy
+
+
+def sets(**fields: str) -> Callable[..., Vehicle]:
+    """A change that puts each parameter into a field: ``sets(delay="pose_delay")``."""
+    return lambda vehicle, **values: changed(vehicle, **{fields[name]: value for name, value in values.items()})
 
 
 PER_DOF = CONTROLLED

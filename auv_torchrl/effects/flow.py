@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.effects.body import per_dof
-from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed, own
+from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 
@@ -138,10 +138,6 @@ drag_coupling = Effect(
 )
 
 
-def _coriolis(vehicle: Vehicle, strength: Tensor) -> Vehicle:
-    return changed(vehicle, coriolis=strength)
-
-
 coriolis = Effect(
     name="coriolis",
     origin=Origin.FLOW,
@@ -150,7 +146,7 @@ coriolis = Effect(
     parameters=(
         Parameter("strength", "1", own("coriolis"), 0.0, 2.0, "Coriolis terms act at {value:.2f} of full strength"),
     ),
-    change=_coriolis,
+    change=sets(strength="coriolis"),
 )
 
 

@@ -4,7 +4,7 @@ import math
 
 from torch import Tensor
 
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -22,22 +22,14 @@ heading_bias = Effect(
 )
 
 
-def _pose_delay(vehicle: Vehicle, delay: Tensor) -> Vehicle:
-    return changed(vehicle, pose_delay=delay)
-
-
 pose_delay = Effect(
     name="pose_delay",
     origin=Origin.SENSING,
     meaning="the pose is reported late",
     source="motion-capture and acoustic positioning latency",
     parameters=(Parameter("delay", "s", own("pose_delay"), 0.0, 0.8, "the pose is reported {value:.2f} s late"),),
-    change=_pose_delay,
+    change=sets(delay="pose_delay"),
 )
-
-
-def _position_scale(vehicle: Vehicle, factor: Tensor) -> Vehicle:
-    return changed(vehicle, position_scale=factor)
 
 
 position_scale = Effect(
@@ -49,12 +41,8 @@ position_scale = Effect(
     parameters=(
         Parameter("factor", "1", own("position_scale"), 0.2, 5.0, "positions are reported {value:.2f} times as large"),
     ),
-    change=_position_scale,
+    change=sets(factor="position_scale"),
 )
-
-
-def _depth_scale(vehicle: Vehicle, factor: Tensor) -> Vehicle:
-    return changed(vehicle, depth_scale=factor)
 
 
 depth_scale = Effect(
@@ -66,12 +54,8 @@ depth_scale = Effect(
     parameters=(
         Parameter("factor", "1", own("depth_scale"), -5.0, 5.0, "depths are reported {value:.2f} times as large"),
     ),
-    change=_depth_scale,
+    change=sets(factor="depth_scale"),
 )
-
-
-def _depth_bias(vehicle: Vehicle, offset: Tensor) -> Vehicle:
-    return changed(vehicle, depth_bias=offset)
 
 
 depth_bias = Effect(
@@ -82,12 +66,8 @@ depth_bias = Effect(
     parameters=(
         Parameter("offset", "m", own("depth_bias"), -20.0, 20.0, "the depth reading is off by {value:+.2f} m"),
     ),
-    change=_depth_bias,
+    change=sets(offset="depth_bias"),
 )
-
-
-def _velocity_scale(vehicle: Vehicle, factor: Tensor) -> Vehicle:
-    return changed(vehicle, velocity_scale=factor)
 
 
 velocity_scale = Effect(
@@ -101,12 +81,8 @@ velocity_scale = Effect(
             "factor", "1", own("velocity_scale"), -5.0, 5.0, "velocities are reported {value:.2f} times as large"
         ),
     ),
-    change=_velocity_scale,
+    change=sets(factor="velocity_scale"),
 )
-
-
-def _sensor_noise(vehicle: Vehicle, position: Tensor, attitude: Tensor) -> Vehicle:
-    return changed(vehicle, position_noise=position, attitude_noise=attitude)
 
 
 sensor_noise = Effect(
@@ -118,7 +94,7 @@ sensor_noise = Effect(
         Parameter("position", "m", own("position_noise"), 0.0, 0.5, "positions scatter by {value:.4f} m"),
         Parameter("attitude", "rad", own("attitude_noise"), 0.0, 0.5, "angles scatter by {value:.4f} rad"),
     ),
-    change=_sensor_noise,
+    change=sets(position="position_noise", attitude="attitude_noise"),
 )
 
 EFFECTS = (heading_bias, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, sensor_noise)

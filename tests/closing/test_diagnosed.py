@@ -22,6 +22,7 @@ from auv_torchrl.flightlog import Severity, read_flightlog, write_flightlog
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.example import example
+from tests.entries import with_entry
 
 VEHICLE = load_vehicle("paper")
 TASK = RegulationTask(episode_s=1.0)
@@ -65,19 +66,6 @@ def test_what_is_no_diagnosis_of_this_vehicle_is_refused_with_the_remedy(tmp_pat
     path.write_text(json.dumps(example().to_json()))
     with pytest.raises(ValueError, match="vehicle=paper"):
         read_diagnosed(path, load_vehicle("bluerov2"), "bluerov2")
-
-
-def with_entry(content, path, value):
-    """The content with one entry replaced, or removed if the value is ``...``."""
-    *parents, last = path
-    block = content
-    for parent in parents:
-        block = block[parent]
-    if value is ...:
-        del block[last]
-    else:
-        block[last] = value
-    return content
 
 
 GAIN = ("effects", 0, "parameters", "gain_4")
