@@ -137,8 +137,13 @@ BROKE = {  # logs on which the diagnosis once crashed
     "no window can be followed": Example(2, 9.0, AXES[1], (), 0, "none", {}, ()),
     "windows shorter than a block": Example(0, 6.0, ("z",), (), 0, "none", {"window_s": 0.3}, ()),
     "nothing measured that moves": Example(1, 9.0, ("q",), (), 0, "none", {}, ()),
+    "a dead thruster that may not be called so": Example(
+        0, 6.0, VELOCITY, ("depth_zero", "commands_saturated"), 0, "none",
+        {"window_s": 0.3, "excess": 1.01, "bin_s": 0.5288302374633281, "tempering": 0.4236560473093102,
+         "prior_none": 0.01, "lead_s": 0.0}, ("added_mass", "thrust_limit"),
+    ),
     "nothing moves, exactly": Example(2, 6.0, AXES[1], ("motionless",), 728, "same", {}, ()),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BROKE)

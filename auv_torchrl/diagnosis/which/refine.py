@@ -175,7 +175,8 @@ def _said_as_dead(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
     def is_dead(knob: Knob) -> bool:
         return knob.effect == "thrust_limit" and knob.value < dead_band
 
-    if not any(is_dead(knob) for knob in best.explanation.knobs):
+    may_be_said = any(atom.effect == "thruster_gain" for atom in bench.atoms)  # else it is ignored
+    if not may_be_said or not any(is_dead(knob) for knob in best.explanation.knobs):
         return best
     knobs = tuple(
         Knob("thruster_gain", tuple(name.replace("limit", "gain") for name in k.members), 0.0) if is_dead(k) else k
