@@ -12,8 +12,8 @@ from auv_torchrl.envs.mujoco_fleet import MujocoFleet
 from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, rotation_matrix
-from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import memory_length, push
+from auv_torchrl.sensors import measured_pose, measured_velocity
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 _FAR = 1e4  # m, where the tether that stands for a constant earth-frame force is anchored

@@ -8,6 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.calibration.healthy import Calibration, calibrate
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.verdict import Verdict
+from auv_torchrl.diagnosis.which.agreement import follow_agreeing
 from auv_torchrl.diagnosis.which.attitude import (
     attitude_finding,
     hold_attitude,
@@ -58,12 +59,12 @@ def look(
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
     hints, others, below = (hints_of(seen.found), *_worth_flying(seen)) if seen else ((), Others.ALL, np.inf)
-    follow = bench.follow()
+    follow = follow_agreeing(bench)
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(bench, follow)
     if onset is not None:
         behind = Bench(bench.windows.subset(onset.behind), own, settings, known)
-        found = search(behind, behind.follow(), report, hints, others, below)
+        found = search(behind, follow_agreeing(behind), report, hints, others, below)
         if seen or is_absent(bench, onset, found.best.explanation, own, settings):
             return Looked(behind, found, sound, onset)
         hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]

@@ -15,8 +15,8 @@ from auv_torchrl.diagnosis.which.hypotheses import batch
 from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles
-from auv_torchrl.physics.sensors import measured_pose
 from auv_torchrl.physics.step import memory_length
+from auv_torchrl.sensors import measured_pose
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 SECONDS = 12.0

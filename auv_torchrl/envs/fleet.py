@@ -16,10 +16,10 @@ from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.envs.rows import lengthened, with_rows
 from auv_torchrl.envs.scene import SIZE, Scene
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
-from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import memory_length, push
 from auv_torchrl.physics.thrusters import applied_thrust
 from auv_torchrl.scenario import Scenario
+from auv_torchrl.sensors import measured_pose, measured_velocity
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 Array = Any

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.sensors import MOTION
 
-POSE = ("x", "y", "z", "roll", "pitch", "yaw")  # m, rad
-VELOCITY = ("u", "v", "w", "p", "q", "r")  # m/s, rad/s, body
+POSE = MOTION[:6]  # m, rad
+VELOCITY = MOTION[6:]  # m/s, rad/s, body
 ANGLES = ("roll", "pitch", "yaw")
 
 Floats = NDArray[np.float64]

@@ -10,8 +10,8 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
-from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import memory_length
+from auv_torchrl.sensors import measured_pose, measured_velocity
 from auv_torchrl.vehicle import Vehicle
 
 DT = 0.05

@@ -7,8 +7,8 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
-from auv_torchrl.physics.sensors import measured_pose
 from auv_torchrl.physics.step import memory_length
+from auv_torchrl.sensors import measured_pose
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
 
 POSE_ONLY = ("x", "y", "z", "yaw")

@@ -5,35 +5,24 @@ drifted from the measured path in a simulation. That makes every effect nearly l
 included, and one rollout per effect gives its mark on the measurements.
 """
 
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.reported import (
-    as_true,
-    reported_motion,
-    reported_per_true,
-    true_forces,
-    true_per_reported,
-    turned,
-)
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate
-from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, pose_late
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate, ahead, oldest
+from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
-from auv_torchrl.physics import prepare
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.physics import Coefficients, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import (
-    matvec,
-    normalise,
-    quaternion_from_euler,
-    quaternion_product,
-    rotation_matrix,
-)
+from auv_torchrl.physics.kinematics import matvec, normalise, rotation_matrix
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.sensors import Inverse, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
 CANDIDATES_AT_ONCE = 16
+PROBED = 3  # windows in which is looked which vehicles report something else
+SAME = 1e-9  # m, rad, m/s, rad/s: rounding
 
 
 @DIVERGING
@@ -51,14 +40,15 @@ def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: 
     It is the nominal mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
     """
     sound = actuate(windows, nominal)
-    seen = reported_motion(sound.c, windows.channels, motion)
+    sensors = Inverse.of(sound.c, windows.channels)
+    seen = sensors.reported_state(motion)
     before, mass = accelerations(sound, seen), sound.c.mass_matrix[:, None]
     rows = changed.batch_size[0]
     pieces = []
     for first in range(0, rows, CANDIDATES_AT_ONCE):
         some = slice(first, min(rows, first + CANDIDATES_AT_ONCE))
         beyond = accelerations(actuate(windows, cast(Vehicle, changed[some])), seen) - before
-        pieces.append(matvec(mass, true_forces(sound.c, windows.channels, beyond)))
+        pieces.append(matvec(mass, sensors.true_rate(beyond, seen[:, None])))
     return np.concatenate(pieces, axis=1)
 
 
@@ -74,20 +64,13 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
         for step in range(windows.steps):
             thrust[:, :, step] = thrust_after(c, terms, left, target[:, :, step], windows.dt / 2)
             left = thrust_after(c, terms, left, target[:, :, step], windows.dt)
-    time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - c.pose_delay[:, None]
+    time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - oldest(windows, c)[:, None]
     wrench = body_wrench(by_step, terms, thrust, time)
-    channels = windows.channels
-    position, velocity = as_true(by_step, channels, motion[:, None, :, :3], motion[:, None, :, 7:])
-    factor = true_per_reported(by_step, channels)[..., 6:]
-    if not c.heading_bias.any():
-        rotation = rotation_matrix(motion[:, None, :, 3:7])
-        return acceleration(by_step, terms, rotation, position, velocity, wrench) / factor
-    zero = np.zeros_like(by_step.heading_bias)
-    turn = quaternion_from_euler(zero, zero, -by_step.heading_bias)  # from the reported to the true heading
-    to_true = turned(by_step)
-    rotation = rotation_matrix(quaternion_product(turn, motion[:, None, :, 3:7]))
-    rate = acceleration(by_step, terms, rotation, position, matvec(to_true, velocity), wrench)
-    return matvec(to_true.mT, rate) / factor
+    sensors = Inverse.of(c, windows.channels).by_step()
+    true = sensors.true_state(motion[:, None])
+    rotation = rotation_matrix((motion[:, None] if sensors.is_true else true)[..., 3:7])  # one for all that are true
+    rate = acceleration(by_step, terms, rotation, true[..., :3], true[..., 7:], wrench)
+    return sensors.reported_rate(rate, true, motion[:, None])
 
 
 def marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
@@ -95,28 +78,45 @@ def marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed, f
     moves = layout.start[: len(layout.start) // 2]
     pushed = forces[..., moves].transpose(0, 2, 3, 1)
     nothing = np.zeros((1, len(layout.start), forces.shape[1]))
-    tangent = Tangent(state.transition, state.push, reported_per_true(prepare(vehicle).numpy())[0])
-    return respond(windows, layout.start, tangent, nothing, pushed, pose_late(windows, vehicle))
+    c = prepare(vehicle).numpy()
+    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).gain[0])
+    return respond(windows, layout.start, tangent, nothing, pushed, ahead(windows, c)[0])
 
 
-def reading_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: Floats) -> Floats | None:
-    """What velocities (W, K, R) read beyond those of the nominal vehicle (1,) where positions read the same.
+@DIVERGING
+def reading_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, states: Floats) -> Floats | None:
+    """What vehicles (R,) report (W, K, R) beyond the nominal one (1,), where they move as the same report says.
 
-    None where the vehicles ``changed`` (R,) report velocities as the nominal one does. ``motion`` (W, S, 13) is the
-    true one of the nominal vehicle.
+    A speed that positions show is also a speed that a Doppler log reads: a vehicle whose positions are scaled, or whose
+    compass is off, moves otherwise than reported, and its other sensors tell. None where all of them report the same.
+    ``states`` (W, S + 1, 13) are the true ones of the nominal vehicle.
     """
     before, after = (prepare(vehicle).numpy() for vehicle in (nominal, changed))
-    gains = [reported_per_true(c)[..., 6:] * true_per_reported(c, windows.channels)[..., 6:] for c in (before, after)]
-    beyond = gains[1] - gains[0]  # (R, 6), of what positions say of the velocity
-    if not beyond.any():
+    seen = Inverse.of(before, windows.channels).reported_state(states)[:, None]
+    now = _readings(windows, before, seen)
+
+    def beyond(c: Coefficients, some: Any) -> Floats:
+        change = _readings(windows.subset(some), c, seen[some]) - now[some]
+        change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
+        return change
+
+    few = np.linspace(0, len(windows) - 1, PROBED).astype(int)
+    other = np.flatnonzero(np.abs(beyond(after, few)).max((0, 2, 3)) > SAME)
+    if not len(other):
         return None
-    seen = reported_motion(before, windows.channels, motion)
-    step = np.minimum(windows.index, motion.shape[1] - 1)
-    shown = np.zeros((*windows.measured.shape, len(beyond)))
-    for column, name in enumerate(windows.channels):
-        if name in CHANNELS[6:]:
-            which = CHANNELS.index(name)
-            speed = seen[np.arange(len(windows))[:, None], step, 1 + which]
-            shown[:, :, column] = speed[..., None] * beyond[:, which - 6]
+    shown = np.zeros((*windows.measured.shape, changed.batch_size[0]))
+    for row in other:
+        shown[..., row] = beyond(after.rows(slice(row, row + 1)), slice(None))[:, 0]
     shown *= windows.trust[..., None]
-    return shown.reshape(len(windows), -1, len(beyond))
+    return shown.reshape(len(windows), -1, shown.shape[-1])
+
+
+def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
+    """What vehicles (R,) report (W, R, m, C) at the times of the samples, seen to move as ``seen`` (W, 1, S + 1, 13)."""
+    true = Inverse.of(c, windows.channels).by_step().true_state(seen)
+    reports = read(c.rows((slice(None), None)), windows.channels, motion_of(true))
+    reports[..., windows.angular] = np.unwrap(reports[..., windows.angular], axis=2)
+    at = (windows.index + windows.fraction)[:, None, :, None] + ahead(windows, c)[:, None]
+    whole = np.minimum(np.floor(at + 1e-9).astype(int), windows.steps - 1)
+    here, there = (np.take_along_axis(reports, step, axis=2) for step in (whole, whole + 1))
+    return here + (at - whole) * (there - here)

@@ -9,13 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.reported import as_true
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
-from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
-from auv_torchrl.physics.sensors import measured_pose, measured_velocity
 from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.physics.thrusters import thrust_after, thrust_targets
+from auv_torchrl.sensors import Inverse, ages, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
@@ -57,7 +55,7 @@ class Actuation:
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
     """Delay the commands and let the lag run up to the start of each window; ``vehicle`` is a batch (R,)."""
     c = prepare(vehicle).numpy()
-    total = np.maximum(c.delay + c.pose_delay, 0.0)  # a late pose sees the motion that older commands made
+    total = np.maximum(c.delay + oldest(windows, c), 0.0)  # late reports see the motion that older commands made
     whole = np.floor(total / windows.dt + 1e-6)
     c = c._replace(delay=np.maximum(total - whole * windows.dt, 0.0))
     silent = np.zeros((len(windows), len(total), c.full_thrust.shape[-1]))
@@ -85,7 +83,7 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
 
     Args:
         actuation: what the vehicles (R,) do with the commands of the windows.
-        start: (W, R, 12) pose and velocity at the start as reported, see :func:`~.reported.as_true`.
+        start: (W, R, 12) pose and velocity at the start as reported, see :class:`~auv_torchrl.sensors.Inverse`.
         force: (W, R, S, 6) in N and N m, body frame, that acts besides what the vehicle does; None for none.
 
     Any of the three may have one row for all the others'.
@@ -131,9 +129,7 @@ def path(actuation: Actuation, chunk: slice, start: Floats, force: Floats | None
 def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Floats:
     """States (w, rows, 13) at the start of some windows."""
     first = np.broadcast_to(start[chunk], (chunk.stop - chunk.start, rows, 12))
-    quaternion = quaternion_from_euler(first[..., 3], first[..., 4], first[..., 5] - actuation.c.heading_bias)
-    position, velocity = as_true(actuation.c, actuation.windows.channels, first[..., :3], first[..., 6:])
-    return np.concatenate([position, quaternion, velocity], axis=-1)
+    return Inverse.of(actuation.c, actuation.windows.channels).true_start(first)
 
 
 class Run:
@@ -143,7 +139,7 @@ class Run:
         self._actuation = actuation
         self._targets = actuation.targets(chunk, np.arange(steps), actuation.substeps)
         self._thrust = actuation.thrust[chunk]
-        self._time = actuation.windows.time[chunk, None] - actuation.c.pose_delay
+        self._time = actuation.windows.time[chunk, None] - oldest(actuation.windows, actuation.c)
         self._k = 0
 
     def step(self, body: Floats, force: Floats | None = None) -> Floats:
@@ -164,30 +160,31 @@ def by_number(rows: Floats) -> Floats:
     return np.ascontiguousarray(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
+def oldest(windows: Windows, c: Coefficients) -> Floats:
+    """Age (R,) in s of the latest reports: windows are flown at the times that they tell of."""
+    return ages(c, windows.channels).max(-1)
+
+
+def ahead(windows: Windows, c: Coefficients) -> Floats:
+    """Grid steps (R, C) by which the reports of each channel are younger than the oldest ones."""
+    return (oldest(windows, c)[:, None] - ages(c, windows.channels)) / windows.dt
+
+
 def late_steps(windows: Windows, c: Coefficients) -> int:
-    """Grid steps behind the end of a window in which its last velocities are measured, where poses are late."""
-    late = c.pose_delay.max() if any(channel in CHANNELS[6:] for channel in windows.channels) else 0.0
-    return int(np.ceil(late / windows.dt - 1e-9))
+    """Grid steps behind the end of a window in which its youngest reports are measured, where others are late."""
+    return int(np.ceil(ahead(windows, c).max() - 1e-9))
 
 
 def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats) -> Floats:
     """What the sensors report of ``states`` (w, R, steps + 1, 13) at the times of the samples: (w, R, m, C)."""
-    pose = states[..., None, :7]
-    by_step = c.rows((slice(None), None))  # (R, 1, ...) so that steps are a batch axis
-    position, quaternion = measured_pose(by_step, pose, windows.dt)
-    angles = np.stack(euler_angles(quaternion), axis=-1)
-    if windows.fraction.any():
-        angles = np.unwrap(angles, axis=2)  # interpolation must not cross the cut at pi
-    values = np.concatenate([position, angles, measured_velocity(by_step, states[..., 7:])], axis=-1)
-    at = (windows.index + windows.fraction)[chunk, None]
-    late = (c.pose_delay / windows.dt)[:, None]
-    return np.stack(
-        [
-            _read(values[..., CHANNELS.index(name)], at + late if name in CHANNELS[6:] else at)
-            for name in windows.channels
-        ],
-        axis=-1,
-    )
+    reported = read(
+        c.rows((slice(None), None)), windows.channels, motion_of(states)
+    )  # (R, 1, ...): steps are a batch axis
+    at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
+    if windows.fraction.any() or later.any():  # interpolation must not cross the cut at pi
+        reported[..., windows.angular] = np.unwrap(reported[..., windows.angular], axis=2)
+    columns = range(len(windows.channels))
+    return np.stack([_read(reported[..., column], at + later[:, column, None]) for column in columns], axis=-1)
 
 
 def _read(series: Floats, at: Floats) -> Floats:

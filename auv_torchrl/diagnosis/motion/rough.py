@@ -6,12 +6,12 @@ It is noisy and only a place to begin from; the smoother then follows the sample
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import accelerations
-from auv_torchrl.diagnosis.motion.reported import true_forces
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate
 from auv_torchrl.diagnosis.motion.smooth import Layout
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics.kinematics import cross, matvec, quaternion_from_euler, rotation_matrix
+from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 REACH_S = 0.25  # half width of the parabolas; wider where samples are sparse
@@ -59,7 +59,7 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     actuation = actuate(windows, vehicle)
     predicted = accelerations(actuation, by_step)[:, 0]
     missing = np.repeat(rate, layout.steps_per_bin, axis=1)[:, : windows.steps] - predicted
-    missing = true_forces(actuation.c, windows.channels, missing)
+    missing = Inverse.of(actuation.c, windows.channels).true_rate(missing, by_step)
     force = matvec(actuation.c.mass_matrix[0], missing)[..., layout.dof]
     edges = np.arange(0, windows.steps, layout.steps_per_bin)
     counts = np.diff(np.append(edges, windows.steps))

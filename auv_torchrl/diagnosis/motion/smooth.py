@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.reported import true_per_reported
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, fly
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, ahead, fly
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import prepare
+from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
@@ -107,19 +107,15 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
     """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
     residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
     n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
-    inward = true_per_reported(prepare(vehicle).numpy(), windows.channels)[0, layout.start]
-    starts = (inward[:, None] * np.eye(n, layout.size))[None]
+    c = prepare(vehicle).numpy()
+    inward = Inverse.of(c, windows.channels).by_step().start_slopes(start, layout.start)
+    starts = inward @ np.eye(n, layout.size)
     forces = np.zeros((1, windows.steps, len(moves), layout.size))
     for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
         forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
-    slope = respond(windows, layout.start, tangent, starts, forces, pose_late(windows, vehicle))
+    slope = respond(windows, layout.start, tangent, starts, forces, ahead(windows, c)[0])
     return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push)
-
-
-def pose_late(windows: Windows, vehicle: Vehicle) -> float:
-    """Grid steps by which poses of one vehicle are reported late."""
-    return float(vehicle.pose_delay.reshape(-1)[0]) / windows.dt
 
 
 @DIVERGING

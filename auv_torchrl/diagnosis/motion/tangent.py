@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.reported import reported_per_true
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, actuate, begin, late_steps, sample
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
-from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
+from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.sensors import Inverse, motion_of
 from auv_torchrl.vehicle import Vehicle
 
 STEP_STATE = 1e-3  # m, rad, m/s, rad/s
@@ -58,7 +58,7 @@ def linearise(
         pushed = np.repeat(force[:, None, min(k, force.shape[1] - 1)], rows, axis=1)
         pushed[:, 1 + len(entries) + np.arange(len(moves)), moves] += STEP_FORCE[moves]
         body = run.step(_perturbed(body, entries), pushed)
-        change = _twelve(body)
+        change = motion_of(body)
         change = change[:, 1:] - change[:, :1]
         change[..., ANGULAR] -= 2 * np.pi * np.round(change[..., ANGULAR] / (2 * np.pi))
         change = change[..., entries].swapaxes(1, 2)
@@ -66,11 +66,13 @@ def linearise(
         push[:, k] = change[..., len(entries) :] / STEP_FORCE[moves]
     states[:, :, steps] = body[:, :1]
     residual = windows.residual(sample(windows, everything, actuation.c, states))[:, 0]
-    return residual.reshape(len(windows), -1), Tangent(transition, push, reported_per_true(actuation.c)[0])
+    return residual.reshape(len(windows), -1), Tangent(
+        transition, push, Inverse.of(actuation.c, windows.channels).gain[0]
+    )
 
 
 def respond(
-    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, late: float
+    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, later: Floats
 ) -> Floats:
     """Change (W, K, N) of the samples under ``N`` small changes at once.
 
@@ -80,19 +82,19 @@ def respond(
         tangent: of these windows.
         start: (W or 1, n, N) change of the true start.
         force: (W or 1, S, n / 2, N) change of the force during each step, N and N m; the last one goes on.
-        late: grid steps by which poses are older than velocities.
+        later: (C,) grid steps by which the reports of each channel are younger than the oldest ones.
     """
     columns = max(start.shape[-1], force.shape[-1])
     pieces = []
     for first in range(0, columns, COLUMNS_AT_ONCE):
         some = slice(first, first + COLUMNS_AT_ONCE)
-        pieces.append(_respond(windows, entries, tangent, start[..., some], force[..., some], late))
+        pieces.append(_respond(windows, entries, tangent, start[..., some], force[..., some], later))
     return np.concatenate(pieces, axis=-1)
 
 
 @DIVERGING
 def _respond(
-    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, late: float
+    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, later: Floats
 ) -> Floats:
     steps = tangent.transition.shape[1]
     moved = np.broadcast_to(start, (len(windows), *start.shape[1:]))
@@ -107,7 +109,7 @@ def _respond(
         entry = np.flatnonzero(entries == CHANNELS.index(name))
         if not len(entry):
             continue  # held
-        at = windows.index + windows.fraction + (late if name in CHANNELS[6:] else 0.0)
+        at = windows.index + windows.fraction + later[column]
         whole = np.minimum(np.floor(at + 1e-9).astype(int), steps)
         part = np.where(windows.present, at - whole, 0.0)[..., None]
         values = history[:, :, entry[0]]
@@ -117,14 +119,9 @@ def _respond(
     return change.reshape(len(windows), -1, moved.shape[-1])
 
 
-def _twelve(body: Floats) -> Floats:
-    """Position, roll, pitch, yaw and velocity (..., 12) of states (..., 13)."""
-    return np.concatenate([body[..., :3], np.stack(euler_angles(body[..., 3:7]), axis=-1), body[..., 7:]], axis=-1)
-
-
 def _perturbed(body: Floats, entries: np.ndarray) -> Floats:
     """The first row's state in every row, moved by one step in each of ``entries`` from the second row on."""
-    numbers = np.repeat(_twelve(body[:, :1]), body.shape[1], axis=1)
+    numbers = np.repeat(motion_of(body[:, :1]), body.shape[1], axis=1)
     numbers[:, 1 + np.arange(len(entries)), entries] += STEP_STATE
     quaternion = quaternion_from_euler(*np.moveaxis(numbers[..., 3:6], -1, 0))
     return np.concatenate([numbers[..., :3], quaternion, numbers[..., 6:]], axis=-1)

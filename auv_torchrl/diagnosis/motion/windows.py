@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog, FlightLogError
+from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.sensors import MOTION
 
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
-CHANNELS = POSE + VELOCITY
+CHANNELS = MOTION
 LEAST_SAMPLES = 6  # for a first parabola
 MAX_WINDOWS = 360  # 12 minutes of windows of 2 s: more adds time and memory, not certainty
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import force_changes
 from auv_torchrl.diagnosis.motion.reduce import DIVERGED, Freedom, chi_square, settle
-from auv_torchrl.diagnosis.motion.reported import as_reported
 from auv_torchrl.diagnosis.motion.rollout import actuate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
@@ -25,7 +24,7 @@ from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Base, Ground
 from auv_torchrl.diagnosis.which.hypotheses import batch
 from auv_torchrl.physics import prepare
-from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 FOLLOWED = 1.15  # misfit of a window that a free force follows
@@ -37,18 +36,22 @@ MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the
 STUCK = 1.5  # chi-square per number of a window that has not found its start
 ASTRAY = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
 SETTLING = 2  # steps of the free numbers where windows begin; a small change of the vehicle needs one
+NOTHING = Explanation()
 HEIRS = 3  # rounds in which starts are handed on from window to window
 
 
 class Following(Ground):
     """Settle windows under the nominal vehicle and under explanations."""
 
-    def follow(self) -> Base:
-        """The windows under the nominal vehicle with a wide force; measures the sensor noise on the way.
+    def follow(self, explanation: Explanation = NOTHING) -> Base:
+        """The windows under an explanation, by default none, with a wide force; measures the noise on the way.
 
         The force changes faster where bins of the usual length cannot follow, as under a limit cycle.
         """
-        vehicle = batch(self.vehicle, [{}])
+        self.windows = self.given
+        self.layout = Layout.of(self.windows, self.vehicle, self.settings.bin_s)
+        self.sigma = self._noise(self.rough_noise)
+        vehicle = batch(self.vehicle, [explanation.values(self.vehicle)])
         state = self._weigh_outliers(vehicle, self._follow(self.windows, vehicle, self.wide))
         while np.median(misfit(self.windows, state.residual, self.sigma)) > FOLLOWED and self.layout.steps_per_bin > 2:
             steps = self.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
@@ -60,7 +63,7 @@ class Following(Ground):
         measured = sensor_noise(self.windows, state, self.sigma, self.wide)
         self.sigma = self._noise({n: min(measured.get(n, size), size) for n, size in self.sigma.items()})
         states = flown(actuate(self.windows, vehicle), self.layout, *_one_row(state)[:2])[1]
-        base = Base(Explanation(), vehicle, state, states[:, 0])
+        base = Base(explanation, vehicle, state, states[:, 0])
         self.measure_slack(base)
         return base
 
@@ -83,6 +86,10 @@ class Following(Ground):
         counts = (factor < 1).sum((0, 1))
         self.outlying = {name: int(count) for name, count in zip(windows.channels, counts, strict=True) if count}
         return _replaced(state, some, self._follow(self.windows.subset(some), vehicle, self.wide))
+
+    def followed_freely(self, windows: Windows, vehicle: Vehicle) -> Smoothed:
+        """Some windows under a vehicle (1,), with a wide force."""
+        return self._follow(windows, vehicle, self.wide)
 
     def _follow(self, windows: Windows, vehicle: Vehicle, prior: Floats) -> Smoothed:
         begin = rough_force(windows, vehicle, self.layout)
@@ -156,11 +163,8 @@ class Following(Ground):
 
     def _ends(self, base: Base) -> Floats:
         """States (W, 12) in which the windows end, as the start of what follows them."""
-        end, c = base.states[:, -1], prepare(base.vehicle).numpy()
-        angles = np.stack(euler_angles(end[:, 3:7]), axis=-1)
-        angles[:, 2] += c.heading_bias[0]
-        position, velocity = as_reported(c, self.windows.channels, end[:, :3], end[:, 7:])
-        return np.concatenate([position, angles, velocity], axis=1)
+        sensors = Inverse.of(prepare(base.vehicle).numpy(), self.windows.channels)
+        return sensors.reported_start(base.states[:, -1])
 
     def nudge(self, explanation: Explanation, start: Base) -> Base:
         """The windows under an explanation that differs a little from that of ``start``."""

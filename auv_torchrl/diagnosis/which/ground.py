@@ -77,7 +77,8 @@ class Ground:
     """A log cut into windows, a vehicle and the settings to judge with."""
 
     def __init__(self, windows: Windows, vehicle: Vehicle, settings: Settings, known: Known | None = None):
-        self.windows = windows
+        self.given = windows
+        self.windows = windows  # with less trust in outliers, once they were followed
         self.vehicle = vehicle
         self.settings = settings
         self.known = known
@@ -152,7 +153,7 @@ class Ground:
         size, direction = np.linalg.eigh(self.slack_covariance)
         keys = [(effect, member) for effect, member, _, _ in self.slack]
         each = [
-            replace(base.explanation, slack=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
+            Explanation(slack=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
             for s, d in zip(size, direction.T, strict=True)
         ]
         self.slack_size = float(np.sqrt((self._sizes(each, base) ** 2).sum()))

@@ -74,7 +74,7 @@ def search(
     polished = [bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)]  # without any effect, then with some
     bench.slack_suffices = not bench.leaves_much(polished[0])
     promise = np.inf
-    for explanation in hints:
+    for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
         polished.append(bench.polish(explanation, follow))
         few = len(explanation.knobs) <= FEW or polished[-1].nothing_left
         if others is not Others.NONE and few and explains(bench, polished[-1]):

@@ -81,7 +81,7 @@ class Weighing(Following):
             windows = self.windows.subset(some)
             forces = force_changes(windows, base.vehicle, vehicles, base.motion[some])
             columns = marks(windows, base.vehicle, self.layout, rows_of(base.state, some), forces)
-            read = reading_changes(windows, base.vehicle, vehicles, base.motion[some])
+            read = reading_changes(windows, base.vehicle, vehicles, base.states[some])
             columns = columns if read is None else columns + read
             if around is None:
                 yield some, columns, None

@@ -1,0 +1,50 @@
+"""Sensors that contradict each other: no force makes a simulator follow both, unless one of them is what is wrong.
+
+Effects are looked for along the motion that was measured. Where a late position and a Doppler log, or a turned compass
+and a Doppler log, tell of two motions, there is no such motion until the right change of a sensor is known. So each
+change of a sensor is tried by what matters first: whether some force makes the vehicle follow all that was measured.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.smooth import misfit
+from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.following import MOSTLY_LOST
+from auv_torchrl.diagnosis.which.ground import Base
+from auv_torchrl.diagnosis.which.hypotheses import Atom, batch
+from auv_torchrl.effects import EFFECTS, Origin
+
+LOOKED_AT = 5  # windows: contradicting sensors do so all the time
+BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must get below
+
+
+def follow_agreeing(bench: Bench) -> Base:
+    """The windows followed under the nominal vehicle, or where it cannot follow them, under one with another sensor."""
+    follow = bench.follow()
+    if bench.followed.mean() > MOSTLY_LOST:
+        return follow
+    sensor = agreeing_sensor(bench)
+    if sensor is None:
+        return follow
+    fitted = bench.polish(sensor, bench.follow(sensor)).explanation  # a value nearby makes outliers of good samples
+    return bench.follow(replace(fitted, slack={}))
+
+
+def agreeing_sensor(bench: Bench) -> Explanation | None:
+    """The change of one sensor under which windows are followed best; None where none helps much."""
+    rows = np.unique(np.linspace(0, len(bench.windows) - 1, LOOKED_AT).astype(int))
+    some = bench.windows.subset(rows)
+    atoms = [atom for atom in bench.atoms if EFFECTS[atom.effect].origin is Origin.SENSING]
+
+    def badness(atom: Atom | None) -> float:
+        vehicle = batch(bench.vehicle, [{atom.effect: atom.values} if atom else {}])
+        return float(np.median(misfit(some, bench.followed_freely(some, vehicle).residual, bench.sigma)))
+
+    tried = [(badness(atom), atom) for atom in atoms]
+    least, best = min(tried, key=lambda entry: entry[0], default=(np.inf, None))
+    if best is None or not least < BETTER * badness(None):
+        return None
+    return Explanation().with_atom(best, bench.vehicle)

@@ -1,0 +1,74 @@
+"""The instruments that vehicles have. A new one is an entry here, with what it reads of the motion."""
+
+from typing import Any
+
+from array_api_compat import array_namespace
+
+from auv_torchrl.physics.coefficients import Coefficients
+from auv_torchrl.sensors.sensor import Sensor, at_once
+
+Array = Any
+
+
+def _with_pose(c: Coefficients) -> Array:
+    return c.pose_delay
+
+
+def _position(c: Coefficients, motion: Array) -> Array:
+    return c.position_scale[..., None] * motion[..., :2]
+
+
+def _depth(c: Coefficients, motion: Array) -> Array:
+    return (c.position_scale * c.depth_scale)[..., None] * motion[..., 2:3] + c.depth_bias[..., None]
+
+
+def _attitude(c: Coefficients, motion: Array) -> Array:
+    return motion[..., 3:5]
+
+
+def _heading(c: Coefficients, motion: Array) -> Array:
+    return motion[..., 5:6] + c.heading_bias[..., None]
+
+
+def _velocity(c: Coefficients, motion: Array) -> Array:
+    return c.velocity_scale[..., None] * motion[..., 6:9]
+
+
+def _rates(c: Coefficients, motion: Array) -> Array:
+    return motion[..., 9:12]
+
+
+INSTRUMENTS = (
+    Sensor("position", ("x", "y"), "motion capture, or an acoustic positioning system", _position, _with_pose),
+    Sensor("depth", ("z",), "a pressure gauge, or the positioning system", _depth, _with_pose),
+    Sensor("attitude", ("roll", "pitch"), "motion capture, or an inertial unit", _attitude, _with_pose),
+    Sensor("heading", ("yaw",), "motion capture, or a compass", _heading, _with_pose),
+    Sensor(
+        "velocity", ("u", "v", "w"), "a Doppler log that is fixed to the body: no compass turns it", _velocity, at_once
+    ),
+    Sensor("gyro", ("p", "q", "r"), "angular rates, fixed to the body", _rates, at_once),
+)
+SENSORS = {sensor.name: sensor for sensor in INSTRUMENTS}
+
+
+def sensor_of(channel: str) -> Sensor:
+    """The sensor that reports a channel."""
+    return next(sensor for sensor in SENSORS.values() if channel in sensor.channels)
+
+
+def read(c: Coefficients, channels: tuple[str, ...], motion: Array) -> Array:
+    """What sensors report (..., C) in ``channels``, of a motion (..., 12), without noise; angles are not wrapped."""
+    xp = array_namespace(motion)
+    used = {sensor.name: sensor for sensor in map(sensor_of, channels)}
+    reports = {name: sensor.read(c, motion) for name, sensor in used.items()}
+    columns = [
+        reports[sensor.name][..., sensor.channels.index(channel)]
+        for channel, sensor in zip(channels, map(sensor_of, channels), strict=True)
+    ]
+    return xp.stack(tuple(xp.broadcast_arrays(*columns)), axis=-1)
+
+
+def ages(c: Coefficients, channels: tuple[str, ...]) -> Array:
+    """How old (..., C) in s the reports of each channel are."""
+    xp = array_namespace(c.position_scale)
+    return xp.stack(tuple(sensor_of(channel).age(c) for channel in channels), axis=-1)

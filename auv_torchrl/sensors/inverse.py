@@ -1,0 +1,134 @@
+"""From the motion that sensors report to the true one of a vehicle, and back.
+
+Starts of windows are as reported, so that vehicles with other sensors begin where the same samples say that they do: a
+vehicle whose compass is off by half a turn begins there turned round, one whose lengths are doubled at half the place
+and half the speed. What a sensor does is found by reading it, so that a new one needs no line here.
+
+A reported velocity is what reported positions change by, along the axes of the reported attitude. Where the log holds
+no x and y it is what velocities say, along the axes of the body.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from auv_torchrl.physics.coefficients import Coefficients
+from auv_torchrl.physics.kinematics import (
+    cross,
+    matvec,
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_matrix,
+)
+from auv_torchrl.sensors.instruments import read
+from auv_torchrl.sensors.report import motion_of
+from auv_torchrl.sensors.sensor import MOTION
+
+Floats = np.ndarray[Any, np.dtype[Any]]
+YAW = MOTION.index("yaw")
+STEP = 1e-6  # m, rad, m/s, rad/s, of differences
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """How vehicles (R,) move where the same is reported of them, in logs that hold some channels."""
+
+    gain: Floats  # (R, 12) what is reported of each number of a motion, over what is true
+    offset: Floats  # (R, 12) what is reported of a vehicle at the origin that looks north
+    speed: Floats  # (R, 3) true linear velocities over reported ones, in the earth frame, or the body's without x and y
+    turn: Floats  # (R, 4) quaternion from the reported to the true heading
+    by_position: bool  # whether a velocity is what positions change by
+
+    @staticmethod
+    def of(c: Coefficients, channels: tuple[str, ...]) -> "Inverse":
+        """Read the sensors of vehicles (R,) at the origin, and a unit away from it in each number."""
+        probes = np.concatenate([np.zeros((1, 12)), np.eye(12)])
+        reports = read(c.rows((slice(None), None)), MOTION, np.broadcast_to(probes, (len(c.mass_matrix), 13, 12)))
+        offset = reports[:, 0]
+        gain = np.einsum("rii->ri", reports[:, 1:]) - offset
+        speed = np.ones((len(gain), 3))
+        for axis, (place, velocity) in enumerate(zip(MOTION[:3], MOTION[6:9], strict=True)):
+            if place in channels or velocity in channels:
+                speed[:, axis] = 1.0 / gain[:, MOTION.index(place if place in channels else velocity)]
+        zero = np.zeros_like(offset[:, YAW])
+        turn = quaternion_from_euler(zero, zero, -offset[:, YAW])
+        return Inverse(gain, offset, speed, turn, {"x", "y"} <= set(channels))
+
+    @property
+    def is_true(self) -> bool:
+        """Whether all vehicles move as reported, but for a shift of where they are."""
+        return bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
+
+    def by_step(self) -> "Inverse":
+        """The same for vehicles (R, 1), so that steps are a batch axis."""
+        gain, offset, speed, turn = (field[:, None] for field in (self.gain, self.offset, self.speed, self.turn))
+        return Inverse(gain, offset, speed, turn, self.by_position)
+
+    def true_state(self, reported: Floats) -> Floats:
+        """True states (..., 13) of reported ones (..., 13): position, quaternion, velocity."""
+        position = (reported[..., :3] - self.offset[..., :3]) / self.gain[..., :3]
+        if self.is_true:
+            return _joined(position, reported[..., 3:])
+        quaternion = quaternion_product(self.turn, reported[..., 3:7])
+        linear = self._true_linear(reported[..., 3:7], reported[..., 7:10])
+        return _joined(position, quaternion, linear, reported[..., 10:])
+
+    def reported_state(self, states: Floats) -> Floats:
+        """The inverse of :meth:`true_state`."""
+        position = states[..., :3] * self.gain[..., :3] + self.offset[..., :3]
+        if self.is_true:
+            return _joined(position, states[..., 3:])
+        quaternion = quaternion_product(self.turn * np.array([1.0, -1.0, -1.0, -1.0]), states[..., 3:7])
+        return _joined(position, quaternion, self._reported_linear(quaternion, states[..., 7:10]), states[..., 10:])
+
+    def true_start(self, start: Floats) -> Floats:
+        """True states (..., 13) of reported starts (..., 12): position, angles, velocity."""
+        quaternion = quaternion_from_euler(start[..., 3], start[..., 4], start[..., 5])
+        return self.true_state(np.concatenate([start[..., :3], quaternion, start[..., 6:]], axis=-1))
+
+    def reported_start(self, states: Floats) -> Floats:
+        """The inverse of :meth:`true_start`."""
+        return motion_of(self.reported_state(states))
+
+    def start_slopes(self, start: Floats, entries: np.ndarray) -> Floats:
+        """What the true start moves by (W, n, n) per unit of each of ``n`` entries of reported starts (W, 12)."""
+        moved = start[:, None] + STEP * np.eye(12)[entries]
+        change = motion_of(self.true_start(moved)) - motion_of(self.true_start(start[:, None]))
+        change[..., 3:6] -= 2 * np.pi * np.round(change[..., 3:6] / (2 * np.pi))
+        return change[..., entries].swapaxes(1, 2) / STEP
+
+    def reported_rate(self, rate: Floats, true: Floats, reported: Floats) -> Floats:
+        """Accelerations (..., 6) that sensors report, of true ones, at true and reported states (..., 13)."""
+        if self.is_true:
+            return rate
+        inertial = rate[..., :3] + cross(*np.broadcast_arrays(true[..., 10:], true[..., 7:10]))
+        linear = self._reported_linear(reported[..., 3:7], inertial)
+        turning = cross(*np.broadcast_arrays(reported[..., 10:], reported[..., 7:10]))
+        return _joined(linear - turning, rate[..., 3:])
+
+    def true_rate(self, change: Floats, reported: Floats) -> Floats:
+        """Changes of true accelerations (..., 6) along a motion, of reported ones at reported states (..., 13)."""
+        if self.is_true:
+            return change
+        return _joined(self._true_linear(reported[..., 3:7], change[..., :3]), change[..., 3:])
+
+    def _true_linear(self, attitude: Floats, linear: Floats) -> Floats:
+        """Vectors (..., 3) along the true axes of the body, of vectors along the axes of a reported attitude."""
+        if not self.by_position:
+            return self.speed * linear
+        earth = self.speed * matvec(rotation_matrix(attitude), linear)
+        return matvec(rotation_matrix(quaternion_product(self.turn, attitude)).mT, earth)
+
+    def _reported_linear(self, attitude: Floats, linear: Floats) -> Floats:
+        """The inverse of :meth:`_true_linear`."""
+        if not self.by_position:
+            return linear / self.speed
+        earth = matvec(rotation_matrix(quaternion_product(self.turn, attitude)), linear) / self.speed
+        return matvec(rotation_matrix(attitude).mT, earth)
+
+
+def _joined(*parts: Floats) -> Floats:
+    """Parts side by side in the last axis, the others broadcast."""
+    batch = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
+    return np.concatenate([np.broadcast_to(part, (*batch, part.shape[-1])) for part in parts], axis=-1)

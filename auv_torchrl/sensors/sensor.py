@@ -1,0 +1,33 @@
+"""What a sensor is: some channels of a log, read from the true motion of the vehicle, and how old they are then."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from array_api_compat import array_namespace
+
+from auv_torchrl.physics.coefficients import Coefficients
+
+Array = Any
+# The 12 numbers of a motion: m in the earth frame (NED), rad, then m/s and rad/s over ground in the body frame (FRD).
+MOTION = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """An instrument that reports some channels.
+
+    ``read(c, motion)`` is what it reports, (..., k) for its ``k`` channels, of a motion (..., 12), without noise;
+    ``age(c)`` how long ago, in s, the vehicle moved as its reports of this moment say, () for each vehicle.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    meaning: str
+    read: Callable[[Coefficients, Array], Array]
+    age: Callable[[Coefficients], Array]
+
+
+def at_once(c: Coefficients) -> Array:
+    """The age of what is reported without delay."""
+    return array_namespace(c.position_scale).zeros_like(c.position_scale)
