@@ -1,30 +1,65 @@
 """What docs/diagnosis.md shows works."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from auv_torchrl.blind.outside import OUTSIDE
 from auv_torchrl.blind.report import BEGIN, END
-from auv_torchrl.effects import Effect
+from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.verdict import Verdict
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.paths import PROJECT
+from auv_torchrl.physics import prepare
+from auv_torchrl.sensors import MOTION, read
 from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.simulate import simulated_logs
 
 DOCUMENT = PROJECT / "docs" / "diagnosis.md"
 
 
-def test_the_example_effect_is_an_effect():
-    """The entry of the document changes the drag, and at its nominal value nothing."""
+def example_effect() -> Effect:
+    """The effect that the document adds, from its own lines."""
     code = next(block for block in re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), re.S) if "Effect(" in block)
     names: dict = {}
-    exec(code, names)  # the document's own lines
-    effect, vehicle = names["fouling"], load_vehicle("paper")
-    assert isinstance(effect, Effect)
+    exec(code, names)
+    return names["sound_speed"]
+
+
+def test_the_example_effect_is_an_effect():
+    """The entry of the document changes what acoustic sensors report, and at its nominal value nothing."""
+    effect, vehicle = example_effect(), load_vehicle("paper")
     assert (effect.apply(vehicle, effect.nominal(vehicle)) == vehicle).all()
-    fouled = effect.apply(vehicle, {"factor": torch.tensor([1.0, 2.0])})
-    np.testing.assert_allclose(fouled.linear_drag[1], 2 * vehicle.linear_drag)
-    np.testing.assert_allclose(fouled.quadratic_drag[1], 2 * vehicle.quadratic_drag)
+    c = prepare(effect.apply(vehicle, {"factor": torch.tensor([1.0, 1.2])})).numpy()
+    motion = np.tile([1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 1.0, 0.5, 0.2, 0.1, 0.2, 0.3], (2, 1))
+    true, off = read(c, MOTION, motion)
+    np.testing.assert_allclose(true, motion[0])
+    np.testing.assert_allclose(off / true, [1.2, 1.2, 1, 1, 1, 1, 1.2, 1.2, 1.2, 1, 1, 1])
+
+
+def test_the_example_effect_is_diagnosed(monkeypatch):
+    """A log with a wrong speed of sound is explained by the effect of the document, at its value."""
+    monkeypatch.setitem(EFFECTS, "sound_speed", example_effect())
+    (log,) = simulated_logs("paper", [{"sound_speed": {"factor": 1.2}}], episodes=3, seconds=16.0, seed=1)
+    tried = {
+        "sound_speed",
+        "thruster_gain",
+        "current",
+        "position_scale",
+        "velocity_scale",
+        "heading_bias",
+        "linear_drag",
+    }
+    settings = replace(load_settings(), ignored=tuple(name for name in EFFECTS if name not in tried))
+    found = diagnose(log, load_vehicle("paper"), vehicle_name="paper", settings=settings)
+    assert found.verdict is Verdict.EXPLAINED
+    (effect,) = found.effects
+    assert effect.name == "sound_speed"
+    factor = effect.parameters["factor"]
+    assert factor.low <= 1.2 <= factor.high and factor.high - factor.low < 0.1
 
 
 def test_the_document_has_room_for_the_tables_and_counts_what_is_flown():

@@ -8,7 +8,7 @@ from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
 from auv_torchrl.physics.step import memory_length
-from auv_torchrl.sensors import measured_pose
+from auv_torchrl.sensors import measured_pose, measured_velocity
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
 
 POSE_ONLY = ("x", "y", "z", "yaw")
@@ -50,7 +50,7 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     for step in range(steps):
         position, quaternion = measured_pose(c, poses, CONTROL_DT, rng.normal(size=(batch, 6)))
         seen.append(np.concatenate((position, np.stack(euler_angles(quaternion), -1)), -1))
-        velocity.append(state.velocity + noise[0] * rng.normal(size=(batch, 6)))
+        velocity.append(measured_velocity(c, state.velocity) + noise[0] * rng.normal(size=(batch, 6)))
         state = control_step(c, terms, state, commands[:, step])
         pose = np.concatenate((state.position, state.quaternion), -1)
         poses = np.concatenate((pose[:, None], poses[:, :-1]), axis=1)

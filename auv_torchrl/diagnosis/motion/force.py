@@ -112,7 +112,7 @@ def reading_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, states
 
 
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
-    """What vehicles (R,) report (W, R, m, C) at the times of the samples, seen to move as ``seen`` (W, 1, S + 1, 13)."""
+    """What vehicles (R,) report (W, R, m, C) at the times of samples, moving as ``seen`` (W, 1, S + 1, 13)."""
     true = Inverse.of(c, windows.channels).by_step().true_state(seen)
     reports = read(c.rows((slice(None), None)), windows.channels, motion_of(true))
     reports[..., windows.angular] = np.unwrap(reports[..., windows.angular], axis=2)
