@@ -1,6 +1,5 @@
 """Fleets of vehicles as TorchRL environments, in MuJoCo and on plain torch physics, with one task."""
 
-from auv_torchrl.envs import headless  # isort: skip  # before anything imports MuJoCo
 from auv_torchrl.envs.fleet import FleetEnv
 from auv_torchrl.envs.gymnasium_env import RegulationEnv, RegulationVectorEnv
 from auv_torchrl.envs.make import BACKENDS, make_fleet
@@ -18,6 +17,5 @@ __all__ = [
     "RegulationTask",
     "RegulationVectorEnv",
     "TorchFleet",
-    "headless",
     "make_fleet",
 ]

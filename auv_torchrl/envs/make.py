@@ -8,7 +8,7 @@ from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.envs.torch_fleet import TorchFleet
 from auv_torchrl.vehicle import Vehicle
 
-BACKENDS: dict[str, type[FleetEnv]] = {"mujoco": MujocoFleet, "torch": TorchFleet}
+BACKENDS: dict[str, type[MujocoFleet] | type[TorchFleet]] = {"mujoco": MujocoFleet, "torch": TorchFleet}
 
 
 def make_fleet(backend: str, vehicle: Vehicle, task: RegulationTask, num_envs: int, **options: Any) -> FleetEnv:

@@ -38,20 +38,21 @@ def test_mujoco_accelerates_as_the_model_says(name):
     """Qacc equals the Fossen acceleration, turned into MuJoCo's coordinates, to 1e-13 of its size."""
     fleet = MujocoFleet(loaded(name), RegulationTask(start_tilt=1.0), 16, seed=0)
     fleet.reset()
-    fleet._write_bodies(fleet._state)
-    c, terms, state = fleet._coefficients, fleet._terms, fleet._state
+    simulator = fleet.simulator
+    c, terms, state = simulator.coefficients, simulator.terms, simulator.state
+    simulator._write_bodies(state)
     thrust = np.random.default_rng(0).uniform(-30, 30, state.thrust.shape)
     wrench = body_wrench(c, terms, thrust, state.time)
-    mujoco.set_mjcb_passive(lambda *_: np.copyto(fleet._passive, fleet._force(wrench)))
+    mujoco.set_mjcb_passive(lambda *_: np.copyto(simulator._passive, simulator._force(c, terms, wrench)))
     try:
-        mujoco.mj_forward(fleet.physics.model.ptr, fleet.physics.data.ptr)
+        mujoco.mj_forward(simulator.physics.model.ptr, simulator.physics.data.ptr)
     finally:
         mujoco.set_mjcb_passive(None)
     rotation = rotation_matrix(state.quaternion)
     rate = acceleration(c, terms, rotation, state.position, state.velocity, wrench)
     linear = matvec(rotation, rate[:, :3] + np.cross(state.velocity[:, 3:], state.velocity[:, :3]))
     expected = np.concatenate((linear, rate[:, 3:]), axis=-1)
-    found = fleet.physics.data.qacc.reshape(16, 6)
+    found = simulator.physics.data.qacc.reshape(16, 6)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
@@ -78,7 +79,7 @@ def test_the_callback_is_only_there_during_a_step():
     fleet.reset()
     fleet.step(action)
     assert mujoco.get_mjcb_passive() is None
-    fleet._force = None  # not callable: the next step fails inside the callback
+    fleet.simulator._force = None  # not callable: the next step fails inside the callback
     with pytest.raises(TypeError):
         fleet.step(action)
     assert mujoco.get_mjcb_passive() is None

@@ -56,10 +56,10 @@ def test_a_partial_reset_redraws_its_rows_alone(backend):
     """The other vehicles keep their parameters and what the physics reads of them."""
     env = randomized({"thruster_gain": {"gain": [0.5, 1.5]}}, backend=backend)
     now = env.reset()
-    before, read = env.base_env.vehicle, torch.as_tensor(env.base_env._coefficients.allocation).clone()
+    before, read = env.base_env.vehicle, torch.as_tensor(env.base_env.simulator.coefficients.allocation).clone()
     mask = torch.tensor([[False], [True], [True], [False]])
     env.reset(now.set("_reset", mask.clone()), set_state=False)
-    after, reads = env.base_env.vehicle, torch.as_tensor(env.base_env._coefficients.allocation)
+    after, reads = env.base_env.vehicle, torch.as_tensor(env.base_env.simulator.coefficients.allocation)
     redrawn = mask[:, 0]
     assert torch.equal(after.gain[~redrawn], before.gain[~redrawn])
     assert (after.gain[redrawn] != before.gain[redrawn]).all()
