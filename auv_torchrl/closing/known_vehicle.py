@@ -12,7 +12,6 @@ from tensordict import TensorDictBase
 from auv_torchrl.closing.measured_state import MeasuredState
 from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online.allocation import Allocation
 from auv_torchrl.online.transform import ACTION, OBSERVATION, ThrusterTransform, array
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
@@ -23,6 +22,7 @@ from auv_torchrl.physics.step import push
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.rows import with_rows
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 Array = Any
@@ -79,7 +79,7 @@ class KnownVehicle(ThrusterTransform):
         task: of the environment.
     """
 
-    def __init__(self, source: Vehicle, known: Vehicle, task: RegulationTask):
+    def __init__(self, source: Vehicle, known: Vehicle, task: Task):
         super().__init__(source)
         self.task, self._measured = task, MeasuredState(task.observation_names)
         self._source, self._known = Model.of(source), Model.of(known)
@@ -188,6 +188,6 @@ class KnownVehicle(ThrusterTransform):
             self._later.step(self._now.state.commands[:, 0])
         self._ahead = self._later.state
         if self._corrects:
-            seen = self.task.observe(self._ahead.position, self._ahead.quaternion, self._ahead.velocity)
+            seen = self.task.observe(*self._ahead[:3], self._ahead.time)
             like = tensordict.get(OBSERVATION)
             tensordict.set(OBSERVATION, torch.from_numpy(seen).to(like))

@@ -10,12 +10,12 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.physics import State
 from auv_torchrl.simulator import Simulator
 from auv_torchrl.simulator.base import FARTHEST, FASTEST
 from auv_torchrl.simulator.rows import with_rows
 from auv_torchrl.simulator.scene import SIZE, Scene
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 Array = Any
@@ -49,7 +49,7 @@ class FleetEnv(EnvBase):
     def __init__(
         self,
         simulator: Simulator,
-        task: RegulationTask,
+        task: Task,
         seed: int | None = None,
         device: torch.device | str = "cpu",
         dtype: torch.dtype = torch.float32,
@@ -158,7 +158,9 @@ class FleetEnv(EnvBase):
                 "vehicles %s left the model's validity (speed below %g m/s, position within %g m): their episodes end",
                 terminated.nonzero()[:, 0].tolist(), FASTEST, FARTHEST,
             )  # fmt: skip
-        reward = self.task.reward(*self._state[:3], native(action))
+        state, time = self._state[:3], self._state.time
+        reward = self.task.reward(*state, native(action), time)
+        terminated = terminated | self._tensor(self.task.terminated(*state, time)[:, None], torch.bool)
         truncated = self._tensor(self._state.time[:, None] > self.task.episode_s - self.task.control_dt / 2, torch.bool)
         return TensorDict(
             {
@@ -174,7 +176,7 @@ class FleetEnv(EnvBase):
 
     def _report(self) -> dict[str, Tensor]:
         state, dtype = self._state, self.state_dtype
-        observation = self.task.observe(*self.simulator.report())
+        observation = self.task.observe(*self.simulator.report(), state.time)
         return {
             "observation": self._tensor(observation, torch.float32),
             "position": self._tensor(state.position, dtype),

@@ -1,10 +1,10 @@
 """The fleet in MuJoCo: contacts, and MuJoCo's integrator."""
 
 from auv_torchrl.envs.fleet import FleetEnv, vehicles_of
-from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.simulator.mujoco_model import HULL
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -27,13 +27,13 @@ class MujocoFleet(FleetEnv):
     def __init__(
         self,
         vehicle: Vehicle,
-        task: RegulationTask,
+        task: Task,
         num_envs: int,
         scenario: Scenario | None = None,
         seed: int | None = None,
         walls: tuple[float, float, float] | None = None,
     ) -> None:
-        farthest = max(task.box_m, task.near_m[1] if task.near_share else 0.0) + max(HULL)
+        farthest = task.farthest_start_m + max(HULL)
         if walls is not None and min(walls) < farthest:
             raise ValueError(
                 f"fleet: walls at {walls} m, starts reach {farthest:g} m: give farther walls or a smaller box"

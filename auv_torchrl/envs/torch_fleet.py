@@ -3,9 +3,9 @@
 import torch
 
 from auv_torchrl.envs.fleet import FleetEnv, vehicles_of
-from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.simulator import PlainSimulator, TorchArrays
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -29,7 +29,7 @@ class TorchFleet(FleetEnv):
     def __init__(
         self,
         vehicle: Vehicle,
-        task: RegulationTask,
+        task: Task,
         num_envs: int,
         scenario: Scenario | None = None,
         seed: int | None = None,

@@ -6,9 +6,10 @@ import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.effects import EFFECTS
-from auv_torchrl.envs import BACKENDS, RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.envs import BACKENDS, RandomizeVehicle, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names, config_path
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
@@ -20,7 +21,7 @@ def ranges_of(name):
 
 
 def randomized(ranges, count=4, seed=0, backend="torch", own_seed=None):
-    fleet = make_fleet(backend, PAPER, RegulationTask(episode_s=0.5), count, seed=seed)
+    fleet = make_fleet(backend, PAPER, StationKeeping(episode_s=0.5), count, seed=seed)
     return TransformedEnv(fleet, RandomizeVehicle(PAPER, ranges, own_seed))
 
 
