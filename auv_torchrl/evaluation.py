@@ -11,8 +11,8 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.tasks import Task
 
 STEADY_FROM_S = 10.0  # Eq. 15 averages from here to the end of the episode
 SETTLED_M = 0.05  # a start has settled once its position error stays below this
@@ -47,7 +47,7 @@ class Flight(TensorClass):
         return euler_angles(self.quaternion)[2].abs().nan_to_num(nan=math.pi)
 
 
-def draw_starts(task: RegulationTask, count: int, seed: int) -> TensorDict:
+def draw_starts(task: Task, count: int, seed: int) -> TensorDict:
     """Starts of an evaluation, the same for the same seed whatever else was drawn.
 
     Args:

@@ -28,11 +28,12 @@ from auv_torchrl.closing.target_log import Excitation, fly_target_log
 from auv_torchrl.ddr import AdapterConfig, DDRAdapter, adapt
 from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.envs import FleetEnv, RegulationTask, make_fleet
+from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.evaluation import Flight, Metrics, draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.paths import PROJECT, config_names, config_path
 from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.tasks import StationKeeping, Task
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from bench.comparison_tables import Cell, draw, report
 from bench.source import BACKEND, STORE, source_policy
@@ -75,11 +76,11 @@ class Bench:
         """The vehicle when every effect has begun, no batch."""
         return self.scenario.vehicle_at(self.vehicle, max((c.start_s for c in self.scenario.changes), default=0.0))
 
-    def task(self, thruster_commands: bool = False) -> RegulationTask:
+    def task(self, thruster_commands: bool = False) -> StationKeeping:
         """The judged task: 20 s from starts in ±1 m."""
-        return replace(RegulationTask().for_evaluation(1.0), thruster_commands=thruster_commands)
+        return replace(StationKeeping().for_evaluation(1.0), thruster_commands=thruster_commands)
 
-    def fleet(self, count: int, thruster_commands: bool = False, task: RegulationTask | None = None) -> FleetEnv:
+    def fleet(self, count: int, thruster_commands: bool = False, task: Task | None = None) -> FleetEnv:
         """Target vehicles."""
         task = task or self.task(thruster_commands)
         return make_fleet(BACKEND, self.vehicle, task, count, scenario=self.scenario, seed=0)
@@ -174,7 +175,7 @@ def told(bench: Bench) -> Attempt:
 def closing(bench: Bench, found: Diagnosed) -> Closed:
     """What is believed, put into simulator and controller."""
     agent = load_agent_config()
-    return close(found, bench.source, RegulationTask(), 1.0, agent, FineTuning(), 0, BACKEND, bench.policies)
+    return close(found, bench.source, StationKeeping(), 1.0, agent, FineTuning(), 0, BACKEND, bench.policies)
 
 
 def tuning_s(closed: Closed) -> float:

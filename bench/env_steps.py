@@ -12,8 +12,9 @@ import yaml
 from tensordict import TensorDictBase
 from torchrl.envs import EnvBase, TransformedEnv
 
-from auv_torchrl.envs import MujocoFleet, RandomizeVehicle, RegulationTask, TorchFleet
+from auv_torchrl.envs import MujocoFleet, RandomizeVehicle, TorchFleet
 from auv_torchrl.paths import config_path
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 REPEATS = 3  # the median is reported, since other programs disturb
@@ -21,7 +22,7 @@ REPEATS = 3  # the median is reported, since other programs disturb
 
 def fleets(vehicle: Vehicle, count: int) -> dict[str, EnvBase]:
     """The environments that are compared, by the head of their column."""
-    task = RegulationTask()
+    task = StationKeeping()
     built: dict[str, EnvBase] = {
         "MuJoCo": MujocoFleet(vehicle, task, count, seed=0),
         "torch": TorchFleet(vehicle, task, count, seed=0),

@@ -9,7 +9,7 @@ import torch
 import yaml
 from torchrl.envs import TransformedEnv
 
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Policy, draw_starts
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.cost import cost_per_step
@@ -17,6 +17,7 @@ from auv_torchrl.online.flight import AdaptedFlight, fly_online
 from auv_torchrl.online.recovery import Recovery, recoveries
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Change, Scenario, read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from bench.least_delay import least_delays
 from bench.source import STORE, source_policy
@@ -45,7 +46,7 @@ def fly_fault(
     if fault is not None:
         config = yaml.safe_load(config_path("scenario", fault).read_text())["effects"]
         acting += changes(vehicle, config, EARLIEST_S)
-    task = replace(RegulationTask().for_evaluation(1.0), episode_s=seconds + 1, thruster_commands=True)
+    task = replace(StationKeeping().for_evaluation(1.0), episode_s=seconds + 1, thruster_commands=True)
     fleet = TorchFleet(vehicle, task, count, scenario=Scenario("bench", acting), seed=seed)
     draws = torch.rand(count, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     delays = (LATEST_S - EARLIEST_S) * draws

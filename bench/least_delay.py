@@ -6,12 +6,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.evaluation import Flight
 from auv_torchrl.online import OnlineConfig
 from auv_torchrl.online.filter import MOTION, VELOCITY, EffectivenessFilter
 from auv_torchrl.online.motion import SourceMotion
 from auv_torchrl.online.recovery import altered_thrust
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 _D = len(CONTROLLED)
@@ -31,7 +31,7 @@ def least_delays(flight: Flight, begins_s: Tensor, vehicle: Vehicle, config: Onl
         vehicle: one vehicle (empty batch) before the fault.
         config: of the adapter.
     """
-    task = RegulationTask()
+    task = StationKeeping()
     motion = SourceMotion(vehicle, task.control_dt)
     kalman = EffectivenessFilter(motion, config)
     altered = altered_thrust(flight, vehicle)

@@ -7,8 +7,8 @@ from typing import Any
 from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.paths import PROJECT
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle
 
 BACKEND = "mujoco"
@@ -26,4 +26,4 @@ def source_policy(
         ranges: of the randomization; none without.
         agent: settings of the training; the default ones without.
     """
-    return train_source(vehicle, RegulationTask(), agent or load_agent_config(), ranges or {}, 0, BACKEND, store)
+    return train_source(vehicle, StationKeeping(), agent or load_agent_config(), ranges or {}, 0, BACKEND, store)

@@ -15,13 +15,14 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import TransformedEnv
 
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import STEADY_FROM_S, Flight, Policy, fly, steady_errors
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.flight import fly_online
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import drag
 from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from bench.source import STORE, source_policy
 
@@ -84,7 +85,7 @@ def fly_tank(run: Tank, source: Vehicle, policy: Policy, count: int, seed: int) 
     adapted = run.controller == "u_t"
     vehicle = load_vehicle(run.vehicle)
     task = replace(
-        RegulationTask().for_evaluation(1.0), control_dt=1.0 / RATE_HZ, episode_s=FLIGHT_S, thruster_commands=adapted
+        StationKeeping().for_evaluation(1.0), control_dt=1.0 / RATE_HZ, episode_s=FLIGHT_S, thruster_commands=adapted
     )
     fleet = TorchFleet(vehicle, task, count, scenario=tank_scenario(run, vehicle, seed), seed=seed)
     starts = TensorDict(

@@ -22,11 +22,11 @@ from tensordict.nn import TensorDictModule
 from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.score import Score
 from auv_torchrl.agents.train_source import make_examiner, make_trainer
-from auv_torchrl.envs import RegulationTask
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 GOALS_M = (0.05, 0.02)
-TASK = RegulationTask(box_m=1.0)
+TASK = StationKeeping(box_m=1.0)
 Curve = Iterable[tuple[float, float, float]]  # CPU seconds, wall seconds, mean error in m
 
 

@@ -10,11 +10,12 @@ import numpy as np
 import torch
 from tensordict import TensorDictBase
 
-from auv_torchrl.envs import RegulationTask, make_fleet
+from auv_torchrl.envs import make_fleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.flightlog import Episode, FlightLog, write_flightlog
 from auv_torchrl.physics.kinematics import euler_angles, wrap_angle
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 FAULT = {"effects": {"thruster_gain": {"gain_4": 0.55}}}
@@ -44,7 +45,7 @@ class Pilot:
 def main(path: Path) -> None:
     """Fly and write the log."""
     vehicle = load_vehicle("paper")
-    task = RegulationTask().for_evaluation(box_m=1.0)
+    task = StationKeeping().for_evaluation(box_m=1.0)
     fleet = make_fleet("mujoco", vehicle, task, FLIGHTS, scenario=read_scenario("fault", FAULT, vehicle), seed=0)
     generator = torch.Generator().manual_seed(4)
     flight = fly(fleet, Pilot(FLIGHTS, generator), draw_starts(task, FLIGHTS, seed=4), task.steps)

@@ -7,9 +7,10 @@ import torch
 from hypothesis import HealthCheck, settings
 from tensordict import TensorDictBase
 
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Flight, draw_starts, fly
 from auv_torchrl.scenario import Scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle
 
 torch.set_num_threads(1)  # on few cores, threads of small operations wait for each other
@@ -55,7 +56,7 @@ def pd_flight() -> Callable[..., Flight]:
     """Flies vehicles with that controller from within 1 m."""
 
     def flight(vehicle: Vehicle, scenario: Scenario | None = None, count: int = 6, seconds: float = 20.0) -> Flight:
-        task = RegulationTask().for_evaluation(box_m=1.0)
+        task = StationKeeping().for_evaluation(box_m=1.0)
         fleet = TorchFleet(vehicle, task, count, scenario=scenario, seed=0, dtype=torch.float64)
         return fly(fleet, pd_controller, draw_starts(task, count, seed=1), round(seconds / task.control_dt))
 

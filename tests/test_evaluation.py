@@ -5,8 +5,9 @@ import math
 import pytest
 import torch
 
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Flight, Metrics, draw_starts, fly, settling_times, steady_errors
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 DT = 0.05
@@ -73,7 +74,7 @@ def test_a_flight_that_is_too_short_is_refused():
 @pytest.mark.parametrize("box_m", [1.0, 2.0, 10.0])
 def test_starts_depend_on_their_seed_alone_and_fill_the_box(box_m):
     """Other random numbers do not change them, and they reach every side of the box and no farther."""
-    task = RegulationTask().for_evaluation(box_m)
+    task = StationKeeping().for_evaluation(box_m)
     torch.manual_seed(1)
     first = draw_starts(task, 500, seed=7)
     torch.manual_seed(2)
@@ -86,7 +87,7 @@ def test_starts_depend_on_their_seed_alone_and_fill_the_box(box_m):
 
 def test_flying_begins_at_the_starts_and_reports_every_control_step(pd_policy):
     """The first sample is the start, the time grid is that of the task, the policy's action is what moved it."""
-    task = RegulationTask().for_evaluation(1.0)
+    task = StationKeeping().for_evaluation(1.0)
     starts = draw_starts(task, 5, seed=3)
     fleet = TorchFleet(load_vehicle("paper"), task, 5, seed=0, dtype=torch.float64)
     flight = fly(fleet, pd_policy, starts, steps=400)
@@ -99,7 +100,7 @@ def test_flying_begins_at_the_starts_and_reports_every_control_step(pd_policy):
 
 def test_a_vehicle_that_diverges_counts_as_an_unbounded_error(pd_policy):
     """Its row is started again by the fleet, which the metrics do not see, and the others fly on."""
-    task = RegulationTask().for_evaluation(1.0)
+    task = StationKeeping().for_evaluation(1.0)
     vehicles = load_vehicle("paper").expand(3).clone()
     vehicles.linear_drag[1] *= -20  # drives instead of braking
     vehicles.quadratic_drag[1] = 0
@@ -112,7 +113,7 @@ def test_a_vehicle_that_diverges_counts_as_an_unbounded_error(pd_policy):
 
 def test_a_fleet_of_another_size_is_refused(pd_policy):
     """The message names both sizes."""
-    task = RegulationTask()
+    task = StationKeeping()
     fleet = TorchFleet(load_vehicle("paper"), task, 2, seed=0)
     with pytest.raises(ValueError, match=r"\(2,\).*\(3,\)"):
         fly(fleet, pd_policy, draw_starts(task, 3, seed=0), steps=4)

@@ -18,18 +18,18 @@ from auv_torchrl.closing.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.diagnosis.which.hypotheses import Settings
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.experiment import schema
 from auv_torchrl.experiment.schedule import FlightConfig
 from auv_torchrl.experiment.setup import read_experiment
 from auv_torchrl.online import OnlineConfig, load_online_config
 from auv_torchrl.paths import CONF, config_names
 from auv_torchrl.settings import In, check
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 FLIGHT = FlightConfig(fly=True, length_s=40.0, fault_s=(5.0, 15.0))
 SOUND = [
-    load_agent_config(), AdapterConfig(), load_online_config(), RegulationTask(), FLIGHT, Excitation(), FineTuning(),
+    load_agent_config(), AdapterConfig(), load_online_config(), StationKeeping(), FLIGHT, Excitation(), FineTuning(),
 ]  # fmt: skip
 DIAGNOSIS = yaml.safe_load((CONF / "diagnosis" / "default.yaml").read_text(encoding="utf-8"))
 PAPER = load_vehicle("paper")
@@ -56,7 +56,7 @@ def test_no_number_of_a_run_may_be_infinite_or_none_or_absurd(settings, name, se
             type(settings)(**{**sound, name: (bad, bad) if several else bad})
 
 
-@pytest.mark.parametrize("kind", [AgentConfig, AdapterConfig, OnlineConfig, RegulationTask, FlightConfig, Settings])
+@pytest.mark.parametrize("kind", [AgentConfig, AdapterConfig, OnlineConfig, StationKeeping, FlightConfig, Settings])
 def test_every_number_declares_its_range(kind):
     """Beside its type; a new field without one fails here."""
     for name, hint in get_type_hints(kind, include_extras=True).items():

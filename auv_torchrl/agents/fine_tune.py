@@ -12,8 +12,9 @@ from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import describe, kept_or_trained, make_examiner
 from auv_torchrl.agents.trainer import Trainer
-from auv_torchrl.envs import RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.envs import RandomizeVehicle, make_fleet
 from auv_torchrl.settings import In, check_fields
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -44,7 +45,7 @@ class Ground:
 def fine_tune(
     policy: SourcePolicy,
     ground: Ground,
-    task: RegulationTask,
+    task: Task,
     agent: AgentConfig,
     tuning: FineTuning,
     seed: int,

@@ -8,8 +8,8 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED
 
 PROPORTIONAL = (10.0, 10.0, 10.0, 1.0)  # 1/m, 1/rad: `paper` leaves its dead band at 0.01 m; 3 is 5 times less precise
@@ -40,7 +40,7 @@ class PID(TensorDictModuleBase):
 
     def __init__(
         self,
-        task: RegulationTask,
+        task: Task,
         proportional: Sequence[float] = PROPORTIONAL,
         derivative: Sequence[float] = DERIVATIVE,
         integral: Sequence[float] | None = None,

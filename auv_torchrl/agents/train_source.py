@@ -18,7 +18,8 @@ from auv_torchrl.agents.policy import SourcePolicy, fingerprint, load_policy, sa
 from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.storage import storing
 from auv_torchrl.agents.trainer import CHECKPOINT, Trainer
-from auv_torchrl.envs import RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.envs import RandomizeVehicle, make_fleet
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -28,7 +29,7 @@ EVALUATION_SEED = 314_159  # the starts that choose the best policy; reported re
 
 def train_source(
     vehicle: Vehicle,
-    task: RegulationTask,
+    task: Task,
     agent_config: AgentConfig,
     randomization: Mapping[str, Any] | None,
     seed: int,
@@ -135,7 +136,7 @@ def _trained(
 
 def describe(
     vehicle: Vehicle,
-    task: RegulationTask,
+    task: Task,
     agent_config: AgentConfig,
     randomization: Mapping[str, Any] | None,
     seed: int,
@@ -155,7 +156,7 @@ def describe(
 
 def make_trainer(
     vehicle: Vehicle,
-    task: RegulationTask,
+    task: Task,
     agent_config: AgentConfig,
     randomization: Mapping[str, Any] | None,
     seed: int,
@@ -177,13 +178,13 @@ def make_trainer(
 
 def make_examiner(
     vehicle: Vehicle,
-    task: RegulationTask,
+    task: Task,
     agent_config: AgentConfig,
     backend: str,
     around: Callable[[EnvBase], EnvBase] = lambda fleet: fleet,
 ) -> Examiner:
     """The vehicle, with ``around`` put around its fleet, from the starts by which the best policy is chosen."""
-    exam = task.for_evaluation(agent_config.evaluation_box_m or task.box_m)
+    exam = task.for_evaluation(agent_config.evaluation_box_m)
     count = agent_config.evaluation_starts
     position, quaternion, velocity = exam.draw_starts(count, torch.Generator().manual_seed(EVALUATION_SEED))
     starts = TensorDict(

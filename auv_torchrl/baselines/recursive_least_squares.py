@@ -6,12 +6,12 @@ Reference: Astrom and Wittenmark, Adaptive Control, 2nd ed., section 2.2, expone
 import numpy as np
 from tensordict import TensorDictBase
 
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online.allocation import Allocation
 from auv_torchrl.online.config import load_online_config
 from auv_torchrl.online.motion import SourceMotion
 from auv_torchrl.online.sensing import Sensing
 from auv_torchrl.online.transform import OBSERVATION, Array, ThrusterTransform, array
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
 _D = len(CONTROLLED)
@@ -29,7 +29,7 @@ class RecursiveLeastSquares(ThrusterTransform):
         memory_s: s, time constant of the forgetting.
     """
 
-    def __init__(self, vehicle: Vehicle, task: RegulationTask, count: int, memory_s: float = 1.0):
+    def __init__(self, vehicle: Vehicle, task: Task, count: int, memory_s: float = 1.0):
         super().__init__(vehicle)
         self.motion = SourceMotion(vehicle, task.control_dt)
         self.sensing = Sensing(task.observation_names, load_online_config(), count)

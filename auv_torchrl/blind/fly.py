@@ -13,12 +13,13 @@ from auv_torchrl.blind.influence import ATTITUDE_NOISE, CLEAR_AT, POSITION_NOISE
 from auv_torchrl.blind.mujoco_plant import MujocoPlant, loosened
 from auv_torchrl.blind.outside import OUTSIDE, Motion, Outside
 from auv_torchrl.blind.pilots import Pilots
-from auv_torchrl.blind.plant import Influences, Plant, Slack
+from auv_torchrl.blind.plant import Influences, Plant, Reported, Slack
 from auv_torchrl.blind.sizes import draw_failures, draw_values
 from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
+from auv_torchrl.simulator import record
 from auv_torchrl.vehicle import Vehicle
 
 ROUNDS = 12  # of drawing an effect again until it shows clearly
@@ -130,31 +131,53 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
     noise = [d.case.noise * NOISE * d.rng.standard_normal((steps, d.rows, 6)) for d in draws]
     start = np.concatenate(starts)
     plant.reset(start[:, :3], start[:, 3], start[:, 4:])
-    pose, velocity, measured = (np.empty((total, steps, 6)) for _ in range(3))
-    sent = np.empty((total, steps, plant.thrusters))
-    for step in range(steps):
-        time = step * CONTROL_DT
-        reported, motion = plant.reported(), Motion(*plant.true_motion())
-        pose[:, step], velocity[:, step] = reported
-        reaching, influences = np.empty((total, plant.thrusters)), Influences.none(total, plant.thrusters)
-        for part, draw, pilot, jitter in zip(rows, draws, pilots, noise, strict=True):
-            if draw.onset_s is not None and time - CONTROL_DT < draw.onset_s <= time:
-                _break(plant, part, draw)
-            if draw.outside:
-                pose[part, step, 5] += draw.outside.heading_error(time)
-            measured[part, step] = pose[part, step] + jitter[step]
-            commands = pilot.commands(time, measured[part, step], CONTROL_DT)
-            sent[part, step] = reaching[part] = commands
-            if draw.outside:
-                reaching[part] = draw.outside.received(commands)
-                mine = Influences(*(field[part] for field in influences))
-                draw.outside.act(time, Motion(*(field[part] for field in motion)), reaching[part], mine)
-        plant.step(reaching, influences)
+
+    def command(time: float, measured: np.ndarray) -> np.ndarray:
+        flown = zip(rows, pilots, strict=True)
+        return np.concatenate([pilot.commands(time, measured[part], CONTROL_DT) for part, pilot in flown])
+
+    sealed = SealedPlant(plant, list(zip(rows, draws, strict=True)))
+    pose, velocity, measured, sent = record(sealed, command, steps, CONTROL_DT, np.concatenate(noise, axis=1))
     measured[..., 3:] = wrap_angle(measured[..., 3:])
     return [
         Flight(pose[part], velocity[part], measured[part], _measured_velocity(velocity[part], draw), sent[part])
         for part, draw in zip(rows, draws, strict=True)
     ]
+
+
+class SealedPlant:
+    """A plant with what happens to its vehicles on the way: effects that begin, and influences from outside."""
+
+    def __init__(self, plant: Plant, draws: list[tuple[slice, Draw]]) -> None:
+        """``draws`` are what was drawn for some rows of the plant each."""
+        self._plant, self._draws, self._steps = plant, draws, 0
+
+    @property
+    def _time(self) -> float:
+        return self._steps * CONTROL_DT
+
+    def report(self) -> Reported:
+        """What noiseless sensors report now, heading errors from outside included."""
+        pose, velocity = self._plant.reported()
+        pose = pose.copy()
+        for part, draw in self._draws:
+            if draw.outside:
+                pose[part, 5] += draw.outside.heading_error(self._time)
+        return Reported(pose, velocity)
+
+    def step(self, commands: np.ndarray) -> None:
+        """Hold what arrives of the commands for one control step."""
+        time, motion = self._time, Motion(*self._plant.true_motion())
+        reaching, influences = commands.copy(), Influences.none(*commands.shape)
+        for part, draw in self._draws:
+            if draw.onset_s is not None and time - CONTROL_DT < draw.onset_s <= time:
+                _break(self._plant, part, draw)
+            if draw.outside:
+                reaching[part] = draw.outside.received(commands[part])
+                mine = Influences(*(field[part] for field in influences))
+                draw.outside.act(time, Motion(*(field[part] for field in motion)), reaching[part], mine)
+        self._plant.step(reaching, influences)
+        self._steps += 1
 
 
 def _measured_velocity(velocity: np.ndarray, draw: Draw) -> np.ndarray:

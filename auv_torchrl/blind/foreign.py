@@ -140,8 +140,8 @@ class ForeignPlant:
         self._sent = np.zeros(
             (round(LONGEST_DELAY / self.control_dt) + 2, self.rows, 6)
         )  # rings, newest at the pointer
-        self._trace = np.zeros((round(LONGEST_DELAY / STEP) + 1, self.rows, 8))
-        self._trace[:] = np.column_stack((self.position, self.yaw, self.velocity))
+        self._trace = np.zeros((round(LONGEST_DELAY / STEP) + 1, self.rows, 4))
+        self._trace[:] = np.column_stack((self.position, self.yaw))
 
     def _prepare(self) -> None:
         load, offset = self.load, self.offset
@@ -169,14 +169,14 @@ class ForeignPlant:
         for _ in range(round(self.control_dt / STEP)):
             self._advance(influences)
             self._steps += 1
-            self._trace[self._steps % len(self._trace)] = np.column_stack((self.position, self.yaw, self.velocity))
+            self._trace[self._steps % len(self._trace)] = np.column_stack((self.position, self.yaw))
 
     def _advance(self, influences: Influences) -> None:
         target = self._target()
         before = self.thrust
         follow = [np.where(self.lag > 0, 1 - np.exp(-dt / np.maximum(self.lag, 1e-9)), 1.0) for dt in (STEP / 2, STEP)]
         halfway, self.thrust = (before + share * (target - before) for share in follow)
-        body = np.column_stack((self.position, self.yaw, self.velocity))
+        body = np.column_stack((self.position, self.yaw))
         middle = body + STEP / 2 * self._rate(body, self._now(before, target), self.time, influences)
         body = body + STEP * self._rate(middle, halfway, self.time + STEP / 2, influences)
         self.position, self.yaw, self.velocity = body[:, :3], body[:, 3], body[:, 4:]
@@ -247,8 +247,7 @@ class ForeignPlant:
         late = late + part * (self._trace[np.minimum(index + 1, self._steps) % len(self._trace), rows] - late)
         pose, velocity = np.zeros((self.rows, 6)), np.zeros((self.rows, 6))
         pose[:, :3], pose[:, 5] = late[:, :3] * self.position_scale, late[:, 3] + self.heading_bias
-        cos, sin = np.cos(self.heading_bias), np.sin(self.heading_bias)
-        velocity[:, :3], velocity[:, 5] = self._to_body(late[:, 4:7], cos, sin), late[:, 7]
+        velocity[:, :3], velocity[:, 5] = self.velocity[:, :3], self.velocity[:, 3]  # fixed to the body, at once
         return Reported(pose, velocity)
 
     def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

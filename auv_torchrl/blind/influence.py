@@ -5,9 +5,11 @@ Effects are drawn again until they show clearly, so that "clear size" means the 
 
 import numpy as np
 
-from auv_torchrl.physics import ActiveTerms, Coefficients, control_step, prepare, rest_state
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.physics import ActiveTerms, Coefficients, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, wrap_angle
 from auv_torchrl.physics.thrusters import thrust_after, thrust_target
+from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import Vehicle
 
 HORIZON_S = 2.0
@@ -40,18 +42,18 @@ def influence(
 
     at, moving = pick(pose), pick(velocity)
     past = np.stack([pick(commands, -1 - age) for age in range(memory)], axis=1)
-    c = prepare(vehicle.expand(len(at))).numpy()
-    c = c._replace(delay=np.full(len(at), late))
+    flown = changed(vehicle, delay=vehicle.delay + vehicle.pose_delay, pose_delay=0 * vehicle.pose_delay)
+    c = prepare(flown.expand(len(at))).numpy()
     quaternion = quaternion_from_euler(at[:, 3], at[:, 4], at[:, 5] - bias)
     state = rest_state(at[:, :3], quaternion, _turned(moving, bias), commands.shape[2], memory)
     terms = ActiveTerms.of(c)
     time = np.tile(starts * control_dt, len(pose))
     state = state._replace(commands=past, thrust=_thrust_at(c, terms, commands, starts, control_dt), time=time)
-    for step in range(ahead):
-        state = control_step(c, terms, state, pick(commands, step), control_dt)
+    sent = np.stack([pick(commands, step) for step in range(ahead)], axis=1)
+    end = simulate(flown, sent, control_dt * np.arange(ahead + 1), state).states[:, -1]
     reached = pick(pose, ahead)
-    turn = wrap_angle(euler_angles(state.quaternion)[2] + bias - reached[:, 5])
-    error = np.column_stack(((state.position - reached[:, :3]) / POSITION_NOISE, turn / ATTITUDE_NOISE))
+    turn = wrap_angle(euler_angles(end[:, 3:7])[2] + bias - reached[:, 5])
+    error = np.column_stack(((end[:, :3] - reached[:, :3]) / POSITION_NOISE, turn / ATTITUDE_NOISE))
     return float(np.sqrt((error**2).mean(axis=0)).max())
 
 

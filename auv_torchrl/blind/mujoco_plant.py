@@ -1,6 +1,6 @@
-"""The MuJoCo fleet as a plant: it takes commands per thruster and influences from outside the library."""
+"""The MuJoCo simulator as a plant: it takes commands per thruster and influences from outside the library."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import torch
@@ -8,24 +8,12 @@ import torch
 from auv_torchrl.blind.plant import Influences, Reported, Slack
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.body import per_dof
-from auv_torchrl.envs.mujoco_fleet import MujocoFleet
-from auv_torchrl.envs.regulation import RegulationTask
-from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
-from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, rotation_matrix
-from auv_torchrl.physics.step import memory_length, push
-from auv_torchrl.sensors import measured_pose, measured_velocity
+from auv_torchrl.physics import Coefficients
+from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
+from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 _FAR = 1e4  # m, where the tether that stands for a constant earth-frame force is anchored
-
-
-class Bodies(MujocoFleet):
-    """The fleet without its task: whoever calls it says what each vehicle is and is commanded."""
-
-    def carry(self, coefficients: Coefficients, terms: ActiveTerms, state: State, commands: np.ndarray) -> State:
-        """The state one control step later, in 6 degrees of freedom and MuJoCo's own substeps."""
-        self._coefficients, self._terms, self._state = coefficients, terms, state
-        return self._advance(commands)
 
 
 class MujocoPlant:
@@ -34,45 +22,30 @@ class MujocoPlant:
     def __init__(self, vehicle: Vehicle, rows: int, control_dt: float) -> None:
         """Make ``rows`` vehicles like the nominal one."""
         self.rows, self.control_dt, self.thrusters = rows, control_dt, vehicle.thrusters
-        self.vehicles = vehicle.expand(rows).clone()
-        self.coefficients = prepare(self.vehicles).numpy()
-        self.bodies = Bodies(vehicle, RegulationTask(control_dt=control_dt), rows, seed=0)
+        self.simulator = MujocoSimulator(vehicle.expand(rows), control_dt)
 
     def loosen(self, rows: slice, slack: Slack) -> None:
         """Multiply gains, drags and inertias of some vehicles by factors."""
-        self._replace(rows, loosened(self._vehicles(rows), slack))
+        self._replace(rows, lambda vehicles: loosened(vehicles, slack))
 
     def change(self, rows: slice, effect: str, values: Mapping[str, float]) -> None:
-        """Give some vehicles an effect of the library; one with a delay only before the flight."""
-        self._replace(rows, get_effect(effect).apply(self._vehicles(rows), values))
+        """Give some vehicles an effect of the library, before or during a flight."""
+        self._replace(rows, lambda vehicles: get_effect(effect).apply(vehicles, values))
 
-    def _vehicles(self, rows: slice) -> Vehicle:
-        part = self.vehicles[rows]
+    def _replace(self, rows: slice, change: Callable[[Vehicle], Vehicle]) -> None:
+        part = self.simulator.vehicles[rows]
         assert isinstance(part, Vehicle)
-        return part
-
-    def _replace(self, rows: slice, vehicles: Vehicle) -> None:
-        self.vehicles[rows] = vehicles
-        self.coefficients = prepare(self.vehicles).numpy()
+        self.simulator.replace(torch.arange(self.rows)[rows], change(part))
 
     def reset(self, position: np.ndarray, yaw: np.ndarray, velocity: np.ndarray) -> None:
         """Start at (rows, 3) m, (rows,) rad, with u, v, w, r (rows, 4) in m/s and rad/s and silent thrusters."""
-        zero = np.zeros(self.rows)
-        memory = memory_length(float(self.coefficients.delay.max()), self.control_dt)
-        quaternion = quaternion_from_euler(zero, zero, yaw)
-        moving = np.zeros((self.rows, 6))
+        zero, moving = np.zeros(self.rows), np.zeros((self.rows, 6))
         moving[:, list(CONTROLLED_INDEX)] = velocity
-        self.state = rest_state(position, quaternion, moving, self.thrusters, memory)
-        length = memory_length(float(self.coefficients.pose_delay.max()), self.control_dt)
-        self.poses = np.repeat(self._pose()[:, None], length, axis=1)
-        self.velocities = np.repeat(moving[:, None], length, axis=1)
+        self.simulator.place(torch.arange(self.rows), position, quaternion_from_euler(zero, zero, yaw), moving)
 
     def step(self, commands: np.ndarray, influences: Influences) -> None:
         """Hold commands (rows, n) for one control step."""
-        coefficients = self._influenced(influences)
-        self.state = self.bodies.carry(coefficients, ActiveTerms.of(coefficients), self.state, commands)
-        self.poses = push(self.poses, self._pose())
-        self.velocities = push(self.velocities, self.state.velocity)
+        self.simulator.step(commands, acting=self._influenced(influences))
 
     def _influenced(self, influences: Influences) -> Coefficients:
         """Write the influences as coefficients; an earth-frame force is the pull of a very long tether.
@@ -80,7 +53,7 @@ class MujocoPlant:
         Raises:
             ValueError: for such a force on a vehicle that has a tether.
         """
-        c = self.coefficients
+        c = self.simulator.coefficients
         changed: dict[str, np.ndarray] = {
             "allocation": c.allocation * influences.thrust_factor[:, None, :],
             "current": c.current + influences.current,
@@ -91,30 +64,20 @@ class MujocoPlant:
             if (c.tether_stiffness[pulled] != 0).any():
                 raise ValueError("a vehicle with a tether cannot also have a force in the earth frame")
             toward = influences.earth_force / np.where(pulled, size, 1.0)[:, None]
-            anchor = self.state.position + _FAR * toward
+            anchor = self.simulator.state.position + _FAR * toward
             changed["tether_anchor"] = np.where(pulled[:, None], anchor, c.tether_anchor)
             changed["tether_stiffness"] = np.where(pulled, size / _FAR, c.tether_stiffness)
         return c._replace(**changed)
 
-    def _pose(self) -> np.ndarray:
-        return np.concatenate((self.state.position, self.state.quaternion), axis=-1)
-
     def reported(self) -> Reported:
         """What noiseless sensors report now: late and with a heading bias where the vehicle has them."""
-        c = self.coefficients
-        position, quaternion = measured_pose(c, self.poses, self.control_dt)
-        pose = np.column_stack((position, *euler_angles(quaternion)))
-        age = np.clip(np.round(c.pose_delay / self.control_dt).astype(int), 0, self.velocities.shape[1] - 1)
-        velocity = self.velocities[np.arange(self.rows), age].copy()
-        # The velocity over ground is true; a biased attitude splits it over other body axes.
-        true = rotation_matrix(self.poses[np.arange(self.rows), age, 3:])
-        earth = np.einsum("rij,rj->ri", true, velocity[:, :3])
-        velocity[:, :3] = np.einsum("rji,rj->ri", rotation_matrix(quaternion), earth)
-        return Reported(pose, measured_velocity(c, velocity))
+        seen = self.simulator.report()
+        return Reported(seen.pose, seen.velocity)
 
     def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position (rows, 3), yaw (rows,) and body velocity (rows, 6) that are true now."""
-        return self.state.position, euler_angles(self.state.quaternion)[2], self.state.velocity
+        state = self.simulator.state
+        return state.position, euler_angles(state.quaternion)[2], state.velocity
 
 
 def loosened(vehicle: Vehicle, slack: Slack) -> Vehicle:

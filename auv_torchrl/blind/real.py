@@ -19,9 +19,9 @@ from auv_torchrl.diagnosis import Diagnosis, diagnose
 from auv_torchrl.diagnosis.calibration.uncertainty import load_uncertainty
 from auv_torchrl.diagnosis.which.hypotheses import apply_values
 from auv_torchrl.flightlog import VELOCITY, Episode, FlightLog, join, read_flightlog
-from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
+from auv_torchrl.physics import rest_state
 from auv_torchrl.physics.kinematics import quaternion_from_euler
-from auv_torchrl.physics.step import memory_length
+from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 log = logging.getLogger(__name__)
@@ -44,28 +44,17 @@ class Tested:
     after: dict[str, float]
 
 
-def simulate(vehicle: Vehicle, episode: Episode) -> np.ndarray:
+def predict(vehicle: Vehicle, episode: Episode) -> np.ndarray:
     """Body velocities (T, 6) at the samples, simulated from the first sample on by the commands alone."""
-    c = prepare(vehicle.expand(1)).numpy()
-    terms = ActiveTerms.of(c)
     pose, velocity = np.nan_to_num(episode.pose[:1]), np.nan_to_num(episode.velocity[:1])
-    memory = memory_length(float(c.delay.max()))
-    state = rest_state(pose[:, :3], quaternion_from_euler(*pose[:, 3:].T), velocity, vehicle.thrusters, memory)
-    t = episode.t - episode.t[0]
-    steps = int(np.ceil(t[-1] / CONTROL_DT)) + 1
-    sent = np.clip(np.searchsorted(t, np.arange(steps) * CONTROL_DT + 1e-9, side="right") - 1, 0, None)
-    reached = [velocity[0]]
-    for k in sent:
-        state = control_step(c, terms, state, episode.commands[k][None])
-        reached.append(state.velocity[0])
-    times = np.arange(len(reached)) * CONTROL_DT
-    return np.column_stack([np.interp(t, times, series) for series in np.transpose(reached)])
+    start = rest_state(pose[:, :3], quaternion_from_euler(*pose[:, 3:].T), velocity, vehicle.thrusters)
+    return simulate(vehicle, episode.commands[None, :-1], episode.t, start).states[0, :, 7:]
 
 
 def figures(vehicle: Vehicle, flight: FlightLog) -> dict[str, float]:
     """Root mean square error per velocity, and under ``yaw`` the share of the yaw rate's variance accounted for."""
     measured = np.concatenate([episode.velocity for episode in flight.episodes])
-    error = np.concatenate([simulate(vehicle, episode) for episode in flight.episodes]) - measured
+    error = np.concatenate([predict(vehicle, episode) for episode in flight.episodes]) - measured
     rmse = np.sqrt(np.nanmean(error**2, axis=0))
     yaw = VELOCITY.index("r")
     accounted = 1 - np.nanvar(error[:, yaw]) / np.nanvar(measured[:, yaw])

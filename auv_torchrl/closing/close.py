@@ -14,8 +14,9 @@ from auv_torchrl.agents.fine_tune import FineTuning, Ground, fine_tune
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.closing.diagnosed import Diagnosed
 from auv_torchrl.closing.known_vehicle import KnownVehicle
-from auv_torchrl.envs import RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.envs import RandomizeVehicle, make_fleet
 from auv_torchrl.evaluation import Metrics, draw_starts, fly
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -31,7 +32,7 @@ class Closed:
 
     diagnosed: Diagnosed
     policy: SourcePolicy
-    task: RegulationTask  # of the evaluation
+    task: Task  # of the evaluation
     nominal_m: float  # u_s on the nominal vehicle
     before_m: float  # u_s on the vehicles that the diagnosis leaves possible
     mapped_m: float  # u_s behind the map of the diagnosed vehicle, on the same
@@ -54,7 +55,7 @@ class Closed:
 def close(
     diagnosed: Diagnosed,
     policy: SourcePolicy,
-    task: RegulationTask,
+    task: Task,
     box_m: float,
     agent: AgentConfig,
     tuning: FineTuning,
@@ -111,5 +112,5 @@ def close(
     return Closed(diagnosed, better if tuned < mapped else policy, exam, nominal, before, mapped, tuned)
 
 
-def _adapter(diagnosed: Diagnosed, task: RegulationTask) -> KnownVehicle:
+def _adapter(diagnosed: Diagnosed, task: Task) -> KnownVehicle:
     return KnownVehicle(diagnosed.nominal, diagnosed.vehicle, task)

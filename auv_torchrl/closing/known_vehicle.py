@@ -12,16 +12,17 @@ from tensordict import TensorDictBase
 from auv_torchrl.closing.measured_state import MeasuredState
 from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.envs import RegulationTask
-from auv_torchrl.envs.rows import with_rows
 from auv_torchrl.online.allocation import Allocation
 from auv_torchrl.online.transform import ACTION, OBSERVATION, ThrusterTransform, array
-from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step, prepare, rest_state
+from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix
 from auv_torchrl.physics.kinematics import wrap_angle as wrap
-from auv_torchrl.physics.step import memory_length, push
+from auv_torchrl.physics.step import push
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.simulator import PlainSimulator, at_rest
+from auv_torchrl.simulator.rows import with_rows
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 Array = Any
@@ -78,7 +79,7 @@ class KnownVehicle(ThrusterTransform):
         task: of the environment.
     """
 
-    def __init__(self, source: Vehicle, known: Vehicle, task: RegulationTask):
+    def __init__(self, source: Vehicle, known: Vehicle, task: Task):
         super().__init__(source)
         self.task, self._measured = task, MeasuredState(task.observation_names)
         self._source, self._known = Model.of(source), Model.of(known)
@@ -98,13 +99,8 @@ class KnownVehicle(ThrusterTransform):
         self._pose_age = max(0.0, float(c.pose_delay - self._source.c.pose_delay) / dt)  # control steps
         self._bias = float(c.heading_bias - self._source.c.heading_bias)
         self._corrects = self._ahead_steps > 0 or self._pose_age > 0 or self._bias != 0
-        self._state = self._ahead = rest_state(
-            np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 6)), self.thrusters, memory_length(float(c.delay), dt)
-        )  # now, and when the next command acts
-        self._moved = np.zeros((0, int(np.ceil(self._pose_age)) + 1, 4))  # x, y, z, yaw in each step, newest first
-        self._source_thrust = np.zeros((0, self.thrusters))  # N
-        self._effect = np.zeros((0, 4, self.thrusters))
-        self._carried = np.zeros((0, 4))  # acceleration that the dead band has withheld so far
+        self._vehicle = known
+        self._make_room(1)
 
     # commands
 
@@ -140,10 +136,11 @@ class KnownVehicle(ThrusterTransform):
 
     def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
         """Follow the vehicle through the step, and let the policy see it as it is and will be."""
-        known = self._known
-        expected = control_step(known.c, known.terms, self._state, array(before.get(ACTION)), self.task.control_dt)
-        turned = wrap(euler_angles(expected.quaternion)[2] - euler_angles(self._state.quaternion)[2])
-        moved = np.concatenate((expected.position - self._state.position, turned[:, None]), axis=-1)
+        was = self._now.state
+        self._now.step(array(before.get(ACTION)))
+        expected = self._now.state
+        turned = wrap(euler_angles(expected.quaternion)[2] - euler_angles(was.quaternion)[2])
+        moved = np.concatenate((expected.position - was.position, turned[:, None]), axis=-1)
         self._moved = push(self._moved, moved)
         self._see(expected, after)
 
@@ -156,19 +153,20 @@ class KnownVehicle(ThrusterTransform):
         rows = np.arange(count) if mask is None else mask.reshape(-1).cpu().numpy().nonzero()[0]
         for name in ("_moved", "_source_thrust", "_carried"):
             setattr(self, name, with_rows(getattr(self, name), rows, 0.0))
-        quiet = self._state._replace(
-            thrust=with_rows(self._state.thrust, rows, 0.0), commands=with_rows(self._state.commands, rows, 0.0)
-        )
-        self._see(quiet, tensordict_reset)
+        state = self._now.state
+        thrust, commands = (with_rows(values, rows, 0.0) for values in (state.thrust, state.commands))
+        self._see(state._replace(thrust=thrust, commands=commands), tensordict_reset)
         return tensordict_reset
 
     def _make_room(self, count: int) -> None:
-        upright = np.tile((1.0, 0.0, 0.0, 0.0), (count, 1))
-        memory = self._state.commands.shape[1]
-        self._state = rest_state(np.zeros((count, 3)), upright, np.zeros((count, 6)), self.thrusters, memory)
-        self._moved = np.zeros((count, *self._moved.shape[1:]))
-        self._source_thrust = np.zeros((count, self.thrusters))
-        self._carried = np.zeros((count, 4))
+        vehicles, dt, n = self._vehicle.expand(count), self.task.control_dt, self.thrusters
+        self._now, self._later = PlainSimulator(vehicles, dt), PlainSimulator(vehicles, dt)
+        self._now.resume(at_rest(np.zeros((count, 3)), np.zeros(count), n))
+        self._ahead = self._now.state  # when the next command acts
+        self._moved = np.zeros((count, int(np.ceil(self._pose_age)) + 1, 4))  # x, y, z, yaw, newest step first
+        self._source_thrust = np.zeros((count, n))  # N
+        self._effect = np.zeros((count, 4, n))
+        self._carried = np.zeros((count, 4))  # acceleration that the dead band has withheld so far
 
     def _see(self, expected: State, tensordict: TensorDictBase) -> None:
         """Take in a measurement; where it is not a number, what was expected stands for it."""
@@ -179,17 +177,17 @@ class KnownVehicle(ThrusterTransform):
         since = np.einsum("j,bjk->bk", age, self._moved[usable])
         level = np.zeros(len(since))
         turn = quaternion_from_euler(level, level, since[:, 3] - self._bias)
-        self._state = expected._replace(
+        self._now.state = expected._replace(
             position=with_rows(expected.position, usable, position + since[:, :3]),
             quaternion=with_rows(expected.quaternion, usable, quaternion_product(turn, quaternion)),
             velocity=with_rows(expected.velocity, usable, velocity),
             time=array(tensordict.get(TIME))[:, 0],
         )
-        self._ahead = self._state
+        self._later.state = self._now.state
         for _ in range(self._ahead_steps):
-            known, last = self._known, self._ahead.commands[:, 0]
-            self._ahead = control_step(known.c, known.terms, self._ahead, last, self.task.control_dt)
+            self._later.step(self._now.state.commands[:, 0])
+        self._ahead = self._later.state
         if self._corrects:
-            seen = self.task.observe(self._ahead.position, self._ahead.quaternion, self._ahead.velocity)
+            seen = self.task.observe(*self._ahead[:3], self._ahead.time)
             like = tensordict.get(OBSERVATION)
             tensordict.set(OBSERVATION, torch.from_numpy(seen).to(like))

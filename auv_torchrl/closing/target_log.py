@@ -10,11 +10,12 @@ import torch
 from tensordict import TensorDictBase
 
 from auv_torchrl.closing.measured_state import MeasuredState
-from auv_torchrl.envs import FleetEnv, RegulationTask
+from auv_torchrl.envs import FleetEnv
 from auv_torchrl.evaluation import draw_starts, roll_out
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics.kinematics import euler_angles, wrap_angle
 from auv_torchrl.settings import In, Seed, check_fields
+from auv_torchrl.tasks import Task
 
 POSITION_NOISE = 0.002  # m, a motion-capture system under water
 ATTITUDE_NOISE = 0.004  # rad
@@ -58,7 +59,7 @@ class Stick:
 
 
 def fly_target_log(
-    make_fleet: Callable[[RegulationTask, int], FleetEnv], task: RegulationTask, excitation: Excitation, name: str
+    make_fleet: Callable[[Task, int], FleetEnv], task: Task, excitation: Excitation, name: str
 ) -> FlightLog:
     """Fly target vehicles with the stick, from rest, and log commands and measured poses.
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from auv_torchrl.ddr.actuation import Actuation
-from auv_torchrl.envs import RegulationTask
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
 MOTION = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate", "roll_rate", "pitch_rate", "down_x", "down_y")
@@ -107,7 +107,7 @@ class SourceModels(nn.Module):
 
     motion: Tensor  # indices of x in the observation
 
-    def __init__(self, vehicle: Vehicle, task: RegulationTask, hidden: int = 48):
+    def __init__(self, vehicle: Vehicle, task: Task, hidden: int = 48):
         super().__init__()
         self.state_names = motion_names(task.observation_names)
         index = [task.observation_names.index(name) for name in self.state_names]

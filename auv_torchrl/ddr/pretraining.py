@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.ddr.models import Regressor, SourceModels
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 log = logging.getLogger(__name__)
@@ -39,9 +39,7 @@ class Transitions(NamedTuple):
 
 
 @torch.no_grad()
-def source_transitions(
-    vehicle: Vehicle, task: RegulationTask, models: SourceModels, config: PretrainingConfig
-) -> Transitions:
+def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, config: PretrainingConfig) -> Transitions:
     """Excited one-step transitions of a source fleet.
 
     Speeds are drawn over two orders of magnitude up to the fastest the vehicle reaches, because both extremes
@@ -72,12 +70,12 @@ def source_transitions(
     position = torch.zeros(count, 3, dtype=torch.float64)
     before = rest_state(position, quaternion, velocity, vehicle.thrusters)
     after = control_step(c, ActiveTerms.of(c), before, command, task.control_dt)
-    x, following = (models.state_of(task.observe(s.position, s.quaternion, s.velocity)) for s in (before, after))
+    x, following = (models.state_of(task.observe(*s[:3], s.time)) for s in (before, after))
     models.float()
     return Transitions(x, realised, following, mixed)
 
 
-def fastest_speeds(vehicle: Vehicle, task: RegulationTask) -> Tensor:
+def fastest_speeds(vehicle: Vehicle, task: Task) -> Tensor:
     """Largest speeds (6,) worth knowing, m/s and rad/s: terminal speed at full thrust, or that of the starts."""
     c = prepare(vehicle)
     force = (c.allocation * c.full_thrust).abs().sum(-1)
@@ -87,7 +85,7 @@ def fastest_speeds(vehicle: Vehicle, task: RegulationTask) -> Tensor:
     return torch.maximum(terminal, start)
 
 
-def pretrain(vehicle: Vehicle, task: RegulationTask, config: PretrainingConfig | None = None) -> SourceModels:
+def pretrain(vehicle: Vehicle, task: Task, config: PretrainingConfig | None = None) -> SourceModels:
     """Train F and R for one source vehicle.
 
     Args:

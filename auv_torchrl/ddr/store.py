@@ -15,7 +15,7 @@ from auv_torchrl.agents.policy import fingerprint
 from auv_torchrl.agents.storage import all_finite, digest, storing, write_whole
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.pretraining import PretrainingConfig, pretrain
-from auv_torchrl.envs import RegulationTask
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -24,7 +24,7 @@ MODELS_VERSION = 2  # raise it when a change of the models or their training mak
 
 
 def load_or_pretrain(
-    vehicle: Vehicle, task: RegulationTask, folder: Path, config: PretrainingConfig | None = None
+    vehicle: Vehicle, task: Task, folder: Path, config: PretrainingConfig | None = None
 ) -> SourceModels:
     """F and R of a source vehicle, from ``folder`` if they were trained before, else trained and kept there.
 
@@ -80,7 +80,7 @@ def _read(path: Path, described: Mapping[str, Any], shape: Mapping[str, Tensor])
     return weights
 
 
-def ingredients(vehicle: Vehicle, task: RegulationTask, config: PretrainingConfig) -> Mapping[str, Any]:
+def ingredients(vehicle: Vehicle, task: Task, config: PretrainingConfig) -> Mapping[str, Any]:
     """Everything that shapes F and R, as plain values."""
     return {
         "models_version": MODELS_VERSION,

@@ -13,10 +13,8 @@ from auv_torchrl.diagnosis.which.equivalence import alternatives
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import batch
 from auv_torchrl.diagnosis.which.search import Found
-from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
-from auv_torchrl.physics.kinematics import euler_angles
-from auv_torchrl.physics.step import memory_length
-from auv_torchrl.sensors import measured_pose
+from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 SECONDS = 12.0
@@ -110,20 +108,7 @@ def _planned(why: str, commands: Floats) -> NextExperiment:
 
 def _fly(vehicles: Vehicle, plans: Floats) -> Floats:
     """Measured poses (T, P, 2, 6) of two vehicles from rest, under each of the commands (P, T, n)."""
-    number = len(plans)
-    c = prepare(cast(Vehicle, vehicles[torch.arange(2).repeat(number)])).numpy()
-    terms = ActiveTerms.of(c)
-    zero = np.zeros((2 * number, 3))
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (2 * number, 1))
-    memory = memory_length(float(c.delay.max())) + 1
-    state = rest_state(zero, upright, np.zeros((2 * number, 6)), plans.shape[2], memory)
-    late = memory_length(float(c.pose_delay.max())) + 1
-    poses = np.repeat(np.concatenate([zero, upright], -1)[:, None], late, axis=1)
-    seen = []
-    for commands in plans.swapaxes(0, 1):
-        state = control_step(c, terms, state, np.repeat(commands, 2, axis=0))
-        fresh = np.concatenate([state.position, state.quaternion], -1)
-        poses = np.concatenate([fresh[:, None], poses[:, :-1]], axis=1)
-        position, quaternion = measured_pose(c, poses, CONTROL_DT)
-        seen.append(np.concatenate([position, np.stack(euler_angles(quaternion), -1)], -1))
-    return np.stack(seen).reshape(len(seen), number, 2, 6)
+    number, steps = plans.shape[:2]
+    rows = cast(Vehicle, vehicles[torch.arange(2).repeat(number)])
+    reported = simulate(rows, np.repeat(plans, 2, axis=0), CONTROL_DT * np.arange(steps + 1)).reported
+    return reported.pose[:, 1:].swapaxes(0, 1).reshape(steps, number, 2, 6)

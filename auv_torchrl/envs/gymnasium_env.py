@@ -11,11 +11,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from tensordict import TensorDict, TensorDictBase
 
-from auv_torchrl.envs.fleet import BODY, FARTHEST, FleetEnv
+from auv_torchrl.envs.fleet import BODY, FleetEnv
 from auv_torchrl.envs.make import make_fleet
-from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.simulator.base import FARTHEST
+from auv_torchrl.tasks import Task, read_task
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import read_yaml
 
@@ -26,7 +27,7 @@ def fleet_by_names(
     num_envs: int,
     vehicle: str | Mapping[str, Any] = "paper",
     backend: str = "mujoco",
-    task: RegulationTask | Mapping[str, Any] | None = None,
+    task: Task | Mapping[str, Any] | None = None,
     scenario: str | Mapping[str, Any] | None = None,
 ) -> FleetEnv:
     """A fleet from names or mappings as in ``conf``; errors list what there is."""
@@ -34,7 +35,7 @@ def fleet_by_names(
     name, config = "given", scenario
     if isinstance(scenario, str):
         name, config = scenario, read_yaml(config_path("scenario", scenario), "scenario")
-    flown = task if isinstance(task, RegulationTask) else RegulationTask(**(task or {}))
+    flown = task if isinstance(task, Task) else read_task(task)
     return make_fleet(backend, loaded, flown, num_envs, scenario=read_scenario(name, config, loaded))  # type: ignore[arg-type]
 
 
@@ -44,7 +45,7 @@ class RegulationEnv(gymnasium.Env):
     Args:
         vehicle: name in ``conf/vehicle`` or a mapping like its files.
         backend: "mujoco" or "torch".
-        task: a :class:`RegulationTask` or some of its fields.
+        task: a :class:`Task`, or settings as in ``conf/task``.
         scenario: name in ``conf/scenario`` or a mapping like its files; None for the nominal vehicle.
         render_mode: "rgb_array" or None.
     """

@@ -1,20 +1,16 @@
 """The fleet on the plain torch model: large batches, GPUs, gradients."""
 
-from typing import Any
-
 import torch
-from torch import Tensor
 
-from auv_torchrl.envs.fleet import FleetEnv
-from auv_torchrl.envs.regulation import RegulationTask
-from auv_torchrl.physics import State, control_step
-from auv_torchrl.physics.step import runge_kutta_step
+from auv_torchrl.envs.fleet import FleetEnv, vehicles_of
 from auv_torchrl.scenario import Scenario
+from auv_torchrl.simulator import PlainSimulator, TorchArrays
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 
 class TorchFleet(FleetEnv):
-    """Vehicles moved by :func:`auv_torchrl.physics.control_step`, in the precision of ``dtype``.
+    """Vehicles in a :class:`PlainSimulator` on torch, in the precision of ``dtype``.
 
     Args:
         vehicle: one nominal vehicle or a batch of ``num_envs``.
@@ -24,14 +20,16 @@ class TorchFleet(FleetEnv):
         seed: of starts and sensor noise; None draws one.
         device: of the tensors and the physics.
         dtype: of the physics and the true state; the observation and the reward are float32.
-        compiled: compile the Runge-Kutta step at its first use, some 10 s for each set of active terms; worth it
-            for long runs of large fleets. Needs a C++ compiler on the CPU.
+        compiled: compile the physics, see :class:`PlainSimulator`.
+
+    Raises:
+        ValueError: for no vehicles, or a batch of vehicles that is not one per environment.
     """
 
     def __init__(
         self,
         vehicle: Vehicle,
-        task: RegulationTask,
+        task: Task,
         num_envs: int,
         scenario: Scenario | None = None,
         seed: int | None = None,
@@ -39,24 +37,6 @@ class TorchFleet(FleetEnv):
         dtype: torch.dtype = torch.float32,
         compiled: bool = False,
     ) -> None:
-        super().__init__(vehicle, task, num_envs, scenario, seed, device, dtype)
-        self._runge_kutta_step = torch.compile(runge_kutta_step, fullgraph=True) if compiled else runge_kutta_step
-
-    def _native(self, tensor: Tensor) -> Tensor:
-        return tensor.to(self.device, self.state_dtype, copy=True)
-
-    def _tensor(self, array: Tensor, dtype: torch.dtype) -> Tensor:
-        return array.to(dtype)
-
-    def _index(self, rows: Tensor) -> Tensor:
-        return rows.to(self.device)
-
-    def _advance(self, command: Any) -> State:
-        return control_step(
-            self._coefficients,
-            self._terms,
-            self._state,
-            command,
-            self.task.control_dt,
-            advance=self._runge_kutta_step,
-        )
+        vehicles, arrays = vehicles_of(vehicle, num_envs), TorchArrays(torch.device(device), dtype)
+        simulator = PlainSimulator(vehicles, task.control_dt, scenario, arrays=arrays, compiled=compiled)
+        super().__init__(simulator, task, seed, device, dtype)

@@ -1,6 +1,5 @@
 """Types of everything that conf/train.yaml holds, so that a misspelt key or a wrong type is an error."""
 
-from collections.abc import Callable
 from dataclasses import MISSING as NO_DEFAULT
 from dataclasses import dataclass, field, fields, make_dataclass
 from enum import Enum
@@ -13,15 +12,16 @@ from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.fine_tune import FineTuning
 from auv_torchrl.closing.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
-from auv_torchrl.envs import BACKENDS, RegulationTask
+from auv_torchrl.envs import BACKENDS
 from auv_torchrl.experiment.schedule import FlightConfig
 from auv_torchrl.online import OnlineConfig
 from auv_torchrl.settings import In, Seed
+from auv_torchrl.tasks import TASKS
 
 Backend = Enum("Backend", {name: name for name in BACKENDS})
 
 
-def schema_of(settings: type) -> Callable[[], Any]:
+def schema_of(settings: type) -> type:
     """A writable dataclass with the fields of a frozen one, which OmegaConf would not let anyone override."""
     hints = get_type_hints(settings)
     columns = []
@@ -44,7 +44,7 @@ class TrainSchema:
 
     vehicle: dict[str, Any] = MISSING
     scenario: ScenarioSchema = field(default_factory=ScenarioSchema)
-    task: Any = field(default_factory=schema_of(RegulationTask))
+    task: Any = MISSING
     randomization: dict[str, Any] = field(default_factory=dict)
     agent: Any = field(default_factory=schema_of(AgentConfig))
     adapter: Any = field(default_factory=schema_of(AdapterConfig))
@@ -65,5 +65,8 @@ class TrainSchema:
 
 
 def register() -> None:
-    """Make the schema known to Hydra as ``train_schema``."""
+    """Make the schemas known to Hydra: ``train_schema``, and ``task/<name>_schema`` of each task."""
     ConfigStore.instance().store("train_schema", TrainSchema)
+    for name, task in TASKS.items():
+        named = make_dataclass(f"{task.__name__}Named", [("name", str, field(default=name))], bases=(schema_of(task),))
+        ConfigStore.instance().store(f"{name}_schema", named, group="task")

@@ -15,7 +15,7 @@ from auv_torchrl.agents.fine_tune import FineTuning
 from auv_torchrl.closing.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.closing.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
-from auv_torchrl.envs import FleetEnv, RegulationTask, make_fleet
+from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
 from auv_torchrl.experiment.schedule import FlightConfig, schedule
@@ -23,6 +23,7 @@ from auv_torchrl.experiment.schema import TrainSchema
 from auv_torchrl.online import OnlineConfig
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.settings import check
+from auv_torchrl.tasks import Task, read_task
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 NOMINAL = "nominal"  # the name of no scenario
@@ -35,8 +36,8 @@ class Experiment:
     vehicle_name: str
     vehicle: Vehicle  # nominal, no batch
     scenario: Scenario
-    task: RegulationTask  # of the training
-    exam: RegulationTask  # of the evaluation: the same with starts in the box
+    task: Task  # of the training
+    exam: Task  # of the evaluation: the same with starts in the box
     starts: TensorDict
     randomization: Mapping[str, Any]
     agent: AgentConfig
@@ -84,7 +85,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     """
     check(TrainSchema, {name: config[name] for name in ("seed", "starts", "starts_seed", "box_m")})
     vehicle = load_vehicle(_plain(config.vehicle))
-    task = RegulationTask(**_with_tuples(_plain(config.task)))
+    task = read_task(_plain(config.task))
     if task.episode_s <= STEADY_FROM_S:
         raise ValueError(
             f"task.episode_s is {task.episode_s:g}: errors are averaged from {STEADY_FROM_S:g} s: give more"

@@ -10,13 +10,13 @@ from torch import Tensor
 from torchrl.data import Composite, TensorSpec, Unbounded
 
 from auv_torchrl.authority import Authority, Recovery, authority_of
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online.config import OnlineConfig
 from auv_torchrl.online.learner import OnlineLearner
 from auv_torchrl.online.lookahead import Lookahead
 from auv_torchrl.online.motion import SourceMotion
 from auv_torchrl.online.sensing import Sensing
 from auv_torchrl.online.transform import OBSERVATION, Array, ThrusterTransform, array
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ class OnlineAdapter(ThrusterTransform):
         count: number of vehicles N.
     """
 
-    def __init__(self, vehicle: Vehicle, task: RegulationTask, config: OnlineConfig, count: int):
+    def __init__(self, vehicle: Vehicle, task: Task, config: OnlineConfig, count: int):
         super().__init__(vehicle)
         self.config = config
         low, high = (array(limit) for limit in self.actuation.share_limits)
@@ -83,7 +83,8 @@ class OnlineAdapter(ThrusterTransform):
         observation = after.get(OBSERVATION)
         learner = self.learner
         seen = learner.sensing.shown(array(observation), learner.velocity)
-        ahead = self.lookahead(seen, learner.raw, learner.timing, *learner.filter.map_of(learner.belief))
+        time = array(after.get(TIME))[:, 0]
+        ahead = self.lookahead(seen, learner.raw, learner.timing, *learner.filter.map_of(learner.belief), time)
         after.set(OBSERVATION, torch.from_numpy(ahead).to(observation))
 
     def authority(self, row: int) -> Authority:

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online.adapter import OnlineAdapter
 from auv_torchrl.online.config import OnlineConfig
 from auv_torchrl.online.learner import PHASES, Phase
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -21,7 +21,7 @@ def cost_per_step(vehicle: Vehicle, config: OnlineConfig, steps: int = 400) -> t
         config: of the adapter.
         steps: control steps that are timed, half of them after a change has been noticed.
     """
-    task = replace(RegulationTask(), thruster_commands=True)
+    task = replace(StationKeeping(), thruster_commands=True)
     adapter = OnlineAdapter(vehicle, task, config, 1)
     observation = np.zeros((1, len(task.observation_names)))
     observation[:, task.observation_names.index("heading_error_cos")] = 1.0

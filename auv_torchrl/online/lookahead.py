@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online.motion import SourceMotion
 from auv_torchrl.online.timing import ActuatorTiming
 from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED_INDEX
 
 Array = Any
@@ -22,13 +22,13 @@ class Lookahead:
         motion: of the source vehicle.
     """
 
-    def __init__(self, task: RegulationTask, motion: SourceMotion):
+    def __init__(self, task: Task, motion: SourceMotion):
         self.task, self.motion = task, motion
         names = task.observation_names
         self._replaced = [i for i, name in enumerate(names) if name not in _TILT]
 
     def __call__(
-        self, observation: Array, raw: Array, timing: ActuatorTiming, effectiveness: Array, constant: Array
+        self, observation: Array, raw: Array, timing: ActuatorTiming, effectiveness: Array, constant: Array, time: Array
     ) -> Array:
         """Observations (N, d) for the policy.
 
@@ -38,6 +38,7 @@ class Lookahead:
             timing: of the N vehicles, with the thrusts that are on their way.
             effectiveness: (N, 4, n) wrench per share.
             constant: (N, 4) wrench that acts without the thrusters.
+            time: (N,) s since the episodes began.
         """
         rows = (timing.late_s() > 0).nonzero()[0]
         rows = rows[np.isfinite(raw[rows]).all(-1)]
@@ -60,6 +61,7 @@ class Lookahead:
         six = np.zeros((len(rows), 6))
         six[:, list(CONTROLLED_INDEX)] = velocity
         level = np.zeros_like(heading)
-        expected = self.task.observe(position, quaternion_from_euler(level, level, heading), six)
+        attitude = quaternion_from_euler(level, level, heading)
+        expected = self.task.observe(position, attitude, six, time[rows] + steps * self.motion.control_dt)
         observation[np.ix_(rows, self._replaced)] = expected[:, self._replaced]
         return observation

@@ -8,10 +8,10 @@ from auv_torchrl.agents.config import load_agent_config
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.train_source import make_examiner
 from auv_torchrl.effects import get_effect
-from auv_torchrl.envs import RegulationTask
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
-TASK = RegulationTask(box_m=1.0)
+TASK = StationKeeping(box_m=1.0)
 FEW = load_agent_config("sac", {"evaluation_starts": 8, "evaluation_box_m": 1.0})
 
 

@@ -9,10 +9,10 @@ from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.train_source import train_source
-from auv_torchrl.envs import RegulationTask
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
-TASK = RegulationTask(episode_s=1.0, box_m=1.0)
+TASK = StationKeeping(episode_s=1.0, box_m=1.0)
 RANDOMIZATION = {"added_mass": {"scale": [0.8, 1.2]}}
 
 

@@ -11,14 +11,15 @@ from torchrl.envs.utils import check_env_specs
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.authority import controlled_allocation
 from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, TrueMap, pulse_test, weigh_particles
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("paper")
-TASK = replace(RegulationTask().for_evaluation(1.0), thruster_commands=True)
+TASK = replace(StationKeeping().for_evaluation(1.0), thruster_commands=True)
 
 
 def scenario(name):
@@ -89,12 +90,12 @@ def test_a_pulse_test_of_a_fleet_is_refused():
     with pytest.raises(ValueError, match="one vehicle that takes thruster commands"):
         pulse_test(fleet("swap", 2), VEHICLE)
     with pytest.raises(ValueError, match="one vehicle that takes thruster commands"):
-        pulse_test(fleet("swap", 1, RegulationTask()), VEHICLE)
+        pulse_test(fleet("swap", 1, StationKeeping()), VEHICLE)
 
 
 def test_particles_gather_around_the_gains_of_the_vehicle():
     """Of particles with random gains those near the target's weigh most, and their ranges are narrower."""
-    channels = RegulationTask().for_evaluation(1.0)
+    channels = StationKeeping().for_evaluation(1.0)
     target = TorchFleet(VEHICLE, channels, 2, scenario=scenario("thruster_gain"), seed=0, dtype=torch.float64)
     flight = fly(target, PID(channels), draw_starts(channels, 2, seed=1), 20)
     particles = weigh_particles(VEHICLE, {"thruster_gain": {"gain": [0.0, 2.0]}}, flight, 0.05, count=3000)

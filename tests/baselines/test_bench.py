@@ -10,13 +10,13 @@ import yaml
 
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.online import load_online_config
 from auv_torchrl.online.cost import cost_per_step
 from auv_torchrl.online.recovery import recoveries
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from bench import __main__ as bench_command
 from bench.comparison import METHODS, Bench, cell
@@ -31,7 +31,7 @@ VEHICLE = load_vehicle("paper")
 def bench(tmp_path_factory):
     """The swap, flown by a PID instead of a trained policy."""
     swap = read_scenario("swap", yaml.safe_load(config_path("scenario", "swap").read_text()), VEHICLE)
-    pilot = SourcePolicy(cast(Any, PID(RegulationTask())), {"hash": "pid"})
+    pilot = SourcePolicy(cast(Any, PID(StationKeeping())), {"hash": "pid"})
     return Bench(VEHICLE, swap, tmp_path_factory.mktemp("policies"), 2, pilot)
 
 
@@ -89,7 +89,7 @@ def test_the_report_says_how_much_of_the_gap_was_closed(tmp_path):
 
 def test_a_fault_in_flight_gives_a_row_of_the_table():
     """Two vehicles meet a swap at different times, are judged, and the row says so."""
-    flown, fault_s = fly_fault(VEHICLE, PID(RegulationTask()), "swap", next(iter(CONDITIONS)), 2, 26.0)
+    flown, fault_s = fly_fault(VEHICLE, PID(StationKeeping()), "swap", next(iter(CONDITIONS)), 2, 26.0)
     assert fault_s[0] != fault_s[1]
     found = recoveries(flown, fault_s, VEHICLE)
     assert float(found.largest_m.max()) < 0.4

@@ -4,13 +4,14 @@ import pytest
 
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.closing.command_share import command_sentence, command_share
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("paper")
-TASK = RegulationTask(episode_s=5.0).for_evaluation(1.0)
+TASK = StationKeeping(episode_s=5.0).for_evaluation(1.0)
 
 
 def share(effects):

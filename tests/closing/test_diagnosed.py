@@ -16,16 +16,17 @@ from auv_torchrl.closing.close import close
 from auv_torchrl.closing.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.closing.known_vehicle import KnownVehicle
 from auv_torchrl.closing.target_log import Excitation, fly_target_log
-from auv_torchrl.envs import RegulationTask, make_fleet
+from auv_torchrl.envs import make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import Severity, read_flightlog, write_flightlog
 from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.example import example
 from tests.entries import with_entry
 
 VEHICLE = load_vehicle("paper")
-TASK = RegulationTask(episode_s=1.0)
+TASK = StationKeeping(episode_s=1.0)
 TINY = load_agent_config(
     overrides={
         "hidden": [8, 8], "batch_size": 16, "num_envs": 4, "steps_per_batch": 5, "stretch_steps": 20,
@@ -141,7 +142,7 @@ def test_the_log_of_a_target_passes_the_checks_of_the_diagnosis(tmp_path):
 
     def logged(scenario):
         make = lambda task, count: make_fleet("mujoco", VEHICLE, task, count, scenario=scenario, seed=0)  # noqa: E731
-        return fly_target_log(make, RegulationTask().for_evaluation(1.0), Excitation(2, 10.0), "target")
+        return fly_target_log(make, StationKeeping().for_evaluation(1.0), Excitation(2, 10.0), "target")
 
     log, straight = logged(biased), logged(Scenario("nominal"))
     again = read_flightlog(write_flightlog(log, tmp_path / "log.csv"), VEHICLE)
@@ -169,7 +170,7 @@ def test_training_on_starts_from_the_policy_and_never_ends_below_it(source, tmp_
 def test_closing_trains_on_only_where_the_map_leaves_a_gap(tmp_path):
     """Swapped thrusters are undone by the map alone: nothing is left to train for, and the rehearsals say so."""
     swap = read_scenario("told", {"effects": {"thruster_swap": {"pair": [1, 2]}}}, VEHICLE)
-    task = RegulationTask(episode_s=12.0)
+    task = StationKeeping(episode_s=12.0)
     pilot = SourcePolicy(cast(Any, PID(task)), {"hash": "pid"})
     closed = close(Diagnosed(VEHICLE, swap, {}), pilot, task, 1.0, TINY, FineTuning(160, 0), 0, "mujoco", tmp_path)
     assert closed.tuned_m is None and not closed.tuned and closed.policy is pilot

@@ -14,15 +14,16 @@ from torchrl.envs.utils import check_env_specs
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.closing.known_vehicle import KnownVehicle
 from auv_torchrl.closing.measured_state import MeasuredState
-from auv_torchrl.envs import RegulationTask, make_fleet
+from auv_torchrl.envs import make_fleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.paths import config_path
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
 from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("paper")
-TASK = RegulationTask().for_evaluation(1.0)
+TASK = StationKeeping().for_evaluation(1.0)
 TO_THRUSTERS = replace(TASK, thruster_commands=True)
 
 
@@ -106,7 +107,7 @@ def test_an_observation_tells_the_state_that_it_was_made_from(position, roll, pi
     where = np.array([position])
     attitude = quaternion_from_euler(np.array([roll]), np.array([pitch]), np.array([yaw]))
     velocity = np.arange(6.0)[None]
-    read = MeasuredState(TASK.observation_names)(TASK.observe(where, attitude, velocity))
+    read = MeasuredState(TASK.observation_names)(TASK.observe(where, attitude, velocity, np.zeros(1)))
     np.testing.assert_allclose(read[0], where, atol=1e-6)
     np.testing.assert_allclose(np.stack(euler_angles(read[1])), [[roll], [pitch], [yaw]], atol=1e-6)
     np.testing.assert_allclose(read[2], velocity)

@@ -11,12 +11,13 @@ from torch import Tensor, nn
 
 from auv_torchrl.authority import controlled_allocation
 from auv_torchrl.ddr import PretrainingConfig, SourceModels, pretrain
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
-TASK = RegulationTask(start_speed=0.5, tilt=False)  # small models learn level flight in seconds
+TASK = StationKeeping(start_speed=0.5, tilt=False)  # small models learn level flight in seconds
 
 
 class StiffPD(nn.Module):
@@ -35,7 +36,7 @@ def policy() -> TensorDictModule:
 
 
 @pytest.fixture(scope="session")
-def task() -> RegulationTask:
+def task() -> StationKeeping:
     return TASK
 
 

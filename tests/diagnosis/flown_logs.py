@@ -8,10 +8,7 @@ import torch
 from auv_torchrl.diagnosis.which.hypotheses import apply_values
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
-from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
-from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
-from auv_torchrl.physics.step import memory_length
-from auv_torchrl.sensors import measured_pose, measured_velocity
+from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import Vehicle
 
 DT = 0.05
@@ -56,37 +53,15 @@ def fly(
     """
     rng = np.random.default_rng(seed)
     flown = apply_values(vehicle, values)
-    c = prepare(flown.expand(episodes).clone()).numpy()
-    terms = ActiveTerms.of(c)
     steps = round(seconds / DT)
     position = rng.uniform(-1, 1, (episodes, 3))
     yaw = rng.uniform(-np.pi, np.pi, episodes)
-    quaternion = quaternion_from_euler(0 * yaw, 0 * yaw, yaw)
-    memory = memory_length(float(c.delay.max()), DT)
-    state = rest_state(position, quaternion, np.zeros((episodes, 6)), vehicle.thrusters, memory + 1)
-    late = memory_length(float(c.pose_delay.max()), DT) + 1
-    poses = np.repeat(np.concatenate([position, quaternion], -1)[:, None], late, axis=1)
-    mixer = vehicle.mixer.numpy()[:, [0, 1, 2, 5]]
-    waves = _waves(rng, steps, episodes)
-    logged = np.empty((steps, episodes, 6))
-    velocity = np.empty((steps, episodes, 6))
-    sent = np.empty((steps, episodes, vehicle.thrusters))
-    before = None
-    for step in range(steps):
-        where, turned = measured_pose(c, poses, DT)
-        angles = np.stack(euler_angles(turned), -1)
-        seen = np.concatenate([where, angles], -1) + rng.standard_normal((episodes, 6)) * np.repeat(noise, 3)
-        logged[step], velocity[step] = seen, measured_velocity(c, state.velocity)
-        demand = np.where(np.arange(episodes)[:, None] % 2 == 0, _hold_position(seen, before), waves[step])
-        before = seen
-        command = np.round(np.clip(demand @ mixer.T, -1, 1), 4)
-        sent[step] = command
-        reached = command
-        if push is not None:
-            reached, force = push(command, state.position, state.velocity, step * DT)
-            state = _pushed(state, c, force)
-        state = control_step(c, terms, state, reached, DT, 4)
-        poses = np.concatenate([np.concatenate([state.position, state.quaternion], -1)[:, None], poses[:, :-1]], axis=1)
+    simulator = PlainSimulator(flown.expand(episodes), DT)
+    simulator.resume(at_rest(position, yaw, vehicle.thrusters))
+    pilot = Pilot(vehicle, _waves(rng, steps, episodes))
+    jitter = rng.standard_normal((steps, episodes, 6)) * np.repeat(noise, 3)
+    recorded = record(simulator if push is None else Pushed(simulator, push), pilot, steps, DT, jitter)
+    logged, velocity, sent = recorded.measured, recorded.velocity, recorded.commands
     logged[..., 3:] = (logged[..., 3:] + np.pi) % (2 * np.pi) - np.pi
     names = ("x", "y", "z", "roll", "pitch", "yaw")
     hidden = np.array([name not in axes for name in names])
@@ -96,12 +71,37 @@ def fly(
     rates = nothing if "u" not in axes else None
     return FlightLog(
         "flight",
-        tuple(
-            Episode(e, t, logged[:, e], rates if rates is not None else velocity[:, e], sent[:, e])
-            for e in range(episodes)
-        ),
+        tuple(Episode(e, t, logged[e], rates if rates is not None else velocity[e], sent[e]) for e in range(episodes)),
         axes,
     )
+
+
+class Pilot:
+    """Holds position in every other episode and excites the others."""
+
+    def __init__(self, vehicle: Vehicle, waves: np.ndarray) -> None:
+        self.mixer, self.waves, self.before = vehicle.mixer.numpy()[:, [0, 1, 2, 5]], waves, None
+
+    def __call__(self, time: float, seen: np.ndarray) -> np.ndarray:
+        """Thruster commands for what the sensors say."""
+        holding = np.arange(len(seen))[:, None] % 2 == 0
+        demand = np.where(holding, _hold_position(seen, self.before), self.waves[round(time / DT)])
+        self.before = seen
+        return np.round(np.clip(demand @ self.mixer.T, -1, 1), 4)
+
+
+class Pushed:
+    """A simulator whose commands and vehicles meet what no effect describes."""
+
+    def __init__(self, simulator: PlainSimulator, push: Callable) -> None:
+        self.simulator, self.push, self.report = simulator, push, simulator.report
+
+    def step(self, command: np.ndarray) -> None:
+        """Push first, then fly."""
+        state = self.simulator.state
+        reached, force = self.push(command, state.position, state.velocity, state.time[0])
+        self.simulator.state = _pushed(state, self.simulator.coefficients, force)
+        self.simulator.step(reached)
 
 
 def _hold_position(seen: np.ndarray, before: np.ndarray | None) -> np.ndarray:

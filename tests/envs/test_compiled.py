@@ -4,14 +4,15 @@ import pytest
 import torch
 from flights import fly, held_actions
 
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 
 @pytest.mark.slow
 def test_compilation_changes_nothing_but_the_speed():
     """The compiled fleet flies as the plain one, to rounding."""
-    vehicle, task = load_vehicle("paper"), RegulationTask()
+    vehicle, task = load_vehicle("paper"), StationKeeping()
     plain = TorchFleet(vehicle, task, 8, seed=0, dtype=torch.float64)
     compiled = TorchFleet(vehicle, task, 8, seed=0, dtype=torch.float64, compiled=True)
     start, actions = plain.reset()["start"], held_actions(8, 40)

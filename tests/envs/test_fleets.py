@@ -12,14 +12,15 @@ from tensordict import TensorDict
 from torchrl.envs import Compose, RewardSum, StepCounter, TransformedEnv, check_env_specs
 
 from auv_torchrl.effects import EFFECTS, get_effect
-from auv_torchrl.envs import BACKENDS, RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.envs import BACKENDS, RandomizeVehicle, make_fleet
 from auv_torchrl.envs.fleet import BODY
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
-SHORT = RegulationTask(episode_s=0.5)
+SHORT = StationKeeping(episode_s=0.5)
 backends = pytest.mark.parametrize("backend", BACKENDS)
 
 
@@ -28,7 +29,7 @@ backends = pytest.mark.parametrize("backend", BACKENDS)
 def test_specs_hold(backend, name):
     """TorchRL's own check of specs passes, for each vehicle, with and without transforms."""
     vehicle = load_vehicle(name)
-    check_env_specs(make_fleet(backend, vehicle, RegulationTask(tilt=True), 3, seed=0))
+    check_env_specs(make_fleet(backend, vehicle, StationKeeping(tilt=True), 3, seed=0))
     randomize = RandomizeVehicle(vehicle, {"added_mass": {"scale": [0.8, 1.2]}})
     transformed = TransformedEnv(
         make_fleet(backend, vehicle, SHORT, 3, seed=0), Compose(randomize, StepCounter(), RewardSum())
@@ -60,14 +61,14 @@ def test_one_seed_repeats_a_run_exactly(backend):
 
 def test_backends_start_alike():
     """One seed gives both backends the same starts."""
-    starts = [make_fleet(backend, PAPER, RegulationTask(), 5, seed=3).reset()["position"] for backend in BACKENDS]
+    starts = [make_fleet(backend, PAPER, StationKeeping(), 5, seed=3).reset()["position"] for backend in BACKENDS]
     torch.testing.assert_close(starts[0], starts[1])
 
 
 @backends
 def test_a_partial_reset_touches_only_its_rows(backend):
     """Rows that are not reset keep state, time, commands and vehicle; the others begin anew."""
-    fleet = make_fleet(backend, PAPER, RegulationTask(), 4, seed=0)
+    fleet = make_fleet(backend, PAPER, StationKeeping(), 4, seed=0)
     now = fleet.reset()
     for action in held_actions(4, 5):
         now = fleet.step(now.set("action", action))["next"]
@@ -85,7 +86,7 @@ def test_a_partial_reset_touches_only_its_rows(backend):
 @backends
 def test_episodes_end_after_their_time_and_go_on(backend):
     """Truncation at 20 s exactly, then a new episode of that vehicle alone."""
-    fleet = make_fleet(backend, PAPER, RegulationTask(episode_s=1.0), 3, seed=0)
+    fleet = make_fleet(backend, PAPER, StationKeeping(episode_s=1.0), 3, seed=0)
     mask = torch.tensor([[True], [False], [False]])
     now, data = fleet.reset(), []
     for step in range(45):
@@ -100,7 +101,7 @@ def test_episodes_end_after_their_time_and_go_on(backend):
 @backends
 def test_starts_can_be_given(backend):
     """A start is flown exactly, with transforms around the fleet too, and the returned start repeats a flight."""
-    fleet = TransformedEnv(make_fleet(backend, PAPER, RegulationTask(), 2, seed=0), StepCounter())
+    fleet = TransformedEnv(make_fleet(backend, PAPER, StationKeeping(), 2, seed=0), StepCounter())
     drawn = fleet.reset()
     fleet.rollout(3)
     again = fleet.reset(drawn.select("start"), set_state=True)
@@ -119,7 +120,7 @@ def test_starts_can_be_given(backend):
 )
 def test_impossible_starts_are_refused(backend, change, message):
     """A wrong start is an error that names the entry."""
-    fleet = make_fleet(backend, PAPER, RegulationTask(), 2, seed=0)
+    fleet = make_fleet(backend, PAPER, StationKeeping(), 2, seed=0)
     start = resting(2).update(change)
     with pytest.raises(ValueError, match=message):
         fleet.reset(TensorDict({"start": start}, [2]), set_state=True)
@@ -133,7 +134,7 @@ def test_a_scenario_changes_each_vehicle_at_its_own_time(backend):
     scenario = read_scenario(
         "later", {"effects": {"thruster_gain": {"gain_5": 0.0, "start_s": 0.2, "stop_s": 0.4}}}, PAPER
     )
-    fleet = make_fleet(backend, PAPER, RegulationTask(), 2, scenario=scenario, seed=0)
+    fleet = make_fleet(backend, PAPER, StationKeeping(), 2, scenario=scenario, seed=0)
     now, thrust = fleet.reset(), []
     for step in range(16):
         if step == 3:
@@ -156,7 +157,7 @@ def test_late_sensors_and_commands_need_no_preparation(backend):
     )
     actions = torch.zeros(20, 1, 4)
     actions[10:, :, 0] = 1.0
-    late = fly(make_fleet(backend, PAPER, RegulationTask(), 1, scenario=scenario, seed=0), actions, resting(1))
+    late = fly(make_fleet(backend, PAPER, StationKeeping(), 1, scenario=scenario, seed=0), actions, resting(1))
     surge = late["velocity"][:, 0, 0]
     assert (surge[:15].abs() < 1e-9).all() and surge[15] > 0.01
     error, position = late["observation"][:, 0, 4], late["position"][:, 0, 0]
@@ -179,7 +180,7 @@ def test_every_effect_is_felt(backend, effect):
     start = resting(2, [0.4, -0.3, 0.2], [0.1, 0.3, -0.4])
     actions = held_actions(2, 30)
     plain, changed = (
-        fly(make_fleet(backend, vehicle, RegulationTask(), 2, seed=1), actions, start)
+        fly(make_fleet(backend, vehicle, StationKeeping(), 2, seed=1), actions, start)
         for vehicle in (PAPER, effect.apply(PAPER, values))
     )
     assert (plain["observation"] - changed["observation"]).abs().max() > 1e-3
@@ -197,7 +198,7 @@ def test_the_sensor_model_leaves_the_true_state_alone(backend):
     }.items():
         blurred = get_effect(name).apply(blurred, values)
     plain, changed = (
-        fly(make_fleet(backend, vehicle, RegulationTask(), 2, seed=1), actions, start) for vehicle in (PAPER, blurred)
+        fly(make_fleet(backend, vehicle, StationKeeping(), 2, seed=1), actions, start) for vehicle in (PAPER, blurred)
     )
     assert torch.equal(plain["position"], changed["position"])
     assert torch.equal(plain["quaternion"], changed["quaternion"])
@@ -207,7 +208,7 @@ def test_the_sensor_model_leaves_the_true_state_alone(backend):
 @backends
 def test_a_vehicle_that_diverges_ends_alone(backend, caplog):
     """An impossible start speed terminates that vehicle with a warning; its neighbours fly on, all stays finite."""
-    fleet = make_fleet(backend, PAPER, RegulationTask(), 3, seed=0)
+    fleet = make_fleet(backend, PAPER, StationKeeping(), 3, seed=0)
     start = resting(3)
     start["velocity"] = torch.zeros(3, 6)
     start["velocity"][1, 0] = 99.0
@@ -226,7 +227,7 @@ def test_wide_starts_and_randomization_stay_stable(name):
     """Starts at 2 m/s per axis with the wide ranges never diverge."""
     ranges = yaml.safe_load(config_path("randomization", "wide").read_text())
     vehicle = load_vehicle(name)
-    fleet = make_fleet("torch", vehicle, RegulationTask(episode_s=1.0), 512, seed=2)
+    fleet = make_fleet("torch", vehicle, StationKeeping(episode_s=1.0), 512, seed=2)
     data = TransformedEnv(fleet, RandomizeVehicle(vehicle, ranges)).rollout(60, break_when_any_done=False)
     assert not data["next", "terminated"].any()
 
@@ -235,7 +236,7 @@ def test_the_observation_is_the_target_as_seen_from_the_body():
     """Facing east at (1, 2, 3) north-east-down, the target is 2 m behind, 1 m to starboard, 3 m above."""
     quarter = math.sqrt(0.5)
     start = resting(1, [1.0, 2.0, 3.0]).set("quaternion", torch.tensor([[quarter, 0.0, 0.0, quarter]]))
-    fleet = make_fleet("torch", PAPER, RegulationTask(), 1, seed=0)
+    fleet = make_fleet("torch", PAPER, StationKeeping(), 1, seed=0)
     seen = fleet.reset(TensorDict({"start": start}, [1]), set_state=True)["observation"][0]
     names = fleet.task.observation_names
     observed = dict(zip(names, seen.tolist(), strict=True))
@@ -247,7 +248,7 @@ def test_the_observation_is_the_target_as_seen_from_the_body():
 
 def test_a_share_of_the_training_starts_is_near():
     """Training starts: near_share of them log-uniform, the others in the box; evaluation starts all in the box."""
-    task = RegulationTask(box_m=10.0, near_share=0.5, near_m=(0.05, 2.0), start_speed=2.0)
+    task = StationKeeping(box_m=10.0, near_share=0.5, near_m=(0.05, 2.0), start_speed=2.0)
     position, quaternion, velocity = task.draw_starts(4000, torch.Generator().manual_seed(0))
     distance = position.norm(dim=-1)
     assert 0.45 < (distance < 2.0).double().mean() < 0.55
@@ -261,13 +262,15 @@ def test_a_share_of_the_training_starts_is_near():
 
 def test_the_reward_is_eq_6():
     """Minus the weighted norms, worked out by hand for one state."""
-    task = RegulationTask(error_weight=2.0, heading_weight=0.5, velocity_weight=0.1, action_weight=0.01)
+    task = StationKeeping(error_weight=2.0, heading_weight=0.5, velocity_weight=0.1, action_weight=0.01)
     position = torch.tensor([[3.0, 4.0, 0.0]])
     quaternion = torch.tensor([[math.cos(0.2), 0.0, 0.0, math.sin(0.2)]])
     velocity = torch.tensor([[1.0, 0.0, 0.0, 7.0, 7.0, 0.0]])
     action = torch.tensor([[1.0, -1.0, 1.0, 1.0]])
     expected = -(2.0 * 5.0 + 0.5 * 0.4 + 0.1 * 1.0 + 0.01 * 2.0)
-    assert float(task.reward(position, quaternion, velocity, action)) == pytest.approx(expected, abs=1e-6)
+    assert float(task.reward(position, quaternion, velocity, action, torch.zeros(()))) == pytest.approx(
+        expected, abs=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -277,7 +280,7 @@ def test_the_reward_is_eq_6():
 def test_impossible_tasks_are_refused(wrong):
     """Each wrong value is named."""
     with pytest.raises(ValueError, match=next(iter(wrong))):
-        RegulationTask(**wrong)
+        StationKeeping(**wrong)
 
 
 def test_wrong_fleets_are_refused():
@@ -308,7 +311,7 @@ def test_reported_values_are_not_changed_later(backend):
 def test_thruster_commands_bypass_the_mixer(backend):
     """With thruster_commands=True an action is what each thruster gets, one entry per thruster of the vehicle."""
     vehicle = load_vehicle("bluerov2_heavy")
-    fleet = make_fleet(backend, vehicle, RegulationTask(thruster_commands=True), 1, seed=0)
+    fleet = make_fleet(backend, vehicle, StationKeeping(thruster_commands=True), 1, seed=0)
     fleet.reset()
     action = torch.linspace(-1, 1, 8)[None]
     after = fleet.step(TensorDict({"action": action}, [1]))["next"]

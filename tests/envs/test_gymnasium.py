@@ -8,8 +8,9 @@ import pytest
 import torch
 from gymnasium.utils.env_checker import check_env
 
-from auv_torchrl.envs import BACKENDS, RegulationEnv, RegulationTask, make_fleet
+from auv_torchrl.envs import BACKENDS, RegulationEnv, make_fleet
 from auv_torchrl.envs.gymnasium_env import ID
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 backends = pytest.mark.parametrize("backend", BACKENDS)
@@ -30,7 +31,7 @@ def test_gymnasium_accepts_the_environment(backend):
 def test_it_is_the_fleet(backend):
     """The same seed and actions give the fleet's observations and rewards."""
     env = gymnasium.make(ID, backend=backend).unwrapped
-    fleet = make_fleet(backend, load_vehicle("paper"), RegulationTask(), 1)
+    fleet = make_fleet(backend, load_vehicle("paper"), StationKeeping(), 1)
     observation, _ = env.reset(seed=4)
     fleet.set_seed(4)
     now = fleet.reset()

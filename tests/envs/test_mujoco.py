@@ -8,11 +8,12 @@ from flights import fly, held_actions, resting
 from tensordict import TensorDict
 
 from auv_torchrl.effects import get_effect
-from auv_torchrl.envs import MujocoFleet, RegulationTask, TorchFleet
+from auv_torchrl.envs import MujocoFleet, TorchFleet
 from auv_torchrl.envs.fleet import BODY
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix
 from auv_torchrl.physics.thrusters import body_wrench
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 VEHICLES = ["paper", "bluerov2", "bluerov2_heavy"]
@@ -36,22 +37,23 @@ def loaded(name):
 @pytest.mark.parametrize("name", VEHICLES)
 def test_mujoco_accelerates_as_the_model_says(name):
     """Qacc equals the Fossen acceleration, turned into MuJoCo's coordinates, to 1e-13 of its size."""
-    fleet = MujocoFleet(loaded(name), RegulationTask(start_tilt=1.0), 16, seed=0)
+    fleet = MujocoFleet(loaded(name), StationKeeping(start_tilt=1.0), 16, seed=0)
     fleet.reset()
-    fleet._write_bodies(fleet._state)
-    c, terms, state = fleet._coefficients, fleet._terms, fleet._state
+    simulator = fleet.simulator
+    c, terms, state = simulator.coefficients, simulator.terms, simulator.state
+    simulator._write_bodies(state)
     thrust = np.random.default_rng(0).uniform(-30, 30, state.thrust.shape)
     wrench = body_wrench(c, terms, thrust, state.time)
-    mujoco.set_mjcb_passive(lambda *_: np.copyto(fleet._passive, fleet._force(wrench)))
+    mujoco.set_mjcb_passive(lambda *_: np.copyto(simulator._passive, simulator._force(c, terms, wrench)))
     try:
-        mujoco.mj_forward(fleet.physics.model.ptr, fleet.physics.data.ptr)
+        mujoco.mj_forward(simulator.physics.model.ptr, simulator.physics.data.ptr)
     finally:
         mujoco.set_mjcb_passive(None)
     rotation = rotation_matrix(state.quaternion)
     rate = acceleration(c, terms, rotation, state.position, state.velocity, wrench)
     linear = matvec(rotation, rate[:, :3] + np.cross(state.velocity[:, 3:], state.velocity[:, :3]))
     expected = np.concatenate((linear, rate[:, 3:]), axis=-1)
-    found = fleet.physics.data.qacc.reshape(16, 6)
+    found = simulator.physics.data.qacc.reshape(16, 6)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
@@ -62,7 +64,7 @@ def test_the_backends_stay_together_for_20_s(name, apart_m):
     0.06 mm for the paper's vehicle, which hardly tilts. MuJoCo's RK4 averages angular velocities of tilted
     frames, so that vehicles that tumble drift centimetres, MuJoCo away from a converged solution.
     """
-    vehicle, task, count = load_vehicle(name), RegulationTask(), 12
+    vehicle, task, count = load_vehicle(name), StationKeeping(), 12
     plain = TorchFleet(vehicle, task, count, seed=1, dtype=torch.float64)
     start, actions = plain.reset()["start"], held_actions(count, task.steps)
     one, other = fly(plain, actions, start), fly(MujocoFleet(vehicle, task, count, seed=1), actions, start)
@@ -73,21 +75,21 @@ def test_the_backends_stay_together_for_20_s(name, apart_m):
 
 def test_the_callback_is_only_there_during_a_step():
     """MuJoCo's process-wide callback is removed after a step, after a failed one too, so that models compile."""
-    fleet = MujocoFleet(load_vehicle("paper"), RegulationTask(), 2, seed=0)
+    fleet = MujocoFleet(load_vehicle("paper"), StationKeeping(), 2, seed=0)
     action = TensorDict({"action": torch.zeros(2, 4)}, [2])
     fleet.reset()
     fleet.step(action)
     assert mujoco.get_mjcb_passive() is None
-    fleet._force = None  # not callable: the next step fails inside the callback
+    fleet.simulator._force = None  # not callable: the next step fails inside the callback
     with pytest.raises(TypeError):
         fleet.step(action)
     assert mujoco.get_mjcb_passive() is None
-    MujocoFleet(load_vehicle("paper"), RegulationTask(), 2, seed=0)
+    MujocoFleet(load_vehicle("paper"), StationKeeping(), 2, seed=0)
 
 
 def test_two_fleets_do_not_disturb_each_other():
     """Steps of another fleet in between change nothing."""
-    vehicle, task = load_vehicle("bluerov2"), RegulationTask()
+    vehicle, task = load_vehicle("bluerov2"), StationKeeping()
     start, actions = resting(2, [0.3, 0.2, 0.1]), held_actions(2, 20)
     alone = fly(MujocoFleet(vehicle, task, 2, seed=0), actions, start)
     one, other = (MujocoFleet(vehicle, task, count, seed=0) for count in (2, 3))
@@ -102,7 +104,7 @@ def test_two_fleets_do_not_disturb_each_other():
 
 def test_walls_hold_a_vehicle_and_vehicles_pass_through_each_other():
     """Full surge towards the wall ends at the hull's half length before it; a second vehicle there is no obstacle."""
-    task = RegulationTask(box_m=1.0, near_share=0.0)
+    task = StationKeeping(box_m=1.0, near_share=0.0)
     fleet = MujocoFleet(load_vehicle("paper"), task, 2, seed=0, walls=(1.5, 1.5, 1.5))
     actions = torch.tensor([[1.0, 0, 0, 0]] * 2).expand(160, 2, 4)
     path = fly(fleet, actions, resting(2, [0.0, 0.0, 0.0], [0.6, 0.0, 0.0]))
@@ -115,13 +117,13 @@ def test_walls_hold_a_vehicle_and_vehicles_pass_through_each_other():
 def test_starts_outside_the_tank_are_refused():
     """A tank smaller than the start box is an error that says so."""
     with pytest.raises(ValueError, match="farther walls or a smaller box"):
-        MujocoFleet(load_vehicle("paper"), RegulationTask(box_m=2.0), 1, walls=(2.0, 3.0, 3.0))
+        MujocoFleet(load_vehicle("paper"), StationKeeping(box_m=2.0), 1, walls=(2.0, 3.0, 3.0))
 
 
 @pytest.mark.parametrize("fleet_class", [MujocoFleet, TorchFleet])
 def test_the_camera_sees_the_vehicle_and_follows_it(fleet_class):
     """A picture has the asked size and the vehicle's blue floats in its middle, wherever it flies."""
-    fleet = fleet_class(load_vehicle("bluerov2_heavy"), RegulationTask(box_m=2.0), 2, seed=0)
+    fleet = fleet_class(load_vehicle("bluerov2_heavy"), StationKeeping(box_m=2.0), 2, seed=0)
     fleet.reset()
     pictures = [fleet.render(row, size=(120, 200)) for row in (0, 1)]
     assert not np.array_equal(*pictures)

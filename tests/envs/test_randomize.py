@@ -6,9 +6,10 @@ import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.effects import EFFECTS
-from auv_torchrl.envs import BACKENDS, RandomizeVehicle, RegulationTask, make_fleet
+from auv_torchrl.envs import BACKENDS, RandomizeVehicle, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names, config_path
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
@@ -20,7 +21,7 @@ def ranges_of(name):
 
 
 def randomized(ranges, count=4, seed=0, backend="torch", own_seed=None):
-    fleet = make_fleet(backend, PAPER, RegulationTask(episode_s=0.5), count, seed=seed)
+    fleet = make_fleet(backend, PAPER, StationKeeping(episode_s=0.5), count, seed=seed)
     return TransformedEnv(fleet, RandomizeVehicle(PAPER, ranges, own_seed))
 
 
@@ -56,10 +57,10 @@ def test_a_partial_reset_redraws_its_rows_alone(backend):
     """The other vehicles keep their parameters and what the physics reads of them."""
     env = randomized({"thruster_gain": {"gain": [0.5, 1.5]}}, backend=backend)
     now = env.reset()
-    before, read = env.base_env.vehicle, torch.as_tensor(env.base_env._coefficients.allocation).clone()
+    before, read = env.base_env.vehicle, torch.as_tensor(env.base_env.simulator.coefficients.allocation).clone()
     mask = torch.tensor([[False], [True], [True], [False]])
     env.reset(now.set("_reset", mask.clone()), set_state=False)
-    after, reads = env.base_env.vehicle, torch.as_tensor(env.base_env._coefficients.allocation)
+    after, reads = env.base_env.vehicle, torch.as_tensor(env.base_env.simulator.coefficients.allocation)
     redrawn = mask[:, 0]
     assert torch.equal(after.gain[~redrawn], before.gain[~redrawn])
     assert (after.gain[redrawn] != before.gain[redrawn]).all()

@@ -4,15 +4,13 @@ import numpy as np
 import torch
 
 from auv_torchrl.effects import get_effect
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
-from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
-from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
-from auv_torchrl.physics.step import memory_length
-from auv_torchrl.sensors import measured_pose, measured_velocity
+from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
 
 POSE_ONLY = ("x", "y", "z", "yaw")
-LONGEST_DELAY = 0.8
 
 
 def waves(rng: np.random.Generator, steps: int, channels: int, size: float = 0.35) -> np.ndarray:
@@ -31,31 +29,35 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
         for effect, values in change.items():
             vehicle = get_effect(effect).apply(vehicle, values)
         rows += [vehicle] * episodes
-    vehicles = torch.stack(rows)
-    c = prepare(vehicles).numpy()
-    terms = ActiveTerms.of(c)
+    vehicles = torch.stack([
+        changed(v, position_noise=v.position_noise + noise[0], attitude_noise=v.attitude_noise + noise[1]) for v in rows
+    ])  # fmt: skip
     rng = np.random.default_rng(seed)
-    batch, steps, n = len(rows), round(seconds / CONTROL_DT), nominal.thrusters
-    memory = memory_length(LONGEST_DELAY)
+    batch, steps = len(rows), round(seconds / CONTROL_DT)
     demand = np.zeros((batch, steps, 6))
     demand[..., CONTROLLED_INDEX] = [waves(rng, steps, 4) for _ in range(batch)]
     commands = np.clip(demand @ nominal.mixer.numpy().T, -1, 1)
     yaw = rng.uniform(-np.pi, np.pi, batch)
-    state = rest_state(
-        rng.normal(size=(batch, 3)), quaternion_from_euler(0 * yaw, 0 * yaw, yaw), np.zeros((batch, 6)), n, memory
+    simulator = PlainSimulator(vehicles, CONTROL_DT)
+    simulator.resume(at_rest(rng.normal(size=(batch, 3)), yaw, nominal.thrusters))
+    flown = record(
+        Noisy(simulator, rng, noise[0]), lambda time, _: commands[:, round(time / CONTROL_DT)], steps, CONTROL_DT
     )
-    c = c._replace(position_noise=c.position_noise + noise[0], attitude_noise=c.attitude_noise + noise[1])
-    poses = np.repeat(np.concatenate((state.position, state.quaternion), -1)[:, None], memory, axis=1)
-    seen, velocity = [], []
-    for step in range(steps):
-        position, quaternion = measured_pose(c, poses, CONTROL_DT, rng.normal(size=(batch, 6)))
-        seen.append(np.concatenate((position, np.stack(euler_angles(quaternion), -1)), -1))
-        velocity.append(measured_velocity(c, state.velocity) + noise[0] * rng.normal(size=(batch, 6)))
-        state = control_step(c, terms, state, commands[:, step])
-        pose = np.concatenate((state.position, state.quaternion), -1)
-        poses = np.concatenate((pose[:, None], poses[:, :-1]), axis=1)
-    pose, velocity = np.stack(seen, 1), np.stack(velocity, 1)
     t = np.arange(steps) * CONTROL_DT
     axes = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
-    flown = [Episode(row % episodes, t, pose[row], velocity[row], commands[row]) for row in range(batch)]
+    flown = [Episode(row % episodes, t, flown.pose[row], flown.velocity[row], commands[row]) for row in range(batch)]
     return [FlightLog(f"log {k}", tuple(flown[k * episodes : (k + 1) * episodes]), axes) for k in range(len(changes))]
+
+
+class Noisy:
+    """A simulator whose sensors take their noise from a numpy generator, velocities included."""
+
+    def __init__(self, simulator, rng, velocity_noise):
+        self.simulator, self.rng, self.velocity_noise = simulator, rng, velocity_noise
+        self.step = simulator.step
+
+    def report(self):
+        """Two draws: of the pose, then of the velocity."""
+        shape = (self.simulator.count, 6)
+        report = self.simulator.report(self.rng.normal(size=shape))
+        return report._replace(velocity=report.velocity + self.velocity_noise * self.rng.normal(size=shape))

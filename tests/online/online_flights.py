@@ -7,11 +7,12 @@ import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.agents.pid import PID
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Flight, draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 VEHICLE = load_vehicle("paper")
@@ -19,7 +20,7 @@ INTEGRAL = (0.5, 0.5, 0.5, 0.2)  # 1/(m s), so that the source controller settle
 
 
 def task(seconds):
-    return replace(RegulationTask().for_evaluation(1.0), episode_s=seconds, thruster_commands=True)
+    return replace(StationKeeping().for_evaluation(1.0), episode_s=seconds, thruster_commands=True)
 
 
 def scenario(name, start_s=0.0):

@@ -9,10 +9,11 @@ from torchrl.envs.utils import check_env_specs
 
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.authority import controlled_allocation
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 FAULTS = ("swap", "thruster_gain", "reversed", "reversed_and_dead", "cycle", "two_reversed", "triple_fault")
@@ -105,7 +106,7 @@ def test_a_flight_goes_on_after_loading_its_state():
 
 def test_a_channel_environment_is_refused():
     """An environment that takes channels instead of thruster commands is an error that says what to do."""
-    flown = RegulationTask()
+    flown = StationKeeping()
     adapter = OnlineAdapter(VEHICLE, flown, load_online_config(), 2)
     with pytest.raises(ValueError, match="thruster_commands=True"):
         _ = TransformedEnv(TorchFleet(VEHICLE, flown, 2, seed=0), adapter).action_spec

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from online_flights import VEHICLE, adapted_fleet, scenario, task
 
 from auv_torchrl.effects import get_effect
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.learner import FROZEN
 from auv_torchrl.scenario import Change, Scenario
+from auv_torchrl.tasks import StationKeeping
 
-NAMES = RegulationTask().observation_names
+NAMES = StationKeeping().observation_names
 REST = np.array([1.0 if name == "heading_error_cos" else 0.0 for name in NAMES])
 HOSTILE = (
     "fine",

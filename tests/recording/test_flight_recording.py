@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.authority import controlled_allocation
-from auv_torchrl.envs import RegulationTask, TorchFleet
+from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.flight import fly_online, gains
@@ -20,6 +20,7 @@ from auv_torchrl.online.recovery import recoveries
 from auv_torchrl.recording import OneFlight, record_run
 from auv_torchrl.recording.flight import FAR, NEAR
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 FAULT_S = 2.5
@@ -29,7 +30,7 @@ FAULT_S = 2.5
 def one(pd_policy) -> OneFlight:
     """A thruster turns the wrong way after 2.5 s of 13 s."""
     vehicle = load_vehicle("paper")
-    task = replace(RegulationTask().for_evaluation(1.0), episode_s=13.0)
+    task = replace(StationKeeping().for_evaluation(1.0), episode_s=13.0)
     thrusters = replace(task, thruster_commands=True)
     config = {"effects": {"thruster_gain": {"gain_1": -1.0, "start_s": FAULT_S}}}
     scenario = read_scenario("reversed", config, vehicle)

@@ -11,8 +11,8 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.physics import CONTROL_DT, ActiveTerms, control_step, prepare, rest_state
-from auv_torchrl.physics.step import memory_length
+from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 LASTS_S = 10.0  # s, after which a vehicle of this size goes steadily
@@ -35,19 +35,11 @@ class Response:
 def respond(vehicle: Vehicle, command: float) -> Response:
     """Step commands from rest, one controlled degree of freedom at a time; roll and pitch are held level."""
     level = changed(vehicle, free=vehicle.free * vehicle.free.new_tensor([1, 1, 1, 0, 0, 1]))
-    c = prepare(level.expand(1 + len(CONTROLLED)).clone()).numpy()
-    terms = ActiveTerms.of(c)
     sent = np.zeros((1 + len(CONTROLLED), vehicle.thrusters))
     sent[1:] = np.clip(command * vehicle.mixer.numpy()[:, CONTROLLED_INDEX].T, -1, 1)
-    rows = len(sent)
-    still = np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1))
-    memory = memory_length(float(c.delay.max()))
-    state = rest_state(np.zeros((rows, 3)), still, np.zeros((rows, 6)), vehicle.thrusters, memory)
-    path = []
-    for _ in range(round(LASTS_S / CONTROL_DT)):
-        state = control_step(c, terms, state, sent)
-        path.append(state.velocity)
-    velocity = np.stack(path)  # (T, rows, 6)
+    rows, times = len(sent), CONTROL_DT * np.arange(1 + round(LASTS_S / CONTROL_DT))
+    held = np.repeat(sent[:, None], len(times) - 1, axis=1)
+    velocity = simulate(level, held, times).states[:, 1:, 7:].swapaxes(0, 1)  # (T, rows, 6)
     steady = velocity[-1]
     own = np.array([2, *CONTROLLED_INDEX])  # idle, it can only rise or sink
     along = np.abs(velocity[:, np.arange(rows), own])

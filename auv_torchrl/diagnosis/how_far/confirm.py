@@ -1,7 +1,7 @@
 """Confirm what was found: the held-out stretches flown again in MuJoCo, without and with the effects in the vehicle.
 
 The diagnosis fits and predicts with the plain model. Here the same stretches, from the same estimated starts and with
-the same commands, are flown by the fleet that training uses, all stretches as rows of one model.
+the same commands, are flown by the simulator that training uses, all stretches as rows of one model.
 """
 
 from collections.abc import Sequence
@@ -12,42 +12,15 @@ import numpy as np
 import torch
 
 from auv_torchrl.diagnosis.how_far.predict import Predictions, closed_share, errors_by_kind
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, sample
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, late_steps, oldest, sample
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.verdict import Confirmation
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.envs.mujoco_fleet import MujocoFleet
-from auv_torchrl.envs.regulation import RegulationTask
 from auv_torchrl.physics import State, prepare
 from auv_torchrl.physics.step import memory_length
+from auv_torchrl.simulator import replay
+from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import Vehicle
-
-
-class ReplayFleet(MujocoFleet):
-    """The fleet under recorded commands, from states in mid-flight: commands are on their way, thrusters turn."""
-
-    def __init__(self, vehicles: Vehicle, control_dt: float) -> None:
-        """One row per vehicle of the batch; ``control_dt`` in s is the step at which commands change."""
-        task = RegulationTask(control_dt=control_dt, thruster_commands=True)
-        super().__init__(vehicles, task, len(vehicles), seed=0)
-
-    def replay(self, start: State, commands: Floats) -> Floats:
-        """States (N, S + 1, 13), position, quaternion and body velocity, under commands (S, N, n).
-
-        A vehicle that diverges is reported as NaN from there on.
-        """
-        self._state = start
-        states = np.full((self.num_envs, len(commands) + 1, 13), np.nan)
-        states[:, 0] = np.concatenate(start[:3], axis=-1)
-        for step, command in enumerate(commands):
-            moved = self._advance(command)
-            lost = ~np.isfinite(moved.velocity).all(axis=-1)
-            states[:, step + 1] = np.concatenate(moved[:3], axis=-1)
-            if lost.any():  # MuJoCo would give up on all of them
-                body = (np.where(lost[:, None], old, new) for old, new in zip(self._state[:3], moved[:3], strict=True))
-                moved = moved._replace(**dict(zip(State._fields, body, strict=False)))
-            self._state = moved
-        return states
 
 
 @DIVERGING
@@ -83,11 +56,11 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
     """
     number, width = starts.shape[:2]
     one = stacked(vehicles)
-    late = one.pose_delay.numpy()
-    in_report_time = changed(one, delay=one.delay + one.pose_delay, pose_delay=torch.zeros_like(one.pose_delay))
-    fleet = ReplayFleet(cast(Vehicle, in_report_time[torch.arange(width).repeat(number)]), windows.dt)
-    immediate = set(windows.channels) & set(CHANNELS[6:])  # velocities are reported at once, so they run ahead
-    steps = windows.steps + (int(np.ceil(late.max() / windows.dt - 1e-9)) if immediate else 0)
+    c = prepare(one).numpy()
+    late = oldest(windows, c)
+    in_report_time = changed(one, delay=one.delay + torch.from_numpy(late), pose_delay=torch.zeros_like(one.pose_delay))
+    simulator = MujocoSimulator(cast(Vehicle, in_report_time[torch.arange(width).repeat(number)]), windows.dt)
+    steps = windows.steps + late_steps(windows, c)
     memory = memory_length(float(in_report_time.delay.max()), windows.dt)
     begin, episode = windows.start[:, None], windows.episode[:, None]
     ago = np.clip(begin - 1 - np.arange(memory), 0, None)
@@ -101,5 +74,6 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
         commands=np.repeat(windows.commands[episode, ago], width, axis=0),
         time=(windows.time[:, None] - late).reshape(-1),
     )
-    commands = np.repeat(windows.commands[episode, ahead], width, axis=0).swapaxes(0, 1)
-    return fleet.replay(start, commands).reshape(number, width, steps + 1, 13)
+    simulator.resume(start)
+    commands = np.repeat(windows.commands[episode, ahead], width, axis=0)
+    return replay(simulator, commands).states.reshape(number, width, steps + 1, 13)

@@ -6,9 +6,9 @@ The world is NED and the body FRD, as in the fleet's model: light falls along +z
 from typing import Any
 
 import numpy as np
-from dm_control import mjcf
 
-from auv_torchrl.envs.look import COLOURS, add_look
+from auv_torchrl.simulator.look import COLOURS, add_look
+from auv_torchrl.simulator.mujoco_model import compiled, new_model
 from auv_torchrl.vehicle import Vehicle
 
 SIZE = (500, 800)  # pixels, height and width
@@ -28,7 +28,7 @@ class Scene:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self.physics = mjcf.Physics.from_mjcf_model(scene_model(vehicle))
+        self.physics = compiled(scene_model(vehicle))
 
     def photograph(self, position: np.ndarray, quaternion: np.ndarray, size: tuple[int, int] = SIZE) -> np.ndarray:
         """RGB image (height, width, 3) uint8 of the vehicle at a position (3,) in m NED and quaternion (4,)."""
@@ -50,7 +50,7 @@ class Scene:
 
 def scene_model(vehicle: Vehicle) -> Any:
     """The MJCF model: water, sea floor, target cross at the origin, mocap body ``vehicle`` with its camera."""
-    model: Any = mjcf.RootElement(model="scene")  # its elements are typed by a schema at run time
+    model = new_model("scene")
     model.compiler.angle = "radian"
     visual = model.visual
     buffer = getattr(visual, "global")

@@ -1,16 +1,16 @@
-"""Pose regulation: bring the vehicle to the origin with heading north and hold it there (Lu et al. 2023, Problem 1)."""
+"""Station keeping: bring the vehicle to the origin with heading north and hold it there (Lu et al. 2023, Problem 1)."""
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import torch
 from array_api_compat import array_namespace
 from torch import Tensor
 
-from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.settings import In, check_fields
+from auv_torchrl.tasks.task import Reference, Task
 
 Array = Any
 Weight = Annotated[float, In("[0, 1000]")]
@@ -22,28 +22,22 @@ _TILT = ("roll_rate", "pitch_rate", "down_x", "down_y")
 
 
 @dataclass(frozen=True)
-class RegulationTask:
+class StationKeeping(Task):
     """What is observed and rewarded, and where episodes start.
 
     Most of the training starts lie close to the target, spread evenly over orders of magnitude, because a
     uniform box has almost none there and the last centimetres are what is judged.
     """
 
-    episode_s: Annotated[float, In("(0, 3600]")] = 20.0  # s, section 5
-    control_dt: Annotated[float, In("[0.001, 1]")] = CONTROL_DT  # s
     box_m: Annotated[float, In("(0, 1000]")] = 10.0  # m, starts are uniform in a cube of this half width, section 5
     near_share: Annotated[float, In("[0, 1]")] = 0.75  # share of the starts at a log-uniform distance instead
     near_m: Annotated[tuple[float, float], In("(0, 1000]")] = (0.05, 2.0)  # m, range of that distance
-    start_speed: Weight = 2.0  # m/s, start velocities are uniform within this per axis, section 5
-    start_yaw_rate: Weight = 1.0  # rad/s, likewise
     start_tilt: Annotated[float, In("[0, 3.2]")] = 0.0  # rad, start roll and pitch are uniform within this
     error_weight: Weight = 1.0  # 1/m, alpha_1 of Eq. 6
     heading_weight: Weight = 0.1  # 1/rad; the paper's error has no heading, so that it would drift
     velocity_weight: Weight = 0.05  # s/m, alpha_2 of Eq. 6
     action_weight: Weight = 0.005  # alpha_3 of Eq. 6, on the four channels in [-1, 1]
     near_scale_m: Annotated[float, In("(0, 1000]")] = 0.1  # m, of tanh(error / near_scale_m): 2 to 3 times faster
-    tilt: bool = True  # observe roll and pitch motion: faults and weak restoring moments tilt the vehicle
-    thruster_commands: bool = False  # actions are the n thruster commands themselves, not the four channels
 
     def __post_init__(self) -> None:
         """Refuse values that no episode can have."""
@@ -52,20 +46,26 @@ class RegulationTask:
             raise ValueError(f"task.near_m is {list(self.near_m)}: give two distances, 0 < low < high")
 
     @property
-    def steps(self) -> int:
-        """Control steps per episode."""
-        return round(self.episode_s / self.control_dt)
-
-    @property
     def observation_names(self) -> tuple[str, ...]:
         """What each entry of the observation is."""
         return _SENSED + _ERROR + _NEAR + (_TILT if self.tilt else ())
 
-    def for_evaluation(self, box_m: float) -> "RegulationTask":
-        """The same task with all starts uniform in a cube of half width ``box_m``."""
-        return replace(self, box_m=box_m, near_share=0.0)
+    @property
+    def farthest_start_m(self) -> float:
+        """Along any axis, m."""
+        return max(self.box_m, self.near_m[1] if self.near_share else 0.0)
 
-    def observe(self, position: Array, quaternion: Array, velocity: Array) -> Array:
+    def for_evaluation(self, box_m: float | None) -> Self:
+        """The same task with all starts uniform in a cube of half width ``box_m``; None takes the task's own."""
+        return replace(self, box_m=box_m or self.box_m, near_share=0.0)
+
+    def reference(self, time: Array) -> Reference:
+        """The origin, level, heading north, at all times (...); the other methods know that."""
+        xp = array_namespace(time)
+        zero = xp.zeros_like(time)
+        return Reference(xp.stack((zero, zero, zero), axis=-1), xp.stack((zero + 1.0, zero, zero, zero), axis=-1))
+
+    def observe(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
         """Observation (..., d) of measured position (..., 3), quaternion (..., 4) and body velocity (..., 6).
 
         The error is the target as the body sees it, R^T (0 - p), so that the observation and with it the
@@ -86,7 +86,7 @@ class RegulationTask:
             parts += [velocity[..., 3:5], rotation[..., 2, :2]]
         return xp.concat(parts, axis=-1)
 
-    def reward(self, position: Array, quaternion: Array, velocity: Array, action: Array) -> Array:
+    def reward(self, position: Array, quaternion: Array, velocity: Array, action: Array, time: Array) -> Array:
         """Eq. 6, (...): minus the weighted norms of error, velocity and control inputs, of the true state."""
         xp = array_namespace(position, quaternion, velocity)
         w, x, y, z = (quaternion[..., i] for i in range(4))

@@ -1,4 +1,4 @@
-"""The fleet as one MuJoCo model: N free bodies that only walls can touch.
+"""The fleet as one MuJoCo model: N free bodies that only walls can touch. The one file that knows dm-control.
 
 MuJoCo's world is the NED earth frame and its bodies are FRD, literally: there is no gravity in the model, so
 that "down" is no more than a name, and no conversion exists that could be wrong.
@@ -16,6 +16,16 @@ HULL = (0.23, 0.17, 0.13)  # m, half sizes of the BlueROV2's frame (Blue Robotic
 VEHICLES, WALLS = 1, 2  # contact classes: vehicles touch walls, never each other
 
 
+def new_model(name: str) -> Any:
+    """An empty MJCF model; its elements are typed by a schema at run time."""
+    return mjcf.RootElement(model=name)
+
+
+def compiled(model: Any) -> Any:
+    """The model ready to simulate and to render, with named access to its parts."""
+    return mjcf.Physics.from_mjcf_model(model)
+
+
 def fleet_model(
     vehicle: Vehicle, num_envs: int, control_dt: float, walls: tuple[float, float, float] | None = None
 ) -> Any:
@@ -30,7 +40,7 @@ def fleet_model(
         control_dt: s, the control step.
         walls: half sizes in m of a tank around the origin, with a floor and an open surface; None for open water.
     """
-    model: Any = mjcf.RootElement(model="fleet")  # its elements are typed by a schema at run time
+    model = new_model("fleet")
     model.option.timestep = control_dt / SUBSTEPS
     model.option.integrator = "RK4"
     model.option.gravity = (0.0, 0.0, 0.0)

@@ -1,0 +1,221 @@
+"""What every simulator of vehicles does: place them, step them, report what they do and what their sensors say.
+
+Batch first, rows are vehicles; earth NED, body FRD, quaternions w x y z. A simulator knows nothing of tasks: it owns
+the vehicles, their state, the memory of commands and poses, the phases of the scenario, and what counts as diverged.
+"""
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple, cast
+
+import numpy as np
+import torch
+from array_api_compat import array_namespace
+from torch import Tensor
+
+from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
+from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.physics.step import memory_length, push
+from auv_torchrl.physics.thrusters import applied_thrust
+from auv_torchrl.scenario import Scenario
+from auv_torchrl.sensors import measured_pose, measured_velocity
+from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays
+from auv_torchrl.simulator.rows import lengthened, with_rows
+from auv_torchrl.vehicle import Vehicle
+
+FARTHEST = 1e3  # m from the origin; a vehicle beyond it has diverged
+FASTEST = 1e2  # m/s and rad/s; likewise
+
+
+class Report(NamedTuple):
+    """What the sensors of N vehicles report."""
+
+    position: Array  # (N, 3) m
+    quaternion: Array  # (N, 4)
+    velocity: Array  # (N, 6) m/s and rad/s, body
+
+    @property
+    def pose(self) -> Array:
+        """Position in m, then roll, pitch and yaw in rad, (N, 6)."""
+        xp = array_namespace(self.position)
+        return xp.concat((self.position, xp.stack(euler_angles(self.quaternion), axis=-1)), axis=-1)
+
+
+class Simulator(ABC):
+    """N vehicles, each on its own; a subclass only moves the bodies.
+
+    ``state`` is what they do; it may be replaced by another one, see :meth:`resume`.
+
+    Args:
+        vehicles: a batch of N, before the scenario acts.
+        control_dt: s, for which each command is held.
+        scenario: effects on top of each vehicle, by the time since it was placed; None for none.
+        generator: of the sensors' noise; None for sensors without noise.
+        arrays: the library that the state is kept in; numpy if not given.
+
+    Raises:
+        ValueError: for vehicles that are no batch of one or more.
+    """
+
+    def __init__(
+        self,
+        vehicles: Vehicle,
+        control_dt: float,
+        scenario: Scenario | None = None,
+        generator: torch.Generator | None = None,
+        arrays: Arrays | None = None,
+    ) -> None:
+        if len(vehicles.batch_size) != 1 or not len(vehicles):
+            raise ValueError(f"simulator: the vehicles have batch {list(vehicles.batch_size)}: give a batch [N]")
+        self.count, self.thrusters = len(vehicles), vehicles.thrusters
+        self.control_dt, self.generator = control_dt, generator
+        self.scenario = scenario or Scenario("nominal")
+        self.arrays = arrays or NumpyArrays()
+        self._phase_starts = (0.0, *self.scenario.switching_times())
+        self._phase = torch.zeros(self.count, dtype=torch.long)
+        self._scenario_delay = torch.zeros(self.count, dtype=torch.float64)  # s
+        self._flown = cast(Vehicle, vehicles.to(torch.device("cpu"), torch.float64).clone())  # without the scenario
+        first = prepare(self.scenario.vehicle_at(self._flown))
+        self.coefficients = self._native(first)
+        self.terms = ActiveTerms.of(first)
+        zeros = self.arrays.native(torch.zeros(self.count, 7))
+        self.state = rest_state(zeros[:, :3], zeros[:, 3:], zeros[:, :6], self.thrusters)
+        self.poses: Array = zeros[:, None]  # (N, L, 7) true poses, newest first
+        self._remember(first)
+
+    @abstractmethod
+    def _advance(self, c: Coefficients, terms: ActiveTerms, command: Array) -> State:
+        """The state of all vehicles after one control step from ``self.state``."""
+
+    # vehicles
+
+    @property
+    def vehicles(self) -> Vehicle:
+        """The vehicles as they are now, batch [N], effects of the scenario included."""
+        phases = [self.scenario.vehicle_at(self._flown, time) for time in self._phase_starts]
+        return torch.stack(phases)[self._phase, torch.arange(self.count)]  # type: ignore[return-value]
+
+    def replace(self, rows: Tensor, vehicles: Vehicle) -> None:
+        """Let other vehicles fly on in some rows, from the states that these are in."""
+        self._flown[rows] = vehicles.to(torch.device("cpu"), torch.float64)
+        for phase in self._phase[rows].unique().tolist():
+            self._begin_phase(rows[self._phase[rows] == phase], phase)
+
+    def delay_scenario(self, seconds: Tensor) -> None:
+        """Let each vehicle meet the switching times of the scenario later by ``seconds`` (N,), 0 or more.
+
+        Raises:
+            ValueError: for a wrong shape, or a time below 0 or not finite.
+        """
+        if seconds.shape != (self.count,) or not (seconds.isfinite() & (seconds >= 0)).all():
+            raise ValueError(f"delays of the scenario are {seconds}: give {self.count} times of 0 s or more")
+        self._scenario_delay = seconds.to(torch.device("cpu"), torch.float64)
+
+    def _native(self, coefficients: Coefficients) -> Coefficients:
+        return Coefficients(*(self.arrays.native(field) for field in coefficients))
+
+    def _begin_phase(self, rows: Tensor, phase: int) -> None:
+        """Work out the coefficients of vehicles that reach a phase of the scenario."""
+        flown: Vehicle = self._flown[rows]  # type: ignore[assignment]
+        new = prepare(self.scenario.vehicle_at(flown, self._phase_starts[phase]))
+        self._phase[rows] = phase
+        self.coefficients.write_rows(self.arrays.index(rows), self._native(new))
+        self.terms = self.terms | ActiveTerms.of(new)
+        self._remember(new)
+
+    def _remember(self, new: Coefficients) -> None:
+        """Lengthen the memories of commands and poses if these vehicles are later than any before."""
+        commands = lengthened(self.state.commands, memory_length(float(new.delay.max()), self.control_dt))
+        self.state = self.state._replace(commands=commands)
+        self.poses = lengthened(self.poses, memory_length(float(new.pose_delay.max()), self.control_dt))
+
+    def _follow_scenario(self) -> None:
+        """Change the vehicles whose time has reached a switching time."""
+        time = self.arrays.tensor(self.state.time, torch.float64).cpu()
+        elapsed = time + self.control_dt / 2 - self._scenario_delay
+        phase = torch.bucketize(elapsed, torch.tensor(self._phase_starts[1:], dtype=torch.float64), right=True)
+        changed = phase != self._phase
+        for reached in phase[changed].unique().tolist():
+            self._begin_phase((changed & (phase == reached)).nonzero()[:, 0], reached)
+
+    # place, step, report
+
+    def place(
+        self, rows: Tensor, position: Array, quaternion: Array, velocity: Array, vehicles: Vehicle | None = None
+    ) -> None:
+        """Begin a flight of some vehicles: silent thrusters, no commands on their way, the scenario at its start.
+
+        Args:
+            rows: (n,) row numbers.
+            position: (n, 3) in m.
+            quaternion: (n, 4) of unit length.
+            velocity: (n, 6) in m/s and rad/s, body frame.
+            vehicles: a batch of n that replaces those of the rows; None leaves them.
+        """
+        if vehicles is not None:
+            self._flown[rows] = vehicles.to(torch.device("cpu"), torch.float64)
+        if vehicles is not None or self._phase[rows].any():
+            self._begin_phase(rows, 0)
+        position, quaternion, velocity = (self.arrays.native(part) for part in (position, quaternion, velocity))
+        fresh = rest_state(position, quaternion, velocity, self.thrusters, self.state.commands.shape[-2])
+        index = self.arrays.index(rows)
+        self.state = State(*(with_rows(old, index, new) for old, new in zip(self.state, fresh, strict=True)))
+        pose = array_namespace(position).concat((position, quaternion), axis=-1)
+        self.poses = with_rows(self.poses, index, pose[:, None])
+
+    def resume(self, state: State) -> None:
+        """Go on from a state in mid-flight: commands on their way, thrusters that turn, a time of its own.
+
+        Until now the vehicles stood where they are, as far as sensors that report late are concerned.
+
+        Args:
+            state: of all N vehicles, in the simulator's arrays.
+        """
+        self.state = state._replace(commands=lengthened(state.commands, self.state.commands.shape[-2]))
+        xp = array_namespace(state.position)
+        pose = xp.concat((state.position, state.quaternion), axis=-1)
+        self.poses = lengthened(pose[:, None], self.poses.shape[1])
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of vehicles that diverge: they are found below
+    def step(self, command: Array, acting: Coefficients | None = None) -> Array:
+        """Hold commands for one control step; which vehicles diverged in it, (N,) of bool.
+
+        A diverged vehicle stays where it was before the step, so that everything reported stays finite.
+
+        Args:
+            command: (N, n) in [-1, 1], in the simulator's arrays.
+            acting: coefficients for this step alone, e.g. with a disturbance; None for those of the vehicles.
+        """
+        if len(self._phase_starts) > 1:
+            self._follow_scenario()
+        c, terms = (self.coefficients, self.terms) if acting is None else (acting, ActiveTerms.of(acting))
+        before = self.state
+        self.state = self._advance(c, terms, command)
+        position, _, velocity = self.state[:3]
+        xp = array_namespace(position)
+        sane = xp.all(xp.abs(velocity) < FASTEST, axis=-1) & xp.all(xp.abs(position) < FARTHEST, axis=-1)
+        if not xp.all(sane):
+            held = zip(self.state[:4], before[:4], strict=True)
+            kept = (with_rows(new, ~sane, old[~sane]) for new, old in held)
+            self.state = self.state._replace(**dict(zip(State._fields, kept, strict=False)))
+        pose = xp.concat(self.state[:2], axis=-1)
+        self.poses = push(self.poses, pose) if self.poses.shape[1] > 1 else pose[:, None]
+        return ~sane
+
+    def report(self, noise: Array | None = None) -> Report:
+        """What the sensors say now, late, scaled, biased and noisy as the vehicles have it.
+
+        Args:
+            noise: standard normal draws (N, 6) for this report; None lets the simulator's generator draw.
+        """
+        state = self.state
+        if not self.terms.sensing:
+            return Report(*state[:3])
+        if noise is None and self.terms.sensor_noise and self.generator is not None:
+            noise = self.arrays.native(torch.randn(self.count, 6, generator=self.generator, dtype=torch.float64))
+        position, quaternion = measured_pose(self.coefficients, self.poses, self.control_dt, noise)
+        return Report(position, quaternion, measured_velocity(self.coefficients, state.velocity))
+
+    @property
+    def thrust(self) -> Array:
+        """Thrust in N that each thruster really gives, (N, n): its gain and the battery included."""
+        return applied_thrust(self.coefficients, self.terms, self.state.thrust, self.state.time)

@@ -1,0 +1,30 @@
+"""Tasks: reference, observation, reward, starts and end; chosen by ``conf/task``."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from auv_torchrl.settings import choices
+from auv_torchrl.tasks.station_keeping import StationKeeping
+from auv_torchrl.tasks.task import Reference, Task
+
+TASKS: dict[str, type[Task]] = {"station_keeping": StationKeeping}
+
+__all__ = ["TASKS", "Reference", "StationKeeping", "Task", "read_task"]
+
+
+def read_task(settings: Mapping[str, Any] | None = None) -> Task:
+    """A task from ``{name: station_keeping, ...}`` as in ``conf/task/*.yaml``; what is left out has its default.
+
+    Raises:
+        ValueError: for an unknown name or setting, naming those there are, or a value that cannot be.
+    """
+    settings = {"name": "station_keeping", **(settings or {})}
+    name = settings.pop("name")
+    if name not in TASKS:
+        raise ValueError(f"no task named {name!r}: {choices([name], TASKS)}")
+    kind: Any = TASKS[name]
+    known = [entry.name for entry in fields(kind)]
+    if unknown := sorted(set(settings) - set(known)):
+        raise ValueError(f"task {name} has no {', '.join(unknown)}: {choices(unknown, known)}")
+    return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in settings.items()})
