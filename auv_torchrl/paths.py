@@ -1,9 +1,11 @@
-"""Where the project keeps its configuration."""
+"""Where the configuration lies, in a checkout and in an installed package."""
 
 from pathlib import Path
 
-PROJECT = Path(__file__).resolve().parents[1]
-CONF = PROJECT / "conf"
+_PACKAGE = Path(__file__).resolve().parent
+PROJECT = _PACKAGE.parent  # of a checkout; the wheel takes what package code reads into the package
+CONF = next((folder for folder in (_PACKAGE / "conf", PROJECT / "conf") if folder.is_dir()), PROJECT / "conf")
+EXAMPLE_LOG = CONF.parent / "examples" / "flight.csv"
 
 
 def config_names(group: str) -> list[str]:
