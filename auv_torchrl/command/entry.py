@@ -19,9 +19,10 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.agents.interrupt import interrupt
-from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys, spelt_out
+from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys, spelt_out, without_config_dir
 from auv_torchrl.command.errors import BAD_INPUT, BadInput, fail, writing
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
+from auv_torchrl.command.own_files import own_files
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.config_source import check_config_files
 from auv_torchrl.paths import CONF
@@ -75,8 +76,9 @@ def command(
             spell_signs()
             given = sys.argv
             try:
-                with terminable():
-                    sys.argv = [given[0], *quote_files(spelt_out(given[1:], short), files)]
+                arguments, own = without_config_dir(given[1:])
+                with terminable(), own_files(own):
+                    sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
                     refuse_unknown_keys(config_name, sys.argv[1:], groups)
                     hydra_main()
             except (HydraException, OmegaConfBaseException) as error:

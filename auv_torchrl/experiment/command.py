@@ -18,7 +18,7 @@ schema.register()
 
 @command(
     "train",
-    files=("diagnosis_file", "policies", "output"),
+    files=("diagnosis_file", "policies", "output", "vehicle", "scenario", "randomization"),
     groups=("scenario", "experiment"),
     short={"diagnosis": "diagnosis_file"},  # Hydra would look for FILE in the folder conf/diagnosis
 )
@@ -28,6 +28,9 @@ def main(config: DictConfig) -> None:
     hydra = HydraConfig.get()
     with checking_input():
         experiment = read_experiment(config, scenario_name(hydra.runtime.choices, hydra.overrides.task))
+    default, chosen = schema.DEFAULT_RANDOMIZATION, hydra.runtime.choices
+    if chosen.get("randomization") == default and f"randomization={default}" not in hydra.overrides.task:
+        log.info("no randomization for vehicle=%s: training draws from randomization=%s", chosen["vehicle"], default)
     folder = Path(hydra.runtime.output_dir)
     run(experiment, folder)
     log.info("\nresults.json, figures and run.rrd are in %s", folder)

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Annotated, Any, get_type_hints
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING
+from omegaconf import MISSING, OmegaConf
 
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.fine_tune import FineTuning
@@ -16,8 +16,10 @@ from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import BACKENDS, RegulationTask
 from auv_torchrl.experiment.schedule import FlightConfig
 from auv_torchrl.online import OnlineConfig
+from auv_torchrl.paths import config_names
 from auv_torchrl.settings import In, Seed
 
+DEFAULT_RANDOMIZATION = "default"
 Backend = Enum("Backend", {name: name for name in BACKENDS})
 
 
@@ -64,6 +66,12 @@ class TrainSchema:
     output: str = MISSING
 
 
+def randomization_of(vehicle: str) -> str:
+    """The randomization of a vehicle: the one of its name, and where there is none, or for a file, the default."""
+    return vehicle if vehicle in config_names("randomization") else DEFAULT_RANDOMIZATION
+
+
 def register() -> None:
-    """Make the schema known to Hydra as ``train_schema``."""
+    """Make the schema known to Hydra as ``train_schema``, and :func:`randomization_of` to the list of defaults."""
     ConfigStore.instance().store("train_schema", TrainSchema)
+    OmegaConf.register_new_resolver("randomization_of", randomization_of, replace=True)
