@@ -3,7 +3,7 @@
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import ItemsView, Iterable, Iterator, Mapping, ValuesView
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -38,6 +38,14 @@ class Registry(Mapping[str, Effect]):
 
     def __len__(self) -> int:
         return len(self._effects())
+
+    def items(self) -> ItemsView[str, Effect]:
+        """Names and effects, looked up once and not one by one: the diagnosis goes through them at every step."""
+        return self._effects().items()
+
+    def values(self) -> ValuesView[Effect]:
+        """The effects, likewise."""
+        return self._effects().values()
 
     def _effects(self) -> dict[str, Effect]:
         given = os.environ.get(OWN)
