@@ -1,25 +1,43 @@
-"""Where the project keeps its configuration."""
+"""Where the configuration lies: in a checkout, in an installed package, and in a folder of one's own."""
 
+import os
 from pathlib import Path
 
-PROJECT = Path(__file__).resolve().parents[1]
-CONF = PROJECT / "conf"
+_PACKAGE = Path(__file__).resolve().parent
+PROJECT = _PACKAGE.parent  # of a checkout; the wheel takes what package code reads into the package
+CONF = next((folder for folder in (_PACKAGE / "conf", PROJECT / "conf") if folder.is_dir()), PROJECT / "conf")
+EXAMPLE_LOG = CONF.parent / "examples" / "flight.csv"
+OWN = "AUV_CONF"  # the environment variable that names a folder of one's own
+
+
+def own_folder() -> Path | None:
+    """The folder that ``AUV_CONF`` names, with groups as in ``conf``, and ``effects`` in Python; None for none."""
+    given = os.environ.get(OWN)
+    return Path(given).expanduser().absolute() if given else None
+
+
+def config_folders(group: str) -> list[Path]:
+    """Where the entries of a configuration group are looked for."""
+    own = own_folder()
+    return [CONF / group] if own is None else [CONF / group, own / group]
 
 
 def config_names(group: str) -> list[str]:
     """The names that a configuration group offers, e.g. ``config_names("vehicle")``."""
-    return sorted(path.stem for path in (CONF / group).glob("*.yaml") if path.is_file())
+    return sorted({path.stem for folder in config_folders(group) for path in folder.glob("*.yaml") if path.is_file()})
 
 
 def config_path(group: str, name: str) -> Path:
-    """The YAML file ``conf/<group>/<name>.yaml``.
+    """The YAML file of an entry: ``conf/<group>/<name>.yaml``, or the same in one's own folder.
 
     Raises:
         FileNotFoundError: if the group has no such entry; the message lists those there are.
+        ValueError: if both folders have one.
     """
-    path = CONF / group / f"{name}.yaml"
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"no {group} named {name!r}: there are {', '.join(config_names(group))} (in {CONF / group})"
-        )
-    return path
+    found = [path for folder in config_folders(group) if (path := folder / f"{name}.yaml").is_file()]
+    if len(found) > 1:
+        raise ValueError(f"{found[1]} has the name of a {group} of the package: rename it")
+    if not found:
+        where = " and ".join(map(str, config_folders(group)))
+        raise FileNotFoundError(f"no {group} named {name!r}: there are {', '.join(config_names(group))} (in {where})")
+    return found[0]

@@ -84,6 +84,7 @@ _VECTORS = {  # section -> key -> length; 0 is a scalar
     "": {"added_mass": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
     "thrusters": {"full_thrust": 0, "asymmetry": 0, "exponent": 0, "dead_band": 0, "limit": 0, "lag": 0, "delay": 0},
 }
+_PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay"}  # one number for all, or one each
 _POSITIVE = {"mass", "inertia", "buoyancy", "full_thrust", "exponent", "limit"}
 _NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "asymmetry", "dead_band", "lag", "delay"}
 
@@ -133,7 +134,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
     length = direction.norm(dim=-1, keepdim=True)
     if (length < 1e-9).any():
         raise ValueError("vehicle: a row of thrusters.direction is zero: give the direction of its force")
-    per_thruster: dict[str, Any] = {key: fields.pop(key).expand(n) for key in _VECTORS["thrusters"] if key != "delay"}
+    per_thruster: dict[str, Any] = {key: fields.pop(key).expand(n) for key in _PER_THRUSTER}
     zero = torch.zeros((), dtype=torch.float64)
     one = torch.ones((), dtype=torch.float64)
     return Vehicle(
@@ -185,7 +186,10 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
             label = f"{section}.{key}" if section else key
             if key not in block:
                 raise ValueError(f"vehicle: {label} is missing")
-            fields[key] = _numbers(label, block[key], (length,) if length else ())
+            if key in _PER_THRUSTER and isinstance(block[key], list | tuple):
+                fields[key] = _each_thruster(label, block[key], block.get("position"))
+            else:
+                fields[key] = _numbers(label, block[key], (length,) if length else ())
             if key in _POSITIVE and not (fields[key] > 0).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give values above 0")
             if key == "asymmetry" and not (fields[key] < 1).all():
@@ -197,8 +201,13 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     return fields
 
 
-def _numbers(label: str, value: Any, shape: tuple[int, ...]) -> Tensor:
-    wanted = f"{math.prod(shape)} numbers" if shape else "one number"
+def _each_thruster(label: str, values: Any, position: Any) -> Tensor:
+    n = len(_matrix("thrusters.position", position, 3))
+    return _numbers(label, values, (n,), f"one number, or {n}, one per thruster")
+
+
+def _numbers(label: str, value: Any, shape: tuple[int, ...], wanted: str = "") -> Tensor:
+    wanted = wanted or (f"{math.prod(shape)} numbers" if shape else "one number")
     if any(isinstance(entry, bool) for entry in (value if isinstance(value, list | tuple) else (value,))):
         raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}")
     try:

@@ -10,7 +10,7 @@ from auv_torchrl.command import BadInput, checking_input, claim_folder
 @pytest.fixture
 def train(monkeypatch, capsys):
     """Runs train.py in process; returns exit code and standard error. The experiment itself must not begin."""
-    import train
+    from auv_torchrl.experiment import command as train
 
     def must_not_run(*_):
         raise AssertionError("the experiment began in spite of bad input")

@@ -34,7 +34,7 @@ QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # pytest's loggi
 @pytest.fixture
 def train(monkeypatch, capsys):
     """Runs train.py in process with another function in place of the experiment; returns exit code and errors."""
-    import train
+    from auv_torchrl.experiment import command as train
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
 
@@ -166,7 +166,7 @@ def test_a_policy_store_on_a_full_disk_ends_training_as_any_full_disk_does(train
 
 def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatch, capsys, caplog, tmp_path):
     """diagnose.py says what it found before it writes; half a file does not stay."""
-    import diagnose
+    from auv_torchrl.diagnosis import command as diagnose
 
     caplog.set_level(logging.INFO)
     made = example()

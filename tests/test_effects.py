@@ -8,15 +8,16 @@ import torch
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.paths import config_names
 from auv_torchrl.vehicle import load_vehicle
+from tests.uneven import UNEVEN, load_any
 
 effects = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 
 
-@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("name", [*config_names("vehicle"), UNEVEN])
 @effects
 def test_nominal_values_leave_the_vehicle_as_it_is(effect, name):
-    """Every effect at its nominal values is the identity."""
-    vehicle = load_vehicle(name).expand(3).clone()
+    """Every effect at its nominal values is the identity, also where thrusters differ from each other."""
+    vehicle = load_any(name).expand(3).clone()
     same = effect.apply(vehicle, effect.nominal(vehicle))
     for field, value in vehicle.items():
         torch.testing.assert_close(same.get(field), value, rtol=0, atol=1e-12, msg=field)
@@ -32,10 +33,11 @@ def away_from_nominal(effect, vehicle, share=0.4):
     return values
 
 
+@pytest.mark.parametrize("name", ["paper", UNEVEN])
 @effects
-def test_an_effect_changes_only_a_copy(effect):
+def test_an_effect_changes_only_a_copy(effect, name):
     """Apply is pure: the given vehicle stays as it was, and the changed one differs."""
-    vehicle = load_vehicle("paper")
+    vehicle = load_any(name)
     before = vehicle.clone()
     values = (
         {"command_1": 2.0, "command_2": 1.0} if effect.name == "thruster_swap" else away_from_nominal(effect, vehicle)
@@ -46,10 +48,11 @@ def test_an_effect_changes_only_a_copy(effect):
     assert any(not torch.equal(after.get(field), value) for field, value in before.items())
 
 
+@pytest.mark.parametrize("name", ["bluerov2", UNEVEN])
 @effects
-def test_batches_of_values_broadcast(effect):
+def test_batches_of_values_broadcast(effect, name):
     """Values (3, 1) on vehicles (2,) give vehicles (3, 2), each as if it were alone."""
-    vehicle = load_vehicle("bluerov2")
+    vehicle = load_any(name)
     batch = torch.stack([vehicle, vehicle.clone()])
     values = {
         name: torch.tensor([[share] for share in (0.0, 0.1, 0.2)], dtype=torch.float64) * (p.high - v) + v
@@ -89,10 +92,11 @@ def test_unknown_parameters_are_refused(effect):
         effect.apply(vehicle, {"colour": 1.0})
 
 
+@pytest.mark.parametrize("name", ["bluerov2_heavy", UNEVEN])
 @effects
-def test_every_effect_says_what_it_is(effect):
+def test_every_effect_says_what_it_is(effect, name):
     """Meaning, source, unit, bounds around the nominal value and a sentence that takes the value are there."""
-    vehicle = load_vehicle("bluerov2_heavy")
+    vehicle = load_any(name)
     assert effect.meaning and effect.source
     for name, p in effect.member_parameters(vehicle).items():
         assert p.unit and p.low <= p.nominal_value(vehicle, name) <= p.high

@@ -86,7 +86,7 @@ class KnownVehicle(ThrusterTransform):
         self._source_level, self._known_level = Model.of(level(source)), Model.of(level(known))
         c, dt = self._known.c, task.control_dt
         self._receiver = c.routing.argmax(0)  # (n,) the thruster that a command reaches
-        curve = ("exponent", "asymmetry", "dead_band", "limit")
+        curve = ("full_thrust", "exponent", "asymmetry", "dead_band", "limit")
         self.actuation = Actuation(changed(source, **{name: getattr(known, name)[self._receiver] for name in curve}))
         self._limits = [array(limit) for limit in self.actuation.share_limits]
         start = np.zeros(1)

@@ -21,6 +21,24 @@ from auv_torchrl.settings import choices
 _LISTED = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,]*)\s*(?:,|$)""")  # quoted, or up to a comma
 
 
+def spelt_out(arguments: Sequence[str], short: Mapping[str, str]) -> list[str]:
+    """Arguments with the settings that short names stand for: ``diagnosis=FILE`` as ``diagnosis_file=FILE``."""
+    parted = [given.partition("=") for given in arguments]
+    return [short.get(key, key) + equals + value for key, equals, value in parted]
+
+
+def without_config_dir(arguments: Sequence[str]) -> tuple[list[str], str | None]:
+    """Arguments without ``--config-dir FOLDER``, and that folder: one's own, for this command."""
+    left, folder, rest = [], None, iter(arguments)
+    for given in rest:
+        flag, equals, value = given.partition("=")
+        if flag in ("--config-dir", "-cd"):
+            folder = value if equals else next(rest, "")
+        else:
+            left.append(given)
+    return left, folder
+
+
 def quote_files(arguments: Sequence[str], files: Sequence[str]) -> list[str]:
     """Quote the names of files that Hydra's grammar would refuse, where it is plain what is meant.
 

@@ -6,9 +6,10 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -18,9 +19,10 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.agents.interrupt import interrupt
-from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys
+from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys, spelt_out, without_config_dir
 from auv_torchrl.command.errors import BAD_INPUT, BadInput, fail, writing
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
+from auv_torchrl.command.own_files import own_files
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.config_source import check_config_files
 from auv_torchrl.paths import CONF
@@ -31,7 +33,10 @@ log = logging.getLogger(__name__)
 
 
 def command(
-    config_name: str, files: tuple[str, ...] = ("output",), groups: tuple[str, ...] = ()
+    config_name: str,
+    files: tuple[str, ...] = ("output",),
+    groups: tuple[str, ...] = (),
+    short: Mapping[str, str] = MappingProxyType({}),
 ) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
     """``hydra.main`` on ``conf/<config_name>.yaml`` that ends with one line and exit code 2 on bad input.
 
@@ -39,6 +44,7 @@ def command(
         config_name: of the command.
         files: keys whose values name files or folders.
         groups: folders of ``conf`` from which ``+group=option`` may add something.
+        short: other names of keys: ``{"diagnosis": "diagnosis_file"}`` lets people write ``diagnosis=FILE``.
     """
 
     def decorate(task: Callable[[DictConfig], None]) -> Callable[[], None]:
@@ -70,8 +76,9 @@ def command(
             spell_signs()
             given = sys.argv
             try:
-                with terminable():
-                    sys.argv = [given[0], *quote_files(given[1:], files)]
+                arguments, own = without_config_dir(given[1:])
+                with terminable(), own_files(own):
+                    sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
                     refuse_unknown_keys(config_name, sys.argv[1:], groups)
                     hydra_main()
             except (HydraException, OmegaConfBaseException) as error:

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
@@ -12,7 +13,11 @@ from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient, read_unce
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, join, read_flightlog
+from auv_torchrl.paths import EXAMPLE_LOG
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+
+EXAMPLE = "example"  # log=example is the log that comes with the package, unless there is a file of that name
+NO_LOG = f"no log: give log=flight.csv, or log={EXAMPLE} for the one that comes with the package"
 
 log = logging.getLogger(__name__)
 
@@ -56,16 +61,16 @@ def read_request(config: DictConfig) -> Request:
         ValueError: for a vehicle, setting or log that cannot be used, naming it and what to do.
     """
     if OmegaConf.is_missing(config, "log"):
-        raise ValueError("no log: give log=flight.csv")
+        raise ValueError(NO_LOG)
     vehicle = load_vehicle(_plain(config.vehicle))
     settings = read_settings(_plain(config.diagnosis), vehicle)
     uncertainty = read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle)
     extra = _names(config, "extra")
     kinds = {}
     for kind in ("log", "healthy", "test"):
-        kinds[kind] = tuple(read_flightlog(path, vehicle, extra) for path in _names(config, kind))
+        kinds[kind] = tuple(read_flightlog(_shipped(path), vehicle, extra) for path in _names(config, kind))
     if not kinds["log"]:
-        raise ValueError("no log: give log=flight.csv")
+        raise ValueError(NO_LOG)
     logs = [flight for group in kinds.values() for flight in group]
     report_findings(logs)
     if not config.trust_log:
@@ -102,6 +107,10 @@ def _names(config: DictConfig, key: str) -> tuple[str, ...]:
     if value is None:
         return ()
     return tuple(str(entry) for entry in value) if isinstance(value, list) else (str(value),)
+
+
+def _shipped(path: str) -> str:
+    return str(EXAMPLE_LOG) if path == EXAMPLE and not Path(path).exists() else path
 
 
 def _plain(config: Any) -> Any:

@@ -23,7 +23,7 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         f"# {_one_line(diagnosis.summary)}",
         f"# Found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.",
     ]
-    lines.append("# Copy it to conf/scenario/NAME.yaml and train with +scenario=NAME.")
+    lines.append("# Train with it: +scenario=path/to/this/file.yaml.")
     if diagnosis.where.onset_s is not None:
         lines.append(f"# The vehicle changed {diagnosis.where.onset_s:.1f} s into the log; start_s is in its episode.")
     if not diagnosis.effects:

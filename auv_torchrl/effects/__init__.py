@@ -2,13 +2,10 @@
 
 from auv_torchrl.effects import actuation, body, external, flow, sensing
 from auv_torchrl.effects.effect import Effect, Origin, Parameter
+from auv_torchrl.effects.registry import Registry
 from auv_torchrl.settings import choices
 
-EFFECTS: dict[str, Effect] = {}
-for _effect in (*actuation.EFFECTS, *body.EFFECTS, *flow.EFFECTS, *external.EFFECTS, *sensing.EFFECTS):
-    if _effect.name in EFFECTS:
-        raise ValueError(f"two effects are named {_effect.name!r}: rename one")
-    EFFECTS[_effect.name] = _effect
+EFFECTS = Registry((*actuation.EFFECTS, *body.EFFECTS, *flow.EFFECTS, *external.EFFECTS, *sensing.EFFECTS))
 
 
 def get_effect(name: str) -> Effect:

@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, in_proportion, own, sets
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -109,13 +109,13 @@ thrust_limit = Effect(
 
 
 def _dead_band(vehicle: Vehicle, width: Tensor) -> Vehicle:
-    return changed(vehicle, dead_band=width[..., None].expand(*width.shape, vehicle.thrusters))
+    return changed(vehicle, dead_band=in_proportion(vehicle.dead_band, width))
 
 
 dead_band = Effect(
     name="dead_band",
     origin=Origin.ACTUATION,
-    meaning="no thrust below this many newtons, all thrusters",
+    meaning="no thrust below this many newtons, all thrusters; the mean where they differ, which stay in proportion",
     source="Lu et al. 2023, Eq. 2",
     parameters=(
         Parameter("width", "N", own("dead_band"), 0.0, 30.0, "the thrusters give nothing below {value:.1f} N"),
@@ -125,14 +125,18 @@ dead_band = Effect(
 
 
 def _curve(vehicle: Vehicle, exponent: Tensor, asymmetry: Tensor) -> Vehicle:
-    shape = (*exponent.shape, vehicle.thrusters)
-    return changed(vehicle, exponent=exponent[..., None].expand(shape), asymmetry=asymmetry[..., None].expand(shape))
+    return changed(
+        vehicle,
+        exponent=in_proportion(vehicle.exponent, exponent),
+        asymmetry=in_proportion(vehicle.asymmetry, asymmetry, zero=1.0),  # what is left in reverse is 1 less it
+    )
 
 
 thrust_curve = Effect(
     name="thrust_curve",
     origin=Origin.ACTUATION,
-    meaning="F = full sign(c) |c|^exponent, reverse thrust times (1 - asymmetry), then limit and dead band",
+    meaning="F = full sign(c) |c|^exponent, reverse thrust times (1 - asymmetry), then limit and dead band; the means "
+    "where thrusters differ, which stay in proportion",
     source="Blue Robotics T200 chart",
     parameters=(
         Parameter("exponent", "1", own("exponent"), 0.5, 3.0, "thrust grows as the command to the power {value:.2f}"),
@@ -143,13 +147,14 @@ thrust_curve = Effect(
 
 
 def _lag(vehicle: Vehicle, time_constant: Tensor) -> Vehicle:
-    return changed(vehicle, lag=time_constant[..., None].expand(*time_constant.shape, vehicle.thrusters))
+    return changed(vehicle, lag=in_proportion(vehicle.lag, time_constant))
 
 
 thruster_lag = Effect(
     name="thruster_lag",
     origin=Origin.ACTUATION,
-    meaning="thrust follows its target with a first-order time constant",
+    meaning="thrust follows its target with a first-order time constant; the mean where thrusters differ, which stay "
+    "in proportion",
     source="Yoerger, Cooke and Slotine 1990, thruster dynamics",
     parameters=(
         Parameter("time_constant", "s", own("lag"), 0.0, 1.5, "thrust follows the command with a lag of {value:.2f} s"),

@@ -30,7 +30,7 @@ class Parameter:
 
     name: str
     unit: str
-    nominal: float | Callable[[Vehicle], float]
+    nominal: float | Callable[[Vehicle], float | Tensor]
     low: float
     high: float
     sentence: str  # of a report; takes {value} and, for a family, {which}
@@ -53,7 +53,10 @@ class Parameter:
         """The value at which the effect does nothing."""
         if self.discrete:
             return float(member.rsplit("_", 1)[1])
-        return self.nominal(vehicle) if callable(self.nominal) else self.nominal
+        value = self.nominal(vehicle) if callable(self.nominal) else self.nominal
+        if isinstance(value, Tensor) and value.ndim:  # one per thruster
+            value = mean(value) if self.over is None else value[self.members(vehicle).index(member)]
+        return float(value)
 
 
 @dataclass(frozen=True)
@@ -131,9 +134,27 @@ class Effect:
         return self.change(vehicle, **arguments)
 
 
-def own(field: str) -> Callable[[Vehicle], float]:
-    """Nominal value of a scalar field, or of one that is the same for all thrusters of a nominal vehicle."""
-    return lambda vehicle: float(getattr(vehicle, field).flatten()[0])
+def own(field: str) -> Callable[[Vehicle], Tensor]:
+    """Nominal value of a field: its number, or one per thruster, of which a single parameter takes the mean."""
+    return lambda vehicle: getattr(vehicle, field)[(0,) * vehicle.batch_dims]
+
+
+def mean(values: Tensor) -> Tensor:
+    """The mean over the thrusters (..., n), to the last bit where all are alike."""
+    first = values[..., 0]
+    return first + (values - first[..., None]).mean(-1)
+
+
+def in_proportion(values: Tensor, to: Tensor, zero: float = 0.0) -> Tensor:
+    """One value per thruster (..., n) with the mean ``to`` (...), where thrusters differ as their ``values`` do.
+
+    Their distances from ``zero`` are multiplied by one factor; all must lie on one side of it. Where all values are
+    alike, all become ``to``.
+    """
+    alike = (values == values[..., :1]).all(-1)
+    distance = torch.where(alike, 1.0, mean(values) - zero)
+    factor = torch.where(alike, 1.0, (to - zero) / distance)
+    return torch.where(alike[..., None], to[..., None], zero + (values - zero) * factor[..., None])
 
 
 def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:

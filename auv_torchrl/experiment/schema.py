@@ -6,7 +6,7 @@ from enum import Enum
 from typing import Annotated, Any, get_type_hints
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING
+from omegaconf import MISSING, OmegaConf
 
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.fine_tune import FineTuning
@@ -15,9 +15,11 @@ from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import BACKENDS
 from auv_torchrl.experiment.schedule import FlightConfig
 from auv_torchrl.online import OnlineConfig
+from auv_torchrl.paths import config_names
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS
 
+DEFAULT_RANDOMIZATION = "default"
 Backend = Enum("Backend", {name: name for name in BACKENDS})
 
 
@@ -64,9 +66,15 @@ class TrainSchema:
     output: str = MISSING
 
 
+def randomization_of(vehicle: str) -> str:
+    """The randomization of a vehicle: the one of its name, and where there is none, or for a file, the default."""
+    return vehicle if vehicle in config_names("randomization") else DEFAULT_RANDOMIZATION
+
+
 def register() -> None:
-    """Make the schemas known to Hydra: ``train_schema``, and ``task/<name>_schema`` of each task."""
+    """Make known to Hydra ``train_schema``, ``task/<name>_schema`` of each task, and :func:`randomization_of`."""
     ConfigStore.instance().store("train_schema", TrainSchema)
+    OmegaConf.register_new_resolver("randomization_of", randomization_of, replace=True)
     for name, task in TASKS.items():
         named = make_dataclass(f"{task.__name__}Named", [("name", str, field(default=name))], bases=(schema_of(task),))
         ConfigStore.instance().store(f"{name}_schema", named, group="task")

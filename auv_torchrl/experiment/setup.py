@@ -171,4 +171,4 @@ def scenario_name(choices: Mapping[str, Any], overrides: Sequence[str]) -> str:
             names = [name.strip() for name in listed[1].split(",")]
         if re.match(r"\+{0,2}scenario\.effects", override):
             names = [*names, "custom"] if "custom" not in names else names
-    return "+".join(names) or NOMINAL
+    return "+".join(Path(name.strip("'\"")).name.removesuffix(".yaml") for name in names) or NOMINAL

@@ -12,6 +12,7 @@ from auv_torchrl.diagnosis.motion.smooth import sensor_noise
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.ground import Base, Judged
 from auv_torchrl.diagnosis.which.weighing import Weighing
+from auv_torchrl.effects.effect import mean
 from auv_torchrl.physics import prepare
 
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
@@ -141,8 +142,8 @@ class Bench(Weighing):
         self, best: Judged, reach: float, exponent: int, band: int, asymmetry: int | None
     ) -> list[dict[int, float]]:
         """Moves of the columns of an exponent, a dead band and an asymmetry that keep the commands that get through."""
-        c = prepare(best.base.vehicle).numpy()  # both effects make all thrusters alike
-        now, width, full, weaker = (float(x[0, 0]) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
+        c = prepare(best.base.vehicle)  # both effects move the means, and thrusters that differ in proportion
+        now, width, full, weaker = (float(mean(x[0])) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
         moves = []
         for step in reach * self.prior.width("thrust_curve", "exponent") * TRIED:
             power = (now + step) / now  # the same commands have their thrust, over the full one, to this power

@@ -101,20 +101,23 @@ def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effec
 
 def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Mapping[str, Any] | None) -> list[Atom]:
     members = p.members(vehicle)
-    nominal = p.nominal_value(vehicle, members[0])
+    nominal = {member: p.nominal_value(vehicle, member) for member in members}
     if scan is None:
-        scan = {"values": [float(v) for v in np.linspace(p.low, p.high, DEFAULT_SCAN) if v != nominal]}
+        scan = {"values": [float(v) for v in np.linspace(p.low, p.high, DEFAULT_SCAN)]}
     elastic = not scan.get("linear", False)
-    values = [v * nominal if scan.get("relative") else v for v in scan["values"]]
     groups: list[tuple[str, ...]] = [(member,) for member in members]
-    if len(members) > 1 and scan.get("all", False):
-        groups.append(members)
-    return [
-        Atom(effect.name, dict.fromkeys(group, float(value)), elastic=elastic)
-        for group in groups
-        for value in values
-        if p.low <= value <= p.high and value != nominal
-    ]
+    if len(members) > 1 and scan.get("all", False) and len(set(nominal.values())) == 1:
+        groups.append(members)  # a knob is one value; members that differ have none in common
+    found = []
+    for group in groups:
+        now = nominal[group[0]]
+        values = [v * now if scan.get("relative") else v for v in scan["values"]]
+        found += [
+            Atom(effect.name, dict.fromkeys(group, float(value)), elastic=elastic)
+            for value in values
+            if p.low <= value <= p.high and value != now
+        ]
+    return found
 
 
 def _permutations(effect: Effect, vehicle: Vehicle) -> list[Atom]:

@@ -1,0 +1,164 @@
+"""The wheel: built, installed elsewhere, and used from an empty folder as somebody would who has no checkout."""
+
+import ast
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import venv
+import zipfile
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.paths import CONF, EXAMPLE_LOG, PROJECT, config_path
+from tests.experiment.conftest import TINY
+
+FEW = f"diagnosis.ignored=[{','.join(name for name in EFFECTS if name not in ('thruster_gain', 'linear_drag'))}]"
+ADDED = {"hydra-joblib-launcher", "tensorboard"}  # read by Hydra, and by torch, by name
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The wheel of this checkout, built without network."""
+    folder = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
+    built = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """An environment with the wheel, and with the packages of this one in place of its dependencies.
+
+    The folder of packages is on its path without being searched for ``.pth`` files, so that the checkout is not.
+    """
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder)
+    here = {sysconfig.get_path(kind) for kind in ("purelib", "platlib")}
+    there = sysconfig.get_path("purelib", vars={"base": str(folder), "platbase": str(folder)})
+    (Path(there) / "dependencies.pth").write_text("".join(f"{path}\n" for path in sorted(here)))
+    pip = [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python")]
+    command = [*pip, "install", "--quiet", "--no-index", "--no-deps", str(wheel)]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder / "bin"
+
+
+@pytest.fixture
+def run(installed, tmp_path):
+    """Runs a program of that environment in an empty folder; returns its output."""
+
+    def call(name: str, *arguments: str) -> str:
+        kept = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "AUV_CONF")}
+        environment = {**kept, "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg", "PYTHONNOUSERSITE": "1"}
+        command = [str(installed / name), *arguments]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return call
+
+
+def test_the_wheel_holds_the_configuration_and_nothing_of_the_tests(wheel):
+    """All files of conf/, the example log, the two commands; no tests, benches or examples' scripts."""
+    with zipfile.ZipFile(wheel) as content:
+        names = set(content.namelist())
+        (commands,) = (content.read(name).decode() for name in names if name.endswith("entry_points.txt"))
+    for path in CONF.rglob("*.yaml"):
+        assert f"auv_torchrl/conf/{path.relative_to(CONF)}" in names
+    assert "auv_torchrl/examples/flight.csv" in names
+    assert {name.split("/")[0].split("-")[0] for name in names} == {"auv_torchrl"}
+    assert not any("make_flight" in name for name in names)
+    assert "auv-train = " in commands and "auv-diagnose = " in commands
+
+
+def test_what_is_imported_is_declared_and_the_other_way_round():
+    """An environment that has the declared dependencies alone has all that the package imports."""
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
+    declared = {_distribution(line.split(";")[0]) for line in project["dependencies"]}
+    imported = set()
+    for path in (PROJECT / "auv_torchrl").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+                imported.add(node.module.split(".")[0])
+    foreign = imported - sys.stdlib_module_names - {"auv_torchrl"}
+    owners = packages_distributions()
+    assert {min(_distribution(owner) for owner in owners[name]) for name in foreign} | ADDED == declared
+
+
+def _distribution(requirement: str) -> str:
+    name = next((requirement[:i] for i, sign in enumerate(requirement) if sign in "<>=~! ["), requirement)
+    return name.lower().replace("_", "-")
+
+
+@pytest.mark.slow
+def test_the_installed_package_diagnoses_the_example(run, installed, tmp_path):
+    """auv-diagnose log=example, in a folder that holds nothing, from the wheel's own files."""
+    where = Path(run("python", "-c", "import auv_torchrl; print(auv_torchrl.__file__)").strip())
+    assert where.is_relative_to(installed.parent) and not (where.parents[1] / "conf").exists()
+    said = run("auv-diagnose", "log=example", FEW)
+    (folder,) = (tmp_path / "outputs" / "diagnose").iterdir()
+    diagnosis = json.loads((folder / "diagnosis.json").read_text())
+    assert diagnosis["summary"] in said
+    assert [(effect["name"], effect["thrusters"]) for effect in diagnosis["effects"]] == [("thruster_gain", [4])]
+
+
+@pytest.mark.slow
+def test_a_vehicle_file_of_ones_own_is_flown_from_python(run, tmp_path):
+    """Three lines, as README.md has them, with a file in place of a name."""
+    (tmp_path / "mine.yaml").write_text(config_path("vehicle", "bluerov2").read_text().replace("11.5 ", "13.5 "))
+    lines = (
+        "from auv_torchrl.envs import RegulationTask, make_fleet; from auv_torchrl.vehicle import load_vehicle",
+        "fleet = make_fleet('mujoco', load_vehicle('mine.yaml'), RegulationTask(), num_envs=3)",
+        "print(fleet.rollout(5).shape, float(load_vehicle('mine.yaml').mass))",
+    )
+    assert run("python", "-c", "\n".join(lines)).split("\n")[-2] == "torch.Size([3, 5]) 13.5"
+
+
+@pytest.mark.slow
+def test_the_installed_commands_sweep_in_processes_over_files_of_ones_own(run, tmp_path):
+    """Jobs of a sweep find conf/, a vehicle file and an effect of one's own, in auv-diagnose and in auv-train."""
+    (tmp_path / "mine.yaml").write_text(config_path("vehicle", "paper").read_text().replace("12.0 ", "12.1 "))
+    (tmp_path / "lab" / "effects").mkdir(parents=True)
+    (tmp_path / "lab" / "effects" / "leak.py").write_text(LEAK)
+    rows = EXAMPLE_LOG.read_text().splitlines(keepends=True)
+    (tmp_path / "short.csv").write_text("".join(rows[: len(rows) // 3]))
+    parallel = ("-m", "--config-dir", "lab", "hydra/launcher=joblib")
+    run("auv-diagnose", *parallel, "log=short.csv", "vehicle=mine.yaml", FEW, "output=diagnosed")
+    diagnosis = json.loads((tmp_path / "diagnosed" / "0" / "diagnosis.json").read_text())
+    assert [effect["name"] for effect in diagnosis["effects"]] == ["thruster_gain"]
+    assert "leak" in {candidate["name"] for candidate in diagnosis["candidates"]}
+    run(
+        "auv-train",
+        *parallel,
+        *TINY,
+        "vehicle=mine.yaml,paper",
+        "+randomization.leak.water=[0.0,1.0]",
+        "output=trained",
+    )
+    for job, mass in (("0", "12.1"), ("1", "12.0")):
+        assert (tmp_path / "trained" / job / "results.json").is_file()
+        assert f"mass: {mass}" in (tmp_path / "trained" / job / "config.yaml").read_text()
+
+
+LEAK = """
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
+
+leak = Effect(
+    name="leak",
+    origin=Origin.BODY,
+    meaning="water in the hull, where the centre of mass is",
+    source="a drop of the hull's pressure",
+    parameters=(Parameter("water", "kg", 0.0, 0.0, 2.0, "there are {value:.2f} kg of water in the hull"),),
+    change=lambda vehicle, water: changed(vehicle, mass=vehicle.mass + water),
+)
+EFFECTS = (leak,)
+"""
