@@ -17,11 +17,12 @@ from auv_torchrl.config_source import check_config_files
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.effects import EFFECTS, Effect, get_effect
 from auv_torchrl.effects.registry import Registry
-from auv_torchrl.envs import MujocoFleet, RegulationTask
+from auv_torchrl.envs import MujocoFleet
 from auv_torchrl.envs.randomize import RandomizeVehicle
 from auv_torchrl.experiment import schema
 from auv_torchrl.paths import CONF, OWN, PROJECT, config_names, config_path
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
 
@@ -94,7 +95,7 @@ def test_an_effect_of_ones_own_is_flown_and_drawn(lab):
     ahead = torch.tensor([1.0, 0.0, 0.0, 0.0])
     speed = {}
     for name, flown in (("clean", None), ("fouled", scenario)):
-        fleet = MujocoFleet(vehicle, RegulationTask(), 1, scenario=flown, seed=0)
+        fleet = MujocoFleet(vehicle, StationKeeping(), 1, scenario=flown, seed=0)
         start = fleet.reset()
         for _ in range(100):  # 5 s, long enough for a steady speed
             start = fleet.step(start.set("action", ahead.expand(1, 4)))["next"]

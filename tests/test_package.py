@@ -116,8 +116,9 @@ def test_a_vehicle_file_of_ones_own_is_flown_from_python(run, tmp_path):
     """Three lines, as README.md has them, with a file in place of a name."""
     (tmp_path / "mine.yaml").write_text(config_path("vehicle", "bluerov2").read_text().replace("11.5 ", "13.5 "))
     lines = (
-        "from auv_torchrl.envs import RegulationTask, make_fleet; from auv_torchrl.vehicle import load_vehicle",
-        "fleet = make_fleet('mujoco', load_vehicle('mine.yaml'), RegulationTask(), num_envs=3)",
+        "from auv_torchrl.envs import make_fleet; from auv_torchrl.tasks import StationKeeping",
+        "from auv_torchrl.vehicle import load_vehicle",
+        "fleet = make_fleet('mujoco', load_vehicle('mine.yaml'), StationKeeping(), num_envs=3)",
         "print(fleet.rollout(5).shape, float(load_vehicle('mine.yaml').mass))",
     )
     assert run("python", "-c", "\n".join(lines)).split("\n")[-2] == "torch.Size([3, 5]) 13.5"

@@ -11,9 +11,9 @@ from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.which.hypotheses import load_settings, make_atoms
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import changed, in_proportion, mean
-from auv_torchrl.envs import RegulationTask
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
 from tests.diagnosis.flown_logs import fly, hold
 from tests.uneven import THRUSTERS, UNEVEN, load_any, uneven_file
@@ -116,7 +116,7 @@ def test_a_command_that_reaches_another_thruster_has_the_reach_of_that_one():
     """The map of a known vehicle with swapped thrusters keeps within the limit of the one that gets the command."""
     vehicle = changed(load_any(UNEVEN), lag=torch.zeros(6))
     known = get_effect("thruster_swap").apply(vehicle, {"command_1": 2.0, "command_2": 1.0})
-    low, high = KnownVehicle(vehicle, known, RegulationTask())._limits
+    low, high = KnownVehicle(vehicle, known, StationKeeping())._limits
     share = np.array(THRUSTERS["limit"]) / THRUSTERS["full_thrust"]
     assert high == pytest.approx(share[[1, 0, 2, 3, 4, 5]].clip(max=1))
     assert low[0] == pytest.approx(-share[1])

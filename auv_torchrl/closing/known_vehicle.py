@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from tensordict import TensorDictBase
 
-from auv_torchrl.closing.measured_state import MeasuredState
 from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.effects.effect import changed
+from auv_torchrl.envs.fleet import BODY
 from auv_torchrl.online.allocation import Allocation
 from auv_torchrl.online.transform import ACTION, OBSERVATION, ThrusterTransform, array
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
@@ -81,7 +81,7 @@ class KnownVehicle(ThrusterTransform):
 
     def __init__(self, source: Vehicle, known: Vehicle, task: Task):
         super().__init__(source)
-        self.task, self._measured = task, MeasuredState(task.observation_names)
+        self.task = task
         self._source, self._known = Model.of(source), Model.of(known)
         self._source_level, self._known_level = Model.of(level(source)), Model.of(level(known))
         c, dt = self._known.c, task.control_dt
@@ -170,9 +170,9 @@ class KnownVehicle(ThrusterTransform):
 
     def _see(self, expected: State, tensordict: TensorDictBase) -> None:
         """Take in a measurement; where it is not a number, what was expected stands for it."""
-        observation = array(tensordict.get(OBSERVATION))
-        usable = np.isfinite(observation).all(-1)
-        position, quaternion, velocity = self._measured(observation[usable])
+        measured = [array(tensordict.get(("measured", key))) for key in BODY]
+        usable = np.isfinite(np.concatenate(measured, axis=-1)).all(-1)
+        position, quaternion, velocity = (part[usable] for part in measured)
         age = np.clip(self._pose_age - np.arange(self._moved.shape[1]), 0.0, 1.0)
         since = np.einsum("j,bjk->bk", age, self._moved[usable])
         level = np.zeros(len(since))

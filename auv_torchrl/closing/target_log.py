@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from tensordict import TensorDictBase
 
-from auv_torchrl.closing.measured_state import MeasuredState
 from auv_torchrl.envs import FleetEnv
 from auv_torchrl.evaluation import draw_starts, roll_out
 from auv_torchrl.flightlog import Episode, FlightLog
@@ -74,14 +73,13 @@ def fly_target_log(
     stick = Stick(count, torch.Generator().manual_seed(excitation.seed))
     fleet = make_fleet(task, count)
     rollout = roll_out(fleet, stick, draw_starts(task, count, excitation.seed), task.steps)
-    measured = MeasuredState(task.observation_names)
     noise = np.repeat((POSITION_NOISE, ATTITUDE_NOISE), 3)
     rng = np.random.default_rng(excitation.seed)
     hidden = [axis not in AXES for axis in ("x", "y", "z", "roll", "pitch", "yaw")]
     episodes = []
     for number in range(count):
         flown = rollout[number]
-        position, quaternion, _ = measured(flown["observation"].double().numpy())
+        position, quaternion = (flown["measured", key].double().numpy() for key in ("position", "quaternion"))
         pose = np.concatenate((position, np.stack(euler_angles(quaternion), axis=-1)), axis=-1)
         pose = pose + noise * rng.standard_normal(pose.shape)
         pose[:, 3:] = wrap_angle(pose[:, 3:])

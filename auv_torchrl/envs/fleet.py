@@ -30,7 +30,8 @@ class FleetEnv(EnvBase):
     Beside the observation every step reports the true state: ``position`` (N, 3) in m, NED; ``quaternion``
     (N, 4), w x y z, body to earth; ``velocity`` (N, 6), body FRD, over ground; ``thrust`` (N, n) in N, gains
     included; ``command`` (N, n), what was sent to the thrusters; ``time`` (N, 1) in s since the episode began.
-    The sensor model (delay, bias, noise) acts on the observation alone.
+    What the sensors say of the state, late, biased and noisy, is under ``("measured", "position")``, ``("measured",
+    "quaternion")`` and ``("measured", "velocity")``; the observation is made from that.
 
     ``reset(td, set_state=True)`` starts from ``td["start"]`` with ``position``, ``quaternion`` and ``velocity``;
     every reset returns the starts of the running episodes under the same key. A ``vehicle`` entry (a batch of
@@ -109,6 +110,7 @@ class FleetEnv(EnvBase):
             {
                 "observation": values(len(self.task.observation_names), dtype=torch.float32),
                 **body,
+                "measured": entries({key: spec.clone() for key, spec in body.items()}),
                 "thrust": values(thrusters),
                 "command": values(thrusters),
                 "time": values(1),
@@ -174,11 +176,14 @@ class FleetEnv(EnvBase):
             device=self.device,
         )
 
-    def _report(self) -> dict[str, Tensor]:
+    def _report(self) -> dict[str, Tensor | TensorDict]:
         state, dtype = self._state, self.state_dtype
-        observation = self.task.observe(*self.simulator.report(), state.time)
+        report = self.simulator.report()
+        observation = self.task.observe(*report, state.time)
+        measured = {key: self._tensor(part, dtype) for key, part in zip(BODY, report, strict=True)}
         return {
             "observation": self._tensor(observation, torch.float32),
+            "measured": TensorDict(measured, self.batch_size, device=self.device),
             "position": self._tensor(state.position, dtype),
             "quaternion": self._tensor(state.quaternion, dtype),
             "velocity": self._tensor(state.velocity, dtype),

@@ -316,3 +316,19 @@ def test_thruster_commands_bypass_the_mixer(backend):
     action = torch.linspace(-1, 1, 8)[None]
     after = fleet.step(TensorDict({"action": action}, [1]))["next"]
     torch.testing.assert_close(after["command"], action)
+
+
+@backends
+def test_what_the_sensors_say_has_keys_of_its_own(backend):
+    """The observation is the task's of the measured state, and that is the true one where the sensors are true."""
+    effects = {"sensor_noise": {"position": 0.1, "attitude": 0.1}, "pose_delay": {"delay": 0.2}}
+    for noisy in (False, True):
+        scenario = read_scenario("sensors", {"effects": effects if noisy else {}}, PAPER)
+        fleet = make_fleet(backend, PAPER, SHORT, 3, scenario=scenario, seed=0)
+        now = fleet.reset()
+        for _ in range(5):
+            now = fleet.step(now.set("action", torch.ones(3, 4)))["next"]
+        measured = [now["measured", key] for key in BODY]
+        torch.testing.assert_close(now["observation"], SHORT.observe(*measured, now["time"][:, 0]), atol=1e-5, rtol=0)
+        apart = (now["measured", "position"] - now["position"]).abs().max()
+        assert (apart > 0.01) == noisy and (noisy or torch.equal(now["measured", "quaternion"], now["quaternion"]))
