@@ -176,7 +176,7 @@ class ForeignPlant:
         before = self.thrust
         follow = [np.where(self.lag > 0, 1 - np.exp(-dt / np.maximum(self.lag, 1e-9)), 1.0) for dt in (STEP / 2, STEP)]
         halfway, self.thrust = (before + share * (target - before) for share in follow)
-        body = np.column_stack((self.position, self.yaw))
+        body = np.column_stack((self.position, self.yaw, self.velocity))
         middle = body + STEP / 2 * self._rate(body, self._now(before, target), self.time, influences)
         body = body + STEP * self._rate(middle, halfway, self.time + STEP / 2, influences)
         self.position, self.yaw, self.velocity = body[:, :3], body[:, 3], body[:, 4:]
