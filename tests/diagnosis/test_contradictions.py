@@ -1,0 +1,38 @@
+"""Sensors that tell of two motions: the one that is wrong is named, alone and beside a fault."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.verdict import Verdict
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.simulate import simulated_logs
+
+AXES = ("x", "y", "z", "yaw", "u", "v", "w", "r")
+SENSORS = {"heading_bias": ("angle", 0.4), "pose_delay": ("delay", 0.2), "position_scale": ("factor", 1.3)}
+TRIED = {*SENSORS, "velocity_scale", "command_delay", "thruster_gain", "current"}
+
+
+def log_of(changes):
+    """A flight whose log has positions, heading and body velocities."""
+    (log,) = simulated_logs("paper", [changes], episodes=3, seconds=16.0, seed=5)
+    shown = [np.where([axis in AXES for axis in axes], 1.0, np.nan) for axes in (log.axes[:6], log.axes[6:])]
+    episodes = (replace(e, pose=e.pose * shown[0], velocity=e.velocity * shown[1]) for e in log.episodes)
+    return replace(log, episodes=tuple(episodes), axes=AXES)
+
+
+@pytest.mark.parametrize("fault", [{}, {"thruster_gain": {"gain_3": 0.4}}], ids=["alone", "beside a weak thruster"])
+@pytest.mark.parametrize("name", SENSORS)
+def test_the_sensor_that_contradicts_the_others_is_named(name, fault):
+    """No force follows such a log under the nominal sensors; under the right change of one, all is explained."""
+    parameter, value = SENSORS[name]
+    settings = replace(load_settings(), ignored=tuple(effect for effect in EFFECTS if effect not in TRIED))
+    found = diagnose(log_of({name: {parameter: value}, **fault}), load_vehicle("paper"), settings=settings)
+    assert found.verdict is Verdict.EXPLAINED
+    assert {effect.name for effect in found.effects} == {name, *fault}
+    estimate = next(effect for effect in found.effects if effect.name == name).parameters[parameter]
+    assert estimate.value == pytest.approx(value, abs=0.01)
