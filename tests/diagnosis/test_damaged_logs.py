@@ -133,7 +133,7 @@ def test_the_mark_of_a_sensor_is_the_difference_of_two_simulations(effect, axes)
     other = batch(HELD, [{effect: {name: 1.0 + size}}])
     motion = middles(states[:, 0])
     mark = marks(windows, one, layout, state, force_changes(windows, one, other, motion))
-    read = reading_changes(windows, one, other, motion)
+    read = reading_changes(windows, one, other, states[:, 0])
     mark = (mark if read is None else mark + read)[..., 0]
     moved, _ = flown(actuate(windows, other), layout, state.start[:, None], state.bins[:, None])
     simulated = state.residual - moved[:, 0]

@@ -73,7 +73,7 @@ def test_starts_can_be_given():
         ({"vehicle": "submarine"}, FileNotFoundError, "there are bluerov2"),
         ({"scenario": "storm"}, FileNotFoundError, "there are added_mass"),
         ({"backend": "gazebo"}, ValueError, "there are mujoco, torch"),
-        ({"task": {"box": 1.0}}, TypeError, "box"),
+        ({"task": {"box": 1.0}}, ValueError, "box.*box_m"),
         ({"render_mode": "human"}, ValueError, "rgb_array"),
     ],
 )
