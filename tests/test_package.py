@@ -137,17 +137,9 @@ def test_the_installed_commands_sweep_in_processes_over_files_of_ones_own(run, t
     diagnosis = json.loads((tmp_path / "diagnosed" / "0" / "diagnosis.json").read_text())
     assert [effect["name"] for effect in diagnosis["effects"]] == ["thruster_gain"]
     assert "leak" in {candidate["name"] for candidate in diagnosis["candidates"]}
-    run(
-        "auv-train",
-        *parallel,
-        *TINY,
-        "vehicle=mine.yaml,paper",
-        "+randomization.leak.water=[0.0,1.0]",
-        "output=trained",
-    )
-    for job, mass in (("0", "12.1"), ("1", "12.0")):
-        assert (tmp_path / "trained" / job / "results.json").is_file()
-        assert f"mass: {mass}" in (tmp_path / "trained" / job / "config.yaml").read_text()
+    run("auv-train", *parallel, *TINY, "vehicle=mine.yaml", "+randomization.leak.water=[0.0,1.0]", "output=trained")
+    assert (tmp_path / "trained" / "0" / "results.json").is_file()
+    assert "mass: 12.1" in (tmp_path / "trained" / "0" / "config.yaml").read_text()
 
 
 LEAK = """
