@@ -51,10 +51,10 @@ format: $(READY) ## format the code
 
 bench: $(READY) ## measure the figures of docs/benchmarks.md
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
-	$(BIN)/python -m bench
+	$(BIN)/python -m benchmarks.control
 
 blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430
-	$(BIN)/python -m auv_torchrl.blind cases=$(CASES)
+	$(BIN)/python -m benchmarks.blind cases=$(CASES)
 
 clean: ## remove the environment and caches, keep outputs
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from auv_torchrl.agents.interrupt import interruptible
 from auv_torchrl.agents.storage import storing
-from auv_torchrl.blind import schema as blind_schema
 from auv_torchrl.command import BadInput, LogFile, callback, checking_input
 from auv_torchrl.command.arguments import quote_files, refuse_unknown_keys
 from auv_torchrl.command.errors import CANNOT_WRITE, CannotWrite, writing
@@ -26,6 +25,7 @@ from auv_torchrl.diagnosis.report import files as report_files
 from auv_torchrl.diagnosis.report import write_files
 from auv_torchrl.experiment.run import STORE
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind import schema as blind_schema
 from tests.diagnosis.example import example
 
 QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # pytest's logging stays as it is

@@ -12,7 +12,6 @@ import yaml
 from example import example
 from flown_logs import fly, hold
 
-from auv_torchrl.blind.real import TEST, TO_BEAT, VEHICLE, figures, read_runs
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibration.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibration.manoeuvres import differences, respond
@@ -28,6 +27,7 @@ from auv_torchrl.flightlog import join
 from auv_torchrl.paths import config_names
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind.real import TEST, TO_BEAT, VEHICLE, figures, read_runs
 
 REAL = os.environ.get("AUV_TORCHRL_BLUEROV2", "")  # folder of the runs of docs/diagnosis.md
 GIVEN = hold(load_vehicle("paper"))

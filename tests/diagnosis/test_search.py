@@ -9,8 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from auv_torchrl.blind.cases import Case
-from auv_torchrl.blind.fly import fly as sealed_flights
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.how_far.predict import predict
 from auv_torchrl.diagnosis.how_far.veto import falls_short
@@ -23,6 +21,8 @@ from auv_torchrl.diagnosis.which.search import Others, search
 from auv_torchrl.diagnosis.which.sketches import NEAR
 from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind.cases import Case
+from benchmarks.blind.fly import fly as sealed_flights
 
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)

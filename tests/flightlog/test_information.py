@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from simulate import simulated_logs
 
-from auv_torchrl.blind.damages import BOTH, DAMAGES, POSES, damaged
 from auv_torchrl.flightlog import FlightLogError, raw_columns, read_flightlog, write_columns
 from auv_torchrl.flightlog.information import check_information
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind.damages import BOTH, DAMAGES, POSES, damaged
 
 VEHICLE = load_vehicle("paper")
 ENGINE = ("heading_backwards", "heading_quarter")  # told by the diagnosis, as an effect

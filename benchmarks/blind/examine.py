@@ -1,0 +1,67 @@
+"""Put every sealed log to the diagnosis, in parallel processes of one thread each; a killed run goes on."""
+
+import json
+import logging
+import time
+import traceback
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.flightlog import FlightLogError, read_flightlog
+from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind.seal import log_path, read_manifest, write_json
+
+VEHICLE = "paper"
+
+log = logging.getLogger(__name__)
+
+
+def examine(folder: Path, answers: Path, workers: int) -> None:
+    """Write the answer to every case that has none yet to ``answers``; it sees the logs and the tasks alone."""
+    answers.mkdir(exist_ok=True)
+    tasks = read_manifest(folder)["tasks"]
+    open_tasks = {name: task for name, task in tasks.items() if not (answers / f"{name}.json").exists()}
+    if len(open_tasks) < len(tasks):
+        log.info("%d of %d logs were diagnosed before", len(tasks) - len(open_tasks), len(tasks))
+    if not open_tasks:
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        jobs = [pool.submit(_answer, folder, answers, name, task) for name, task in open_tasks.items()]
+        try:
+            for job in tqdm(as_completed(jobs), total=len(jobs), desc="diagnosed", unit="log", disable=None):
+                job.result()
+        except BaseException:  # those that run write their answers, the rest does not begin
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
+    """The answer to every case: ``seconds`` and ``diagnosis`` as in ``diagnosis.json``, ``refused`` or ``error``."""
+    return {name: json.loads((answers / f"{name}.json").read_text()) for name in read_manifest(folder)["tasks"]}
+
+
+def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any]) -> None:
+    settings = load_settings()
+    if task["left_out"]:
+        settings = replace(settings, ignored=(*settings.ignored, task["left_out"]))
+    began, cpu = time.perf_counter(), time.process_time()
+    answer: dict[str, Any] = {}
+    try:
+        vehicle = load_vehicle(VEHICLE)
+        flight_log = read_flightlog(log_path(folder, name), vehicle)
+        healthy = [read_flightlog(log_path(folder, task["healthy"]), vehicle)] if task["healthy"] else []
+        answer["diagnosis"] = diagnose(flight_log, vehicle, healthy, vehicle_name=VEHICLE, settings=settings).to_json()
+    except FlightLogError as error:
+        answer["refused"] = str(error)
+    except Exception as error:  # a diagnosis that fails is a wrong answer, and the report names it
+        answer["error"] = f"{type(error).__name__}: {error}"
+        log.warning("%s: %s", name, traceback.format_exc())
+    answer["seconds"], answer["cpu_s"] = time.perf_counter() - began, time.process_time() - cpu
+    write_json(answers / f"{name}.json", answer)

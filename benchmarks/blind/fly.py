@@ -1,0 +1,221 @@
+"""Fly cases in batches and hand back, apart from each other, their logs and their labels."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from auv_torchrl.effects import get_effect
+from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog
+from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.physics.kinematics import wrap_angle
+from auv_torchrl.simulator import record
+from auv_torchrl.vehicle import Vehicle
+from benchmarks.blind.cases import Case
+from benchmarks.blind.foreign import ForeignPlant
+from benchmarks.blind.influence import ATTITUDE_NOISE, CLEAR_AT, POSITION_NOISE, influence
+from benchmarks.blind.mujoco_plant import MujocoPlant, loosened
+from benchmarks.blind.outside import OUTSIDE, Motion, Outside
+from benchmarks.blind.pilots import Pilots
+from benchmarks.blind.plant import Influences, Plant, Reported, Slack
+from benchmarks.blind.sizes import draw_failures, draw_values
+
+ROUNDS = 12  # of drawing an effect again until it shows clearly
+START = np.array([1, 1, 1, np.pi, 0.3, 0.3, 0.2, 0.5])  # m, rad, m/s, rad/s; half widths
+NOISE = np.array([POSITION_NOISE] * 3 + [ATTITUDE_NOISE] * 3)
+VELOCITY_NOISE = np.array([0.005] * 3 + [0.005] * 3)  # m/s, rad/s; a Doppler log and a gyro
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Draw:
+    """A case with what was drawn for it."""
+
+    case: Case
+    rng: np.random.Generator
+    slack: Slack | None
+    onset_s: float | None
+    values: dict[str, dict[str, float]] = field(default_factory=dict)
+    outside: Outside | None = None
+    influence: dict[str, float] = field(default_factory=dict)
+    damage_seed: int | None = None
+
+    @property
+    def rows(self) -> int:
+        """Episodes to fly."""
+        return self.case.episodes + self.case.healthy
+
+    def label(self) -> dict[str, Any]:
+        """The truth, of plain types."""
+        drawn = {"values": self.values, "onset_s": self.onset_s, "influence": self.influence}
+        return {**asdict(self.case), "truth": self.case.truth, **drawn, "damage_seed": self.damage_seed}
+
+
+class Flight(NamedTuple):
+    """What was recorded of one case; (episodes, T, ...)."""
+
+    pose: np.ndarray  # as reported, noiseless
+    velocity: np.ndarray  # that fits it
+    measured: np.ndarray  # pose as logged
+    measured_velocity: np.ndarray  # as logged
+    commands: np.ndarray  # as sent
+
+
+def fly(cases: list[Case], vehicle: Vehicle, seed: int) -> list[tuple[FlightLog, dict[str, Any]]]:
+    """Logs and labels of cases, in their order; each depends on its number and the seed alone.
+
+    Raises:
+        RuntimeError: if an effect does not show clearly in any of a number of draws.
+    """
+    draws = [_draw(case, vehicle, seed) for case in cases]
+    logs: dict[int, FlightLog] = {}
+    for _ in range(ROUNDS):
+        waiting = [draw for draw in draws if draw.case.number not in logs]
+        for draw in waiting:
+            _draw_sizes(draw, vehicle)
+        log.info("flying %d cases", len(waiting))
+        for draw, flight in zip(waiting, _fly_once(waiting, vehicle), strict=True):
+            draw.influence = _influence(draw, flight, vehicle)
+            if draw.case.scale != 1.0 or min(draw.influence.values(), default=np.inf) >= CLEAR_AT:
+                logs[draw.case.number] = _flight_log(draw.case, flight)
+        if len(logs) == len(draws):
+            return [(logs[draw.case.number], draw.label()) for draw in draws]
+    small = {draw.case.name: draw.influence for draw in draws if draw.case.number not in logs}
+    raise RuntimeError(f"blind: after {ROUNDS} draws these effects still do not show clearly: {small}")
+
+
+def _draw(case: Case, vehicle: Vehicle, seed: int) -> Draw:
+    rng = np.random.default_rng([seed, case.number])
+    slack = Slack.draw(rng, case.slack, vehicle.thrusters) if case.slack else None
+    onset_s = float(rng.uniform(0.3, 0.7) * case.episode_s) if case.onset else None
+    damage_seed = int(rng.integers(2**32)) if case.damage else None
+    return Draw(case, rng, slack, onset_s, damage_seed=damage_seed)
+
+
+def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
+    case = draw.case
+    if case.failed:
+        draw.values = {"thruster_gain": draw_failures(vehicle, draw.rng, case.failed)}
+    else:
+        draw.values = {name: draw_values(name, vehicle, draw.rng, case.scale) for name in case.effects}
+    if case.outside:
+        draw.outside = OUTSIDE[case.outside](draw.rng, draw.rows, vehicle.thrusters, CONTROL_DT)
+
+
+def _fly_once(draws: list[Draw], vehicle: Vehicle) -> list[Flight]:
+    flights: dict[int, Flight] = {}
+    for plant_name in _PLANTS:
+        for duration in {draw.case.episode_s for draw in draws}:
+            group = [d for d in draws if d.case.plant == plant_name and d.case.episode_s == duration]
+            if group:
+                recorded = _fly_group(group, plant_name, duration, vehicle)
+                flights.update({draw.case.number: flight for draw, flight in zip(group, recorded, strict=True)})
+    return [flights[draw.case.number] for draw in draws]
+
+
+def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Vehicle) -> list[Flight]:
+    ends = np.cumsum([draw.rows for draw in draws])
+    rows = [slice(int(end) - draw.rows, int(end)) for end, draw in zip(ends, draws, strict=True)]
+    total, steps = int(ends[-1]), round(duration / CONTROL_DT)
+    plant = _PLANTS[plant_name](vehicle, total)
+    for part, draw in zip(rows, draws, strict=True):
+        if draw.slack:
+            plant.loosen(part, draw.slack)
+        if draw.onset_s is None:
+            _break(plant, part, draw)
+    starts = [draw.rng.uniform(-1, 1, (draw.rows, 8)) * START for draw in draws]
+    pilots = [Pilots(vehicle, np.arange(d.rows) % 2 == 0, duration, d.rng) for d in draws]
+    noise = [d.case.noise * NOISE * d.rng.standard_normal((steps, d.rows, 6)) for d in draws]
+    start = np.concatenate(starts)
+    plant.reset(start[:, :3], start[:, 3], start[:, 4:])
+
+    def command(time: float, measured: np.ndarray) -> np.ndarray:
+        flown = zip(rows, pilots, strict=True)
+        return np.concatenate([pilot.commands(time, measured[part], CONTROL_DT) for part, pilot in flown])
+
+    sealed = SealedPlant(plant, list(zip(rows, draws, strict=True)))
+    pose, velocity, measured, sent = record(sealed, command, steps, CONTROL_DT, np.concatenate(noise, axis=1))
+    measured[..., 3:] = wrap_angle(measured[..., 3:])
+    return [
+        Flight(pose[part], velocity[part], measured[part], _measured_velocity(velocity[part], draw), sent[part])
+        for part, draw in zip(rows, draws, strict=True)
+    ]
+
+
+class SealedPlant:
+    """A plant with what happens to its vehicles on the way: effects that begin, and influences from outside."""
+
+    def __init__(self, plant: Plant, draws: list[tuple[slice, Draw]]) -> None:
+        """``draws`` are what was drawn for some rows of the plant each."""
+        self._plant, self._draws, self._steps = plant, draws, 0
+
+    @property
+    def _time(self) -> float:
+        return self._steps * CONTROL_DT
+
+    def report(self) -> Reported:
+        """What noiseless sensors report now, heading errors from outside included."""
+        pose, velocity = self._plant.reported()
+        pose = pose.copy()
+        for part, draw in self._draws:
+            if draw.outside:
+                pose[part, 5] += draw.outside.heading_error(self._time)
+        return Reported(pose, velocity)
+
+    def step(self, commands: np.ndarray) -> None:
+        """Hold what arrives of the commands for one control step."""
+        time, motion = self._time, Motion(*self._plant.true_motion())
+        reaching, influences = commands.copy(), Influences.none(*commands.shape)
+        for part, draw in self._draws:
+            if draw.onset_s is not None and time - CONTROL_DT < draw.onset_s <= time:
+                _break(self._plant, part, draw)
+            if draw.outside:
+                reaching[part] = draw.outside.received(commands[part])
+                mine = Influences(*(field[part] for field in influences))
+                draw.outside.act(time, Motion(*(field[part] for field in motion)), reaching[part], mine)
+        self._plant.step(reaching, influences)
+        self._steps += 1
+
+
+def _measured_velocity(velocity: np.ndarray, draw: Draw) -> np.ndarray:
+    if not set(VELOCITY) & set(draw.case.axes):
+        return np.full_like(velocity, np.nan)
+    return velocity + draw.case.noise * VELOCITY_NOISE * draw.rng.standard_normal(velocity.shape)
+
+
+_PLANTS: dict[str, Callable[[Vehicle, int], Plant]] = {
+    "mujoco": lambda vehicle, rows: MujocoPlant(vehicle, rows, CONTROL_DT),
+    "foreign": lambda vehicle, rows: ForeignPlant(rows, CONTROL_DT),  # only ever Table 1's vehicle
+}
+
+
+def _break(plant: Plant, rows: slice, draw: Draw) -> None:
+    for name, values in draw.values.items():
+        plant.change(rows, name, values)
+
+
+def _influence(draw: Draw, flight: Flight, vehicle: Vehicle) -> dict[str, float]:
+    """How much each effect shows when all others are known."""
+    base = loosened(vehicle, draw.slack) if draw.slack else vehicle
+    found = {}
+    for left_out in (*draw.values, *([draw.case.outside] if draw.case.outside else [])):
+        known = base
+        for name, values in draw.values.items():
+            if name != left_out:
+                known = get_effect(name).apply(known, values)
+        found[left_out] = influence(known, flight.pose, flight.velocity, flight.commands, CONTROL_DT)
+    return found
+
+
+def _flight_log(case: Case, flight: Flight) -> FlightLog:
+    """All episodes that were flown, those of the healthy log last."""
+    episodes = []
+    for number, commands in enumerate(flight.commands):
+        pose = np.where([axis in case.axes for axis in POSE], flight.measured[number], np.nan)
+        velocity = np.where([axis in case.axes for axis in VELOCITY], flight.measured_velocity[number], np.nan)
+        t = np.arange(len(pose), dtype=np.float64) * CONTROL_DT
+        episodes.append(Episode(number, t, pose, velocity, commands))
+    return FlightLog(case.name, tuple(episodes), case.axes)

@@ -1,0 +1,182 @@
+"""One answer against one truth."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from auv_torchrl.effects import get_effect
+from auv_torchrl.vehicle import Vehicle
+from benchmarks.blind.judge_damage import Named, judge_damage
+from benchmarks.blind.thrusters import split_entry, thrusters_right
+
+NOT_EXPLAINED = ("partly_explained", "unexplained")
+STANDS_FOR = {  # with the effect left out of the library, these say the same about any log
+    "command_delay": {"pose_delay"},
+    "pose_delay": {"command_delay"},
+    "buoyancy": {"payload"},
+    "payload": {"buoyancy", "added_mass", "mass_offset"},
+}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the scoring reads about one case."""
+
+    case: str
+    family: str
+    plant: str
+    truth: str
+    effects: tuple[str, ...]
+    outside: str | None
+    left_out: str | None
+    scale: float
+    seconds_of_log: float
+    noise: float
+    influence: float | None  # of the effect that shows least
+    answer: str  # first effect named, "no_gap", "unknown" or "error"
+    named: tuple[str, ...]  # all effects of the explanation
+    verdict: str
+    right: bool  # answer is the truth; for what the library lacks: said to be not (fully) explained
+    right_class: bool  # or declared indistinguishable from it, or the same thing under another name
+    thrusters_right: bool | None  # None where the effect is not of single thrusters
+    probability: float | None  # of the answer, or of its declared class
+    probability_of_truth: float | None  # likewise
+    closed: float | None
+    onset_error_s: float | None
+    seconds: float
+    cpu_s: float
+    errors: dict[str, float] = field(default_factory=dict)  # parameter error over the effect's size, by unit
+    covered: dict[str, bool] = field(default_factory=dict)  # whether the 95 % interval holds the truth
+    message: str = ""
+    damage: str | None = None  # of the log
+    damage_named: bool | None = None  # None in the families without damage, as the next two
+    wrong_causes: tuple[str, ...] | None = None  # effects held for more likely than not that are neither
+    fault_found: bool | None = None  # beside the damage; None also where the rest of the log does not show it
+
+
+def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicle: Vehicle) -> Judgement:
+    """Compare the answer to a case with its label."""
+    silent = {"verdict": "refused" if "refused" in answer else "error", "effects": [], "candidates": [], "gap": {}}
+    diagnosis = answer.get("diagnosis") or silent
+    verdict, named = diagnosis["verdict"], tuple(effect["name"] for effect in diagnosis["effects"])
+    first = named[0] if named else {"no_gap": "no_gap", "error": "error", "refused": "error"}.get(verdict, "unknown")
+    truth, effects = label["truth"], tuple(label["effects"])
+    declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
+    beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
+    if label.get("damage"):
+        right = right_class = bool(beside.damage) and not beside.wrong and beside.fault is not False
+    elif truth == "unknown":
+        right = verdict in NOT_EXPLAINED
+        stand_ins = STANDS_FOR.get(label["left_out"], set())
+        right_class = right or (bool(named) and set(named) <= stand_ins)
+    elif len(effects) > 1:
+        right = set(named) == set(effects)
+        right_class = right or _same_sets(effects, named, declared)
+    else:
+        right = first == truth
+        right_class = right or _same_sets((truth,), (first,), declared)
+    probabilities = {c["name"]: c["probability"] for c in diagnosis["candidates"]}
+    of_effects = {effect["name"]: effect["probability"] for effect in diagnosis["effects"]}
+    errors, covered = (
+        _parameters(label["values"], diagnosis["effects"], vehicle) if label["family"] != "onset" else ({}, {})
+    )
+    of_truth = _probability(truth, probabilities, of_effects, verdict)
+    of_answer = _probability(first, probabilities, of_effects, verdict)
+    if len(effects) == 1 and len(named) == 1:  # what is declared indistinguishable is one answer
+        of_truth = None if of_truth is None else max(of_truth, _of_class(truth, declared, probabilities))
+        of_answer = None if of_answer is None else max(of_answer, _of_class(first, declared, probabilities))
+    onset = (diagnosis.get("where") or {}).get("onset_s")
+    return Judgement(
+        case=name,
+        family=label["family"],
+        plant=label["plant"],
+        truth=truth,
+        effects=effects,
+        outside=label["outside"],
+        left_out=label["left_out"],
+        scale=label["scale"],
+        seconds_of_log=label["episodes"] * label["episode_s"],
+        noise=label["noise"],
+        influence=min(label["influence"].values(), default=None),
+        answer="unknown" if truth == "unknown" and right else first,
+        named=named,
+        verdict=verdict,
+        right=right,
+        right_class=right_class,
+        thrusters_right=thrusters_right(label, diagnosis["effects"], declared, vehicle),
+        probability=of_answer,
+        probability_of_truth=of_truth,
+        closed=diagnosis["gap"].get("closed"),
+        onset_error_s=abs(onset - label["onset_s"]) if onset is not None and label["onset_s"] is not None else None,
+        seconds=answer["seconds"],
+        cpu_s=answer["cpu_s"],
+        errors=errors,
+        covered=covered,
+        message=answer.get("error", answer.get("refused", "")),
+        damage=label.get("damage"),
+        damage_named=beside.damage,
+        wrong_causes=beside.wrong,
+        fault_found=beside.fault,
+    )
+
+
+def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[list[str]]) -> bool:
+    """Whether the answer names the truth up to what it declared indistinguishable."""
+    if len(truth) != len(named):
+        return False
+
+    def allowed(effect: str) -> set[str]:
+        groups = [{split_entry(entry)[0] for entry in group} for group in declared]
+        return {effect}.union(*(group for group in groups if effect in group))
+
+    left = list(truth)
+    for effect in named:
+        match = next((t for t in left if t in allowed(effect)), None)
+        if match is None:
+            return False
+        left.remove(match)
+    return True
+
+
+def _of_class(effect: str, declared: list[list[str]], probabilities: Mapping[str, float]) -> float:
+    """Probability of all effects that were declared indistinguishable from this one, itself included."""
+    groups = [{split_entry(entry)[0] for entry in group} for group in declared]
+    members = {effect}.union(*(group for group in groups if effect in group))
+    return min(1.0, sum(probabilities.get(name, 0.0) for name in members))
+
+
+def _probability(
+    answer: str, candidates: Mapping[str, float], explanation: Mapping[str, float], verdict: str
+) -> float | None:
+    """Probability given to an answer: among the candidates, or in the explanation where several effects act."""
+    if answer == "no_gap":
+        return candidates.get("none", candidates.get("no_gap"))
+    if len(explanation) > 1 and answer in explanation:
+        return explanation[answer]
+    if answer in candidates:
+        return candidates[answer]
+    return 0.0 if candidates and verdict not in ("error", "refused") else None
+
+
+def _parameters(
+    truth: Mapping[str, Mapping[str, float]], found: list[dict[str, Any]], vehicle: Vehicle
+) -> tuple[dict[str, float], dict[str, bool]]:
+    """Errors over sizes by effect and unit, and what the intervals hold, for effects that were named rightly."""
+    errors, covered = {}, {}
+    for effect, values in truth.items():
+        answer = next((f["parameters"] for f in found if f["name"] == effect), None)
+        if answer is None:
+            continue
+        declared, nominal = get_effect(effect).member_parameters(vehicle), get_effect(effect).nominal(vehicle)
+        for unit in {p.unit for p in declared.values() if not p.discrete}:
+            members = [k for k, p in declared.items() if p.unit == unit and not p.discrete]
+            true = {k: values.get(k, nominal[k]) for k in members}
+            size = math.hypot(*(true[k] - nominal[k] for k in members))
+            if size > 0:
+                said = {k: answer[k]["value"] if k in answer else nominal[k] for k in members}
+                errors[f"{effect} [{unit}]"] = math.hypot(*(said[k] - true[k] for k in members)) / size
+            for k in members:
+                if k in answer:
+                    covered[f"{effect}.{k}"] = answer[k]["low"] <= true[k] <= answer[k]["high"]
+    return errors, covered

@@ -1,0 +1,72 @@
+"""One answer about a damaged log: does it name the damage, does it blame what is sound, does it find the fault?"""
+
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from auv_torchrl.vehicle import Vehicle
+from benchmarks.blind.thrusters import split_entry, thrusters_right
+
+HELD_TRUE = 0.5  # probability above which an effect is an answer
+SAID = {  # in the sentence with which a log is refused, by what would be the code of a finding
+    "constant_column": r"never chang|constant|stands? still",
+    "frozen": r"frozen|stands? still|never chang",
+    "held_samples": r"\bheld\b|repeat",
+    "outliers": r"outlier|spike|far off",
+    "position_spike": r"outlier|spike|far off",
+    "jump": r"jump",
+    "position_jump": r"jump",
+    "coarse": r"coarse|round",
+    "one_sided_commands": r"below 0|one-sided|0 to 1|\[0, 1\]",
+    "pose_velocity_disagree": r"agree",
+    "wrong_frame": r"frame",
+    "z_up": r"z is up|z up",
+    "z_up_or_reversed": r"z is up|z up",
+    "heading_offset": r"(heading|yaw|compass).*(off|turned|backwards)",
+    "length_unit": r"\b(feet|cm|centimetres|metres)\b",
+    "speed_unit": r"\b(knots|m/s)\b",
+    "time_unit": r"clock|\bt\b.*(second|fast|slow)",
+    "healthy_not_healthy": r"healthy",
+}
+
+
+class Named(NamedTuple):
+    """What an answer says about a damaged log; None where nothing was asked."""
+
+    damage: bool | None = None
+    wrong: tuple[str, ...] | None = None
+    fault: bool | None = None
+
+
+def judge_damage(label: Mapping[str, Any], diagnosis: Mapping[str, Any], refused: str, vehicle: Vehicle) -> Named:
+    """Compare an answer, or the sentence with which the log was refused, with the label of a damaged log."""
+    by, found = label["named_by"], diagnosis["effects"]
+    declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
+    groups = [{split_entry(entry)[0] for entry in group} for group in declared]
+    names = {effect["name"] for effect in found}
+    beside = names.union(*(group for group in groups if group & names))
+    named = _names_it(by, diagnosis.get("findings", ())) or bool(beside & set(by["effects"])) or _says_it(by, refused)
+    at_fault = thrusters_right(label, found, declared, vehicle)
+    true = set(by["effects"]) | set(label["effects"])
+    excused = [split_entry(entry) for entry in by["partly"]] if named else []
+    wrong = []
+    for effect in found:
+        name = effect["name"]
+        mine = {name}.union(*(group for group in groups if name in group))
+        faulty = name in label["effects"] and at_fault is False
+        allowed = any(name == one and (not some or set(effect["thrusters"]) <= some) for one, some in excused)
+        if effect["probability"] > HELD_TRUE and (faulty or not mine & true) and not allowed:
+            wrong.append(name)
+    fault = set(label["effects"]) <= names and at_fault is not False if by["shows_fault"] else None
+    return Named(named, tuple(wrong), fault)
+
+
+def _names_it(by: Mapping[str, Any], findings: Any) -> bool:
+    mine = [finding for finding in findings if finding["code"] in by["codes"]]
+    mentioned = {column for finding in mine for column in finding["columns"]}
+    return bool(mine) and set(by["columns"]) <= mentioned
+
+
+def _says_it(by: Mapping[str, Any], sentence: str) -> bool:
+    said = any(re.search(SAID[code], sentence, re.IGNORECASE) for code in by["codes"])
+    return said and all(re.search(rf"\b{column}\b", sentence) for column in by["columns"])

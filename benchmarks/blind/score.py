@@ -1,0 +1,218 @@
+"""What all judgements together say: the figures that the issue asks for, and tables for people."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+
+from auv_torchrl.effects import EFFECTS
+from benchmarks.blind.judge import Judgement
+from benchmarks.blind.score_damage import by_damage, damage_targets
+from benchmarks.blind.statistics import Share, calibration_error, quantile, reliability
+from benchmarks.blind.table import Table
+
+INFLUENCE_EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0, math.inf)  # standard deviations of the sensors, after 2 s
+
+
+def of_families(judgements: Iterable[Judgement], *families: str) -> list[Judgement]:
+    """The judgements of some families."""
+    return [j for j in judgements if j.family in families]
+
+
+def numbers(judgements: Sequence[Judgement]) -> Table:
+    """The table of the project's targets with what was measured."""
+    single, slack = of_families(judgements, "single"), of_families(judgements, "single_slack")
+    clean, loose = of_families(judgements, "no_gap"), of_families(judgements, "no_gap_slack")
+    outside, pairs = of_families(judgements, "outside"), of_families(judgements, "pair")
+    failed = of_families(judgements, "failures")
+    known = [j for j in judgements if j.family in ("single", "single_slack", "failures", "pair")]
+    p_truth = [j.probability_of_truth for j in calibration_cases(judgements) if j.probability_of_truth is not None]
+    errors = [error for j in single for error in j.errors.values()]
+    covered, covered_slack = ([held for j in group for held in j.covered.values()] for group in (single, slack))
+    closed = [j.closed for j in known if j.closed is not None]
+
+    mean_p = _number(p_truth, lambda v: sum(v) / len(v), ".3f")
+
+    def thrusters(group: list[Judgement]) -> Share:
+        return Share.of([j.thrusters_right for j in group if j.thrusters_right is not None])
+
+    def all_named(group: list[Judgement]) -> Share:
+        return Share.of([j.named == (j.truth,) and bool(j.thrusters_right) for j in group])
+
+    def alarms(group: list[Judgement]) -> Share:
+        return Share.of([j.verdict != "no_gap" for j in group])
+
+    rows = [
+        ("single effect named first", "≥ 95 %", "≥ 99 %", Share.of([j.right for j in single])),
+        ("… or one declared indistinguishable from it", "", "", Share.of([j.right_class for j in single])),
+        ("thrusters at fault named (exchangeable ones declared)", "≥ 95 %", "≥ 99 %", thrusters(single)),
+        ("two or three thrusters failed, each in its own way: these named, no others", "", "", all_named(failed)),
+        ("single effect named first, 3 % slack on everything", "≥ 88 %", "≥ 95 %", Share.of([j.right for j in slack])),
+        ("… or one declared indistinguishable from it", "", "", Share.of([j.right_class for j in slack])),
+        ("thrusters at fault named, 3 % slack", "", "", thrusters(slack)),
+        ("no gap: false alarms", "≤ 3 %", "≤ 1 %", alarms(clean)),
+        ("no gap: false alarms, 3 % slack", "≤ 3 %", "≤ 1 %", alarms(loose)),
+        ("outside the library: not called explained", "≥ 85 %", "≥ 95 %", Share.of([j.right for j in outside])),
+        ("pairs: both found", "≥ 85 %", "≥ 95 %", Share.of([j.right for j in pairs])),
+        ("… up to what was declared indistinguishable", "", "", Share.of([j.right_class for j in pairs])),
+        ("mean probability on the truth (a declared class counts as one)", "≥ 0.9", "≥ 0.97", mean_p),
+        ("expected calibration error", "≤ 0.08", "≤ 0.04", f"{calibration_error(calibration(judgements)):.3f}"),
+        ("95 % intervals that hold the truth", "88 to 99 %", "92 to 98 %", Share.of(covered)),
+        ("… with the 3 % slack that they allow for", "", "", Share.of(covered_slack)),
+        ("parameter error, median", "≤ 4 %", "≤ 2 %", _number(errors, lambda v: quantile(v, 0.5), ".1%")),
+        ("parameter error, 90th percentile", "≤ 15 %", "≤ 8 %", _number(errors, lambda v: quantile(v, 0.9), ".1%")),
+        ("closed share, median, known effects", "≥ 0.90", "≥ 0.97", _number(closed, lambda v: quantile(v, 0.5), ".3f")),
+        *damage_targets(judgements),
+        ("CPU seconds per log, median / largest", "≤ 60", "≤ 10", _seconds(judgements)),
+    ]  # fmt: skip
+    return Table("Targets", ("", "must", "aim", "measured (95 % interval)"), [(*row[:3], str(row[3])) for row in rows])
+
+
+def _number(values: Sequence[float], of: Callable[[Sequence[float]], float], form: str) -> str:
+    return f"{of(values):{form}} (n = {len(values)})" if values else "–"
+
+
+def _seconds(judgements: Sequence[Judgement]) -> str:
+    seconds = [j.cpu_s for j in judgements]
+    return f"{quantile(seconds, 0.5):.1f} / {max(seconds):.1f}"
+
+
+def calibration_cases(judgements: Iterable[Judgement]) -> list[Judgement]:
+    """Cases with one truth out of the library, at a clear size, or none."""
+    return of_families(judgements, "single", "single_slack", "no_gap", "no_gap_slack")
+
+
+def calibration(judgements: Iterable[Judgement]) -> list:
+    """Bins of the reliability diagram; a class that was declared indistinguishable counts as one answer."""
+    cases = [j for j in calibration_cases(judgements) if j.probability is not None]
+    return reliability([j.probability or 0.0 for j in cases], [j.right_class for j in cases])
+
+
+def by_effect(judgements: Iterable[Judgement]) -> Table:
+    """Clear single effects, with and without slack."""
+    cases = of_families(judgements, "single", "single_slack")
+    rows = []
+    for name in EFFECTS:
+        if mine := [j for j in cases if j.truth == name]:
+            errors = [e for j in mine if j.family == "single" for e in j.errors.values()]
+            p = [j.probability_of_truth for j in mine if j.probability_of_truth is not None]
+            thrusters = Share.of([j.thrusters_right for j in mine if j.thrusters_right is not None])
+            wrong = Counter(j.answer for j in mine if not j.right)
+            rows.append(
+                (
+                    name,
+                    f"{sum(j.right for j in mine)}/{len(mine)}",
+                    f"{thrusters.hits}/{thrusters.n}" if thrusters.n else "",
+                    f"{sum(p) / len(p):.2f}" if p else "–",
+                    f"{quantile(errors, 0.5):.1%}" if errors else "–",
+                    ", ".join(f"{answer} {n}" for answer, n in wrong.most_common()),
+                )
+            )
+    head = ("effect", "named first", "thrusters", "mean probability", "median parameter error", "instead")
+    return Table("Single effects of clear size, with and without slack", head, rows)
+
+
+def left_out(judgements: Iterable[Judgement]) -> Table:
+    """Each effect taken out of the library in turn."""
+    rows = []
+    for name in EFFECTS:
+        for j in judgements:
+            if j.left_out == name:
+                rows.append((name, j.verdict, ", ".join(j.named), _share(j.closed), _tick(j.right_class)))
+    return Table("Leave one out", ("left out", "verdict", "named instead", "closed", "right"), rows)
+
+
+def outside(judgements: Iterable[Judgement]) -> Table:
+    """Effects that no library entry describes."""
+    rows = [
+        (j.outside or "", j.verdict, ", ".join(j.named), _share(j.closed), _tick(j.right))
+        for j in sorted(of_families(judgements, "outside"), key=lambda j: j.outside or "")
+    ]
+    return Table("Outside the library", ("effect", "verdict", "named", "closed", "right"), rows)
+
+
+def no_gap(judgements: Iterable[Judgement]) -> Table:
+    """Healthy vehicles."""
+    rows = []
+    for family, text in (("no_gap", "exactly nominal"), ("no_gap_slack", "3 % slack on everything")):
+        cases = of_families(judgements, family)
+        alarms = [j for j in cases if j.verdict != "no_gap"]
+        named = Counter(", ".join(j.named) or j.verdict for j in alarms)
+        rows.append((text, str(Share.of([j.verdict != "no_gap" for j in cases])), _counted(named)))
+    return Table("No gap", ("vehicle", "false alarms", "as"), rows)
+
+
+def by_influence(judgements: Iterable[Judgement]) -> Table:
+    """Accuracy against how much the effect shows."""
+    cases = of_families(judgements, "single", "single_slack", "severity")
+    rows = []
+    for low, high in zip(INFLUENCE_EDGES, INFLUENCE_EDGES[1:], strict=False):
+        mine = [j for j in cases if j.influence is not None and low <= j.influence < high]
+        if mine:
+            missed = sum(j.verdict == "no_gap" for j in mine)
+            span = f"{low:g} to {high:g}" if high < math.inf else f"over {low:g}"
+            rows.append((span, str(Share.of([j.right for j in mine])), str(missed)))
+    head = ("error at 2 s, in standard deviations of the sensors", "named first", "no gap seen")
+    return Table("By severity", head, rows)
+
+
+def by_condition(judgements: Iterable[Judgement]) -> Table:
+    """Accuracy by length of log, noise and simulator."""
+    judgements = list(judgements)
+    clear = of_families(judgements, "single", "single_slack", "length", "noise")
+    groups: list[tuple[str, list[Judgement]]] = []
+    for length in sorted({j.seconds_of_log for j in clear}):
+        mine = [j for j in clear if j.seconds_of_log == length and j.noise == 1.0]
+        groups.append((f"log of {length:.0f} s", mine))
+    for noise in sorted({j.noise for j in clear}):
+        mine = [j for j in clear if j.noise == noise and j.family != "length"]
+        groups.append((f"noise {2 * noise:g} mm, {0.004 * noise:g} rad", mine))
+    for plant in ("mujoco", "foreign"):
+        text = {"mujoco": "MuJoCo, 6 degrees of freedom", "foreign": "foreign simulator, 4 degrees of freedom"}[plant]
+        groups.append((text, [j for j in of_families(clear, "single", "single_slack") if j.plant == plant]))
+    rows = [(text, str(Share.of([j.right for j in mine]))) for text, mine in groups if mine]
+    onset = of_families(judgements, "onset")
+    if onset:
+        errors = [j.onset_error_s for j in onset if j.onset_error_s is not None]
+        within = Share.of([j.onset_error_s is not None and j.onset_error_s < 2.0 for j in onset])
+        median = f", median error {quantile(errors, 0.5):.1f} s" if errors else ""
+        rows.append(("effect that begins during a log of 120 s", str(Share.of([j.right for j in onset]))))
+        rows.append(("… its onset found within 2 s", f"{within}{median}"))
+    return Table("By length, noise and simulator", ("", "named first"), rows)
+
+
+def failures(judgements: Iterable[Judgement]) -> Table:
+    """Every case that is not right."""
+    rows = []
+    for j in judgements:
+        wrong_thrusters = j.thrusters_right is False and j.right
+        if j.right and not wrong_thrusters:
+            continue
+        if j.damage:
+            truth = " + ".join((*j.effects, j.damage))
+        else:
+            truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
+        answer = (" + ".join(j.named) or j.verdict) + (" (other thrusters)" if wrong_thrusters else "")
+        if j.right_class:
+            answer += " (declared, or the same by another name)"
+        shows = "" if j.influence is None else f"{j.influence:.1f}"
+        rows.append((j.case, j.family, truth, shows, f"{answer} {j.message}".strip(), j.verdict, _share(j.probability)))
+    head = ("case", "family", "truth", "shows", "answer", "verdict", "its probability")
+    return Table("Cases that fail", head, rows)
+
+
+def tables(judgements: Sequence[Judgement]) -> list[Table]:
+    """All of them, in the order in which they are read."""
+    every = (numbers, by_effect, no_gap, outside, left_out, by_damage, by_influence, by_condition, failures)
+    return [table(judgements) for table in every]
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
+
+
+def _tick(right: bool) -> str:
+    return "yes" if right else "no"
+
+
+def _counted(counter: Counter[str]) -> str:
+    return ", ".join(f"{name} {n}" for name, n in counter.most_common())

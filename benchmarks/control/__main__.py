@@ -1,0 +1,111 @@
+"""Measure the figures of docs/benchmarks.md, all of them or some: python -m benchmarks.control [NAME ...].
+
+Each part is a module of this folder that prints Markdown; its output replaces the section of the same name in
+docs/benchmarks.md, with the versions and the machine it was measured on. Parts that fail leave their section alone.
+"""
+
+import argparse
+import datetime
+import os
+import platform
+import re
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
+PARTS = {  # module: what it measures
+    "env_steps": "Control steps per second of the fleets",
+    "sac_updates": "SAC updates per second",
+    "time_to_error": "Training time to an error",
+    "table2": "The paper's Table 2",
+    "fault_recovery": "Recovery from a fault in flight",
+    "tank_run": "The paper's tank run",
+    "comparison": "All methods in all scenarios",
+}
+PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy", "stable-baselines3")
+
+
+def machine() -> str:
+    """One line on the versions and the machine, for the head of a section."""
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    load = os.getloadavg()[0]
+    today = datetime.datetime.now(datetime.UTC).date()
+    return (
+        f"Measured {today} with Python {platform.python_version()}, {versions}; "
+        f"{os.cpu_count()} cores of {processor()}, load at the start {load:.1f}."
+    )
+
+
+def processor() -> str:
+    """The processor's own name where the system tells it."""
+    information = Path("/proc/cpuinfo")
+    found = re.search(r"model name\s*: (.*)", information.read_text()) if information.exists() else None
+    return found[1] if found else platform.processor() or platform.machine()
+
+
+def measure(name: str) -> str | None:
+    """Run one part, echo what it prints, and return it; None if it failed."""
+    print(f"## {PARTS[name]} (benchmarks/control/{name}.py)", flush=True)
+    lines = []
+    command = [sys.executable, "-u", "-m", f"benchmarks.control.{name}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=DOCUMENT.parents[1]) as part:
+        assert part.stdout is not None
+        for line in part.stdout:
+            print(line, end="", flush=True)
+            lines.append(line)
+    if part.returncode:
+        print(
+            f"benchmarks.control.{name} failed with exit code {part.returncode}: its section stays as it was",
+            file=sys.stderr,
+        )
+        return None
+    return "".join(lines).strip()
+
+
+def replace_section(document: str, name: str, text: str) -> str:
+    """The document with what stands between the markers of a section replaced.
+
+    Raises:
+        ValueError: if the document lacks the markers.
+    """
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    before, found, rest = document.partition(begin)
+    _, found_end, after = rest.partition(end)
+    if not found or not found_end:
+        raise ValueError(f"{DOCUMENT} has no section between {begin} and {end}: put both lines where it belongs")
+    return f"{before}{begin}\n{text}\n{end}{after}"
+
+
+def main() -> int:
+    """Measure the parts that were asked for; the exit code is the number of those that failed."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.control", description="Measure the figures of docs/benchmarks.md."
+    )
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"parts to measure, of {', '.join(PARTS)}; default all"
+    )
+    names = parser.parse_args().names or list(PARTS)
+    if unknown := set(names) - set(PARTS):
+        parser.error(f"no part named {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
+    try:
+        machine()
+    except PackageNotFoundError as error:
+        parser.error(f"{error.name} is not installed: pip install --constraint constraints.txt --editable '.[bench]'")
+    failed = 0
+    for name in names:
+        where = machine()
+        text = measure(name)
+        if text is None:
+            failed += 1
+            continue
+        document = replace_section(DOCUMENT.read_text(), name, f"{where}\n\n{text}")
+        draft = DOCUMENT.with_suffix(".md.part")
+        draft.write_text(document)
+        draft.replace(DOCUMENT)
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""SAC updates per CPU second on one thread: ours, TorchRL's stock loss and stable-baselines3, same networks and batch.
+
+python -m benchmarks.control.sac_updates [--hidden 64] [--batch 256] [--updates 400]
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+
+import torch
+from tensordict import TensorDict
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+
+from auv_torchrl.agents.losses import make_loss
+from auv_torchrl.agents.updater import Updater
+
+OBSERVATIONS, ACTIONS, STORED = 15, 4, 100_000
+
+
+def ours(kind: str, hidden: int, batch: int) -> Callable[[int], None]:
+    """Sample from a TorchRL replay buffer and update, ``kind`` "fused" or "stock"."""
+    loss = make_loss(kind, OBSERVATIONS, ACTIONS, (hidden, hidden), 0.97, -4.0, 0.1)
+    updater = Updater(loss, 1e-3, 1e-3, 0.01)
+    buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(STORED), batch_size=4 * batch)
+    buffer.extend(
+        TensorDict(
+            {
+                "observation": torch.randn(STORED, OBSERVATIONS),
+                "action": torch.rand(STORED, ACTIONS) * 2 - 1,
+                "next": {
+                    "observation": torch.randn(STORED, OBSERVATIONS),
+                    "reward": torch.randn(STORED, 1),
+                    "done": torch.zeros(STORED, 1, dtype=torch.bool),
+                    "terminated": torch.zeros(STORED, 1, dtype=torch.bool),
+                },
+            },
+            [STORED],
+        )
+    )
+
+    def update(count: int) -> None:
+        for _ in range(count // 4):
+            for part in buffer.sample().split(batch):
+                updater.step(part)
+
+    return update
+
+
+def stable_baselines(hidden: int, batch: int) -> Callable[[int], None]:
+    """The same with stable-baselines3's SAC, its replay buffer included."""
+    import gymnasium
+    import numpy as np
+    from stable_baselines3 import SAC  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.logger import configure  # pyright: ignore[reportMissingImports]
+
+    class Spaces(gymnasium.Env):
+        observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (OBSERVATIONS,), np.float32)
+        action_space = gymnasium.spaces.Box(-1, 1, (ACTIONS,), np.float32)
+
+    policy = {"net_arch": [hidden, hidden]}
+    model = SAC("MlpPolicy", Spaces(), learning_rate=1e-3, batch_size=batch, policy_kwargs=policy, device="cpu")
+    model.set_logger(configure(None, []))
+    rng = np.random.default_rng(0)
+    for _ in range(10_000):
+        observation, following = rng.normal(size=(2, 1, OBSERVATIONS)).astype(np.float32)
+        action = rng.uniform(-1, 1, (1, ACTIONS)).astype(np.float32)
+        model.replay_buffer.add(observation, following, action, rng.normal(size=1), np.zeros(1), [{}])
+    return lambda count: model.train(gradient_steps=count, batch_size=batch)
+
+
+def rate(update: Callable[[int], None], updates: int, rounds: int = 3) -> float:
+    """Best of several rounds, in updates per CPU second: the machine may be shared."""
+    update(updates // 4)
+    seconds = []
+    for _ in range(rounds):
+        start = time.process_time()
+        update(updates)
+        seconds.append(time.process_time() - start)
+    return updates / min(seconds)
+
+
+def measure(hidden: int = 64, batch: int = 256, updates: int = 400) -> dict[str, float]:
+    """Updates per CPU second of each; without stable-baselines3 where it is not installed."""
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+    rates = {f"ours, {kind}": rate(ours(kind, hidden, batch), updates) for kind in ("fused", "stock")}
+    try:
+        rates["stable-baselines3"] = rate(stable_baselines(hidden, batch), updates)
+    except ModuleNotFoundError:
+        print("stable-baselines3 is not installed: pip install 'auv-torchrl[bench]'\n")
+    return rates
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--hidden", type=int, default=64)
+    parser.add_argument("--batch", type=int, default=256)
+    parser.add_argument("--updates", type=int, default=400)
+    options = parser.parse_args()
+    rates = measure(options.hidden, options.batch, options.updates)
+    reference = rates.get("stable-baselines3", float("nan"))
+    print(f"Updates per CPU second on one thread, networks 2 x {options.hidden}, batch {options.batch}.\n")
+    print("| method | updates/s | times stable-baselines3 |\n|---|---|---|")
+    for name, value in rates.items():
+        print(f"| {name} | {value:.0f} | {value / reference:.2f} |")
