@@ -25,31 +25,9 @@ from auv_torchrl.scenario import read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
+from tests.own_effect import FOULING
 
 PAPER = config_path("vehicle", "paper").read_text()
-FOULING = """
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
-
-
-def _fouling(vehicle, factor):
-    return changed(
-        vehicle,
-        linear_drag=factor[..., None, None] * vehicle.linear_drag,
-        quadratic_drag=factor[..., None] * vehicle.quadratic_drag,
-    )
-
-
-fouling = Effect(
-    name="fouling",
-    origin=Origin.FLOW,
-    meaning="all drag times one factor: growth on the hull",
-    source="Schultz 2007, resistance of fouled hulls",
-    parameters=(Parameter("factor", "1", 1.0, 0.5, 5.0, "drag is {value:.2f} times the nominal one"),),
-    change=_fouling,
-)
-
-EFFECTS = (fouling,)
-"""
 
 
 def write(path, text):

@@ -17,6 +17,7 @@ import pytest
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import CONF, EXAMPLE_LOG, PROJECT, config_path
 from tests.experiment.conftest import TINY
+from tests.own_effect import FOULING
 
 FEW = f"diagnosis.ignored=[{','.join(name for name in EFFECTS if name not in ('thruster_gain', 'linear_drag'))}]"
 ADDED = {"hydra-joblib-launcher", "tensorboard"}  # read by Hydra, and by torch, by name
@@ -129,29 +130,14 @@ def test_the_installed_commands_sweep_in_processes_over_files_of_ones_own(run, t
     """Jobs of a sweep find conf/, a vehicle file and an effect of one's own, in auv-diagnose and in auv-train."""
     (tmp_path / "mine.yaml").write_text(config_path("vehicle", "paper").read_text().replace("12.0 ", "12.1 "))
     (tmp_path / "lab" / "effects").mkdir(parents=True)
-    (tmp_path / "lab" / "effects" / "leak.py").write_text(LEAK)
+    (tmp_path / "lab" / "effects" / "growth.py").write_text(FOULING)
     rows = EXAMPLE_LOG.read_text().splitlines(keepends=True)
     (tmp_path / "short.csv").write_text("".join(rows[: len(rows) // 3]))
     parallel = ("-m", "--config-dir", "lab", "hydra/launcher=joblib")
     run("auv-diagnose", *parallel, "log=short.csv", "vehicle=mine.yaml", FEW, "output=diagnosed")
     diagnosis = json.loads((tmp_path / "diagnosed" / "0" / "diagnosis.json").read_text())
     assert [effect["name"] for effect in diagnosis["effects"]] == ["thruster_gain"]
-    assert "leak" in {candidate["name"] for candidate in diagnosis["candidates"]}
-    run("auv-train", *parallel, *TINY, "vehicle=mine.yaml", "+randomization.leak.water=[0.0,1.0]", "output=trained")
+    assert "fouling" in {candidate["name"] for candidate in diagnosis["candidates"]}
+    run("auv-train", *parallel, *TINY, "vehicle=mine.yaml", "+randomization.fouling.factor=[1.0,2.0]", "output=trained")
     assert (tmp_path / "trained" / "0" / "results.json").is_file()
     assert "mass: 12.1" in (tmp_path / "trained" / "0" / "config.yaml").read_text()
-
-
-LEAK = """
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
-
-leak = Effect(
-    name="leak",
-    origin=Origin.BODY,
-    meaning="water in the hull, where the centre of mass is",
-    source="a drop of the hull's pressure",
-    parameters=(Parameter("water", "kg", 0.0, 0.0, 2.0, "there are {value:.2f} kg of water in the hull"),),
-    change=lambda vehicle, water: changed(vehicle, mass=vehicle.mass + water),
-)
-EFFECTS = (leak,)
-"""

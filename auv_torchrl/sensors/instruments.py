@@ -59,11 +59,11 @@ def sensor_of(channel: str) -> Sensor:
 def read(c: Coefficients, channels: tuple[str, ...], motion: Array) -> Array:
     """What sensors report (..., C) in ``channels``, of a motion (..., 12), without noise; angles are not wrapped."""
     xp = array_namespace(motion)
-    used = {sensor.name: sensor for sensor in map(sensor_of, channels)}
-    reports = {name: sensor.read(c, motion) for name, sensor in used.items()}
+    sensors = [sensor_of(channel) for channel in channels]
+    reports = {sensor.name: sensor.read(c, motion) for sensor in set(sensors)}
     columns = [
         reports[sensor.name][..., sensor.channels.index(channel)]
-        for channel, sensor in zip(channels, map(sensor_of, channels), strict=True)
+        for channel, sensor in zip(channels, sensors, strict=True)
     ]
     return xp.stack(tuple(xp.broadcast_arrays(*columns)), axis=-1)
 

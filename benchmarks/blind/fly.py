@@ -58,7 +58,7 @@ class Flight(NamedTuple):
     """What was recorded of one case; (episodes, T, ...)."""
 
     pose: np.ndarray  # as reported, noiseless
-    velocity: np.ndarray  # that fits it
+    velocity: np.ndarray  # of the body, noiseless
     measured: np.ndarray  # pose as logged
     measured_velocity: np.ndarray  # as logged
     commands: np.ndarray  # as sent
@@ -200,13 +200,15 @@ def _break(plant: Plant, rows: slice, draw: Draw) -> None:
 def _influence(draw: Draw, flight: Flight, vehicle: Vehicle) -> dict[str, float]:
     """How much each effect shows when all others are known."""
     base = loosened(vehicle, draw.slack) if draw.slack else vehicle
-    found = {}
+    flown, found = base, {}
+    for name, values in draw.values.items():
+        flown = get_effect(name).apply(flown, values)
     for left_out in (*draw.values, *([draw.case.outside] if draw.case.outside else [])):
         known = base
         for name, values in draw.values.items():
             if name != left_out:
                 known = get_effect(name).apply(known, values)
-        found[left_out] = influence(known, flight.pose, flight.velocity, flight.commands, CONTROL_DT)
+        found[left_out] = influence(known, flown, flight.pose, flight.velocity, flight.commands, CONTROL_DT)
     return found
 
 

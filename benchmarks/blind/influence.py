@@ -6,9 +6,11 @@ Effects are drawn again until they show clearly, so that "clear size" means the 
 import numpy as np
 
 from auv_torchrl.effects.effect import changed
+from auv_torchrl.flightlog import POSE
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare, rest_state
-from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, wrap_angle
+from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.physics.thrusters import thrust_after, thrust_target
+from auv_torchrl.sensors import Inverse, ages
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import Vehicle
 
@@ -19,42 +21,63 @@ ATTITUDE_NOISE = 0.004  # rad
 
 
 def influence(
-    vehicle: Vehicle, pose: np.ndarray, velocity: np.ndarray, commands: np.ndarray, control_dt: float
+    vehicle: Vehicle,
+    flown: Vehicle,
+    pose: np.ndarray,
+    velocity: np.ndarray,
+    commands: np.ndarray,
+    control_dt: float,
 ) -> float:
     """Root mean square error at 2 s of ``vehicle`` on noiseless logs, in the axis that shows it best.
 
     Args:
         vehicle: one vehicle with everything but the effect in question.
+        flown: the same with it.
         pose: (episodes, T, 6) as reported, noiseless.
-        velocity: (episodes, T, 6) that fits it.
+        velocity: (episodes, T, 6) of the body.
         commands: (episodes, T, n) sent.
         control_dt: seconds between samples.
     """
     ahead = round(HORIZON_S / control_dt)
-    bias = float(vehicle.heading_bias)
+    c, late = _sensors(vehicle)
     # A pose that is reported late looks, in prediction, like commands that arrive late.
-    late = float(vehicle.delay + vehicle.pose_delay)
-    memory = int(np.ceil(late / control_dt)) + 1
+    memory = int(np.ceil((float(vehicle.delay) + late) / control_dt)) + 1
     starts = np.arange(memory, pose.shape[1] - ahead, ahead)
 
     def pick(series: np.ndarray, shift: int = 0) -> np.ndarray:
         return series[:, starts + shift].reshape(-1, series.shape[2])
 
-    at, moving = pick(pose), pick(velocity)
+    sensors = Inverse.of(c, POSE)
+    motion = pick(np.concatenate((pose, _fitting(flown, pose, velocity, control_dt)), axis=2))
+    true = sensors.true_start(motion)
     past = np.stack([pick(commands, -1 - age) for age in range(memory)], axis=1)
-    flown = changed(vehicle, delay=vehicle.delay + vehicle.pose_delay, pose_delay=0 * vehicle.pose_delay)
-    c = prepare(flown.expand(len(at))).numpy()
-    quaternion = quaternion_from_euler(at[:, 3], at[:, 4], at[:, 5] - bias)
-    state = rest_state(at[:, :3], quaternion, _turned(moving, bias), commands.shape[2], memory)
+    believed = changed(vehicle, delay=vehicle.delay + late)
+    c = prepare(believed.expand(len(motion))).numpy()
     terms = ActiveTerms.of(c)
     time = np.tile(starts * control_dt, len(pose))
+    state = rest_state(true[:, :3], true[:, 3:7], true[:, 7:], commands.shape[2], memory)
     state = state._replace(commands=past, thrust=_thrust_at(c, terms, commands, starts, control_dt), time=time)
     sent = np.stack([pick(commands, step) for step in range(ahead)], axis=1)
-    end = simulate(flown, sent, control_dt * np.arange(ahead + 1), state).states[:, -1]
-    reached = pick(pose, ahead)
-    turn = wrap_angle(euler_angles(end[:, 3:7])[2] + bias - reached[:, 5])
-    error = np.column_stack(((end[:, :3] - reached[:, :3]) / POSITION_NOISE, turn / ATTITUDE_NOISE))
-    return float(np.sqrt((error**2).mean(axis=0)).max())
+    end = simulate(believed, sent, control_dt * np.arange(ahead + 1), state).states[:, -1]
+    error = sensors.reported_start(end)[:, :6] - pick(pose, ahead)
+    scaled = np.column_stack((error[:, :3] / POSITION_NOISE, wrap_angle(error[:, 5]) / ATTITUDE_NOISE))
+    return float(np.sqrt((scaled**2).mean(axis=0)).max())
+
+
+def _sensors(vehicle: Vehicle) -> tuple[Coefficients, float]:
+    """Coefficients (1,) of a vehicle, and by how many seconds its poses are late."""
+    c = prepare(vehicle.expand(1)).numpy()
+    return c, float(ages(c, POSE).max())
+
+
+def _fitting(flown: Vehicle, pose: np.ndarray, velocity: np.ndarray, control_dt: float) -> np.ndarray:
+    """The velocity (episodes, T, 6) that the reported poses change by, of what the body does."""
+    c, late = _sensors(flown)
+    sensors = Inverse.of(c, POSE)
+    attitude = sensors.true_start(np.concatenate((pose, 0 * velocity), axis=2))[..., 3:7]
+    time = control_dt * np.arange(pose.shape[1])
+    then = np.stack([[np.interp(time - late, time, number) for number in episode.T] for episode in velocity])
+    return sensors.reported_state(np.concatenate((pose[..., :3], attitude, then.swapaxes(1, 2)), axis=2))[..., 7:]
 
 
 def _thrust_at(
@@ -73,12 +96,3 @@ def _thrust_at(
                 one, terms, thrust, thrust_target(one, terms, commands[:, step - lagging]), control_dt
             )
     return np.stack(series, axis=1)[:, starts].reshape(-1, commands.shape[2])
-
-
-def _turned(velocity: np.ndarray, angle: float) -> np.ndarray:
-    """Body velocities (rows, 6) seen from a body that is turned back by ``angle`` about z."""
-    turned = velocity.copy()
-    cos, sin = np.cos(angle), np.sin(angle)
-    turned[:, 0] = cos * velocity[:, 0] - sin * velocity[:, 1]
-    turned[:, 1] = sin * velocity[:, 0] + cos * velocity[:, 1]
-    return turned

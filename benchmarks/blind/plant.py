@@ -20,10 +20,10 @@ class Influences(NamedTuple):
 
 
 class Reported(NamedTuple):
-    """What noiseless sensors report; the velocity is the one that fits the reported pose."""
+    """What noiseless sensors report: the pose late, turned and scaled as it may be, the body's velocity at once."""
 
     pose: np.ndarray  # (rows, 6) x, y, z in m, roll, pitch, yaw in rad
-    velocity: np.ndarray  # (rows, 6) body frame of the reported attitude, m/s and rad/s
+    velocity: np.ndarray  # (rows, 6) body frame, m/s and rad/s
 
 
 class Slack(NamedTuple):

@@ -7,11 +7,12 @@ import pytest
 
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.simulator import record
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
 from benchmarks.blind.cases import FAMILIES, ONE_CAN_HIDE_THE_OTHER, Case, count_by_family, draw_cases
-from benchmarks.blind.fly import fly
+from benchmarks.blind.fly import SealedPlant, fly
 from benchmarks.blind.foreign import ForeignPlant
-from benchmarks.blind.influence import CLEAR_AT
+from benchmarks.blind.influence import CLEAR_AT, influence
 from benchmarks.blind.mujoco_plant import MujocoPlant
 from benchmarks.blind.outside import OUTSIDE, Outside
 from benchmarks.blind.plant import Influences, Slack
@@ -128,6 +129,33 @@ def test_every_effect_outside_the_library_acts(name):
     case = Case(1, "outside", outside=name, plant="foreign", episodes=2, episode_s=12.0)
     ((_, label),) = fly([case], VEHICLE, seed=0)
     assert label["influence"][name] >= CLEAR_AT
+
+
+@pytest.mark.parametrize(("late", "turned", "scaled"), [(0.13, 0.0, 1.0), (0.0, 0.3, 1.3), (0.13, 0.3, 1.3)])
+@pytest.mark.parametrize("plant", [MujocoPlant, ForeignPlant])
+def test_what_is_wholly_known_has_no_influence(late, turned, scaled, plant):
+    """Sensors that are late, turned and scaled together are followed where all of it is known, within the noise."""
+    effects = {
+        "pose_delay": {"delay": late},
+        "heading_bias": {"angle": turned},
+        "position_scale": {"factor": scaled},
+        "thruster_gain": {"gain_2": 0.5},
+    }
+    flown = VEHICLE
+    for name, values in effects.items():
+        flown = get_effect(name).apply(flown, values)
+    swimming = plant(1, CONTROL_DT) if plant is ForeignPlant else plant(VEHICLE, 1, CONTROL_DT)
+    for name, values in effects.items():
+        swimming.change(slice(0, 1), name, values)
+    swimming.reset(np.zeros((1, 3)), np.ones(1), np.zeros((1, 4)))
+    mixer = VEHICLE.mixer[:, list(CONTROLLED_INDEX)].numpy()
+
+    def command(time, measured):
+        return 0.3 * np.sin(np.array([[0.9, 1.3, 0.7, 1.1]]) * time) @ mixer.T
+
+    pose, velocity, _, sent = record(SealedPlant(swimming, []), command, 240, CONTROL_DT)
+    assert influence(flown, flown, pose, velocity, sent, CONTROL_DT) < 1.0
+    assert influence(VEHICLE, flown, pose, velocity, sent, CONTROL_DT) > CLEAR_AT
 
 
 def test_a_case_depends_on_its_number_and_the_seed_alone():
