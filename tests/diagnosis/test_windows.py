@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from auv_torchrl.diagnosis.motion.rollout import LEAST_STEP, actuate
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.vehicle import load_vehicle
 
 
 def _log(t: np.ndarray, commands: np.ndarray) -> FlightLog:
@@ -47,3 +49,17 @@ def test_a_log_without_a_window_says_what_is_needed():
     t = 0.05 * np.arange(20)
     with pytest.raises(ValueError, match="longer log"):
         cut_windows(_log(t, np.zeros((20, 2))), 2.0, 0.5)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.sampled_from(["paper", "bluerov2", "bluerov2_heavy"]), st.floats(0.0, 6.0))
+def test_speeds_that_no_vehicle_has_do_not_make_a_rollout_endless(name, decades):
+    """However fast a log says that a vehicle is, a grid step takes a bounded number of steps, and a slow one few."""
+    vehicle = load_vehicle(name)
+    t = 0.05 * np.arange(200)
+    log = _log(t, np.zeros((len(t), vehicle.thrusters)))
+    log.episodes[0].pose[:, 0] = 0.1 * 10**decades * t
+    windows = cut_windows(log, 2.0, 0.5)
+    substeps = actuate(windows, vehicle.expand(1)).substeps
+    assert 1 <= substeps <= np.ceil(windows.dt / LEAST_STEP)
+    assert decades > 1 or substeps <= 2

@@ -17,6 +17,7 @@ from auv_torchrl.sensors import Inverse, ages, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
+LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
 LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
 
 
@@ -104,7 +105,8 @@ def _substeps(windows: Windows, c: Coefficients) -> int:
     speed = np.quantile(np.abs(windows.guess[:, 6:]), 0.99, axis=0)
     linear = np.diagonal(c.linear_drag, axis1=-2, axis2=-1)
     rate = (linear + 2 * c.quadratic_drag * speed) * np.diagonal(c.mass_inverse, axis1=-2, axis2=-1)
-    return max(1, int(np.ceil(windows.dt * rate.max() / 1.6)))
+    most = int(np.ceil(windows.dt / LEAST_STEP))
+    return int(np.clip(np.ceil(windows.dt * rate.max() / 1.6), 1, most))
 
 
 def _chunks(windows: int, rows: int) -> Iterator[slice]:
