@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.which.hypotheses import apply_values
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.scenario import Change, Scenario
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import Vehicle
 
@@ -45,18 +46,19 @@ def fly(
     noise: tuple[float, float] = (0.002, 0.004),
     push: Callable[[np.ndarray, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]] | None = None,
     axes: tuple[str, ...] = AXES,
+    onset_s: float = 0.0,
 ) -> FlightLog:
-    """Fly ``vehicle`` changed by ``values`` and log it.
+    """Fly ``vehicle``, changed by ``values`` from ``onset_s`` on, and log it.
 
     ``push(commands, position, velocity, t)`` returns the commands that the thrusters get and a world force, for what
     no effect describes.
     """
     rng = np.random.default_rng(seed)
-    flown = apply_values(vehicle, values)
+    scenario = Scenario("flown", tuple(Change(n, e, values[n], onset_s) for n, e in EFFECTS.items() if n in values))
     steps = round(seconds / DT)
     position = rng.uniform(-1, 1, (episodes, 3))
     yaw = rng.uniform(-np.pi, np.pi, episodes)
-    simulator = PlainSimulator(flown.expand(episodes), DT)
+    simulator = PlainSimulator(vehicle.expand(episodes), DT, scenario)
     simulator.resume(at_rest(position, yaw, vehicle.thrusters))
     pilot = Pilot(vehicle, _waves(rng, steps, episodes))
     jitter = rng.standard_normal((steps, episodes, 6)) * np.repeat(noise, 3)
