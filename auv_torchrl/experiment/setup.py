@@ -73,8 +73,9 @@ class Experiment:
         Episodes are as long as in training unless ``episode_s`` says otherwise.
         """
         exam = replace(self.exam, thruster_commands=thruster_commands, episode_s=episode_s or self.exam.episode_s)
-        options: dict[str, Any] = {"device": self.device} if self.backend == "torch" else {}
-        return make_fleet(self.backend, self.vehicle, exam, count, scenario=scenario, seed=self.seed, **options)
+        return make_fleet(
+            self.backend, self.vehicle, exam, count, scenario=scenario, seed=self.seed, device=self.device
+        )
 
 
 def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
@@ -91,7 +92,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
             f"task.episode_s is {task.episode_s:g}: errors are averaged from {STEADY_FROM_S:g} s: give more"
         )
     exam = task.for_evaluation(config.box_m)
-    _check_device(config.device, config.backend.name)
+    _check_device(config.device)
     randomization = _plain(config.randomization)
     read_ranges(vehicle, randomization)
     if Path(config.policies).is_file():
@@ -148,14 +149,12 @@ def _check_closing(diagnosed: Diagnosed | None, diagnose: bool, scenario: Scenar
         raise ValueError("diagnose=true flies a simulated target: give +scenario=..., or diagnosis=... of a real one")
 
 
-def _check_device(device: str, backend: str) -> None:
-    available = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
-    if device not in available and not (device == "cuda" and len(available) > 1):
+def _check_device(device: str) -> None:
+    available, other = ["cpu"], torch.accelerator.current_accelerator(check_available=True)
+    if other is not None:
+        available += [other.type, *(f"{other.type}:{i}" for i in range(torch.accelerator.device_count()))]
+    if device not in available:
         raise ValueError(f"device is {device!r}: there are {', '.join(available)}")
-    if backend != "torch" and device != "cpu":
-        raise ValueError(
-            f"device is {device!r}: the {backend} backend runs on the CPU: give backend=torch or device=cpu"
-        )
 
 
 def scenario_name(choices: Mapping[str, Any], overrides: Sequence[str]) -> str:
