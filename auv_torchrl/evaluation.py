@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import asdict, dataclass
 from typing import Any, Self, cast
 
 import torch
 from tensordict import TensorClass, TensorDict, TensorDictBase
-from torch import Tensor
+from torch import Tensor, nn
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
@@ -85,16 +86,22 @@ def fly(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> Fligh
 def roll_out(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> Any:
     """Everything that the fleet reports over ``steps`` control steps, batch (N, T), without exploration.
 
+    The flight takes place on the fleet's device, to which a policy that lies elsewhere is copied; what comes back is on
+    the CPU, where flights are looked at.
+
     Raises:
         ValueError: if the fleet has another size than there are starts.
     """
     if fleet.batch_size != starts.batch_size:
         raise ValueError(f"fly: the fleet has batch {tuple(fleet.batch_size)}, the starts {tuple(starts.batch_size)}")
+    if isinstance(policy, nn.Module) and any(weight.device != fleet.device for weight in policy.parameters()):
+        policy = deepcopy(policy).to(fleet.device)
     first = fleet.reset(TensorDict({"start": starts}, batch_size=starts.batch_size), set_state=True)
     with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
-        return fleet.rollout(
+        flown = fleet.rollout(
             steps, policy, auto_reset=False, break_when_any_done=False, tensordict=first, return_contiguous=True
         )
+    return flown.cpu()
 
 
 def flight_of(rollout: Any) -> Flight:

@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from auv_torchrl.agents.storage import write_whole
+from auv_torchrl.files import write_whole
 
 log = logging.getLogger(__name__)
 

@@ -57,7 +57,7 @@ def fine_tune(
     Kept and found again as in :func:`auv_torchrl.agents.train_source.train_source`, whose exceptions it shares.
 
     Args:
-        policy: where to start.
+        policy: where to start; the training runs on its device.
         ground: what to train on.
         task: of the fleets below the adapter.
         agent: settings of the training that ``policy`` came from; length and learning rate are those of ``tuning``.
@@ -73,8 +73,9 @@ def fine_tune(
         random_frames=0,
         alpha_init=max(policy.metadata["curve"][-1]["alpha"], 1e-4),
     )
+    device = next(policy.module.parameters()).device
     ingredients = {
-        **describe(ground.base, task, agent, ground.ranges, seed, backend),
+        **describe(ground.base, task, agent, ground.ranges, seed, backend, device),
         "from": policy.metadata["hash"],
         "tuning": asdict(tuning),
         "chosen_on": {name: value.tolist() for name, value in ground.vehicle.items()},
@@ -82,16 +83,16 @@ def fine_tune(
     }
 
     def training_fleet(fleet_seed: int) -> EnvBase:
-        fleet = make_fleet(backend, ground.base, task, agent.num_envs, seed=fleet_seed)
+        fleet = make_fleet(backend, ground.base, task, agent.num_envs, seed=fleet_seed, device=device)
         drawn = RandomizeVehicle(ground.base, ground.ranges, seed=fleet_seed)
         return TransformedEnv(fleet, drawn).append_transform(ground.adapter())
 
     def trainer(training: Path, key: str) -> Trainer:
         examiner = make_examiner(
-            ground.vehicle, task, agent, backend, lambda fleet: TransformedEnv(fleet, ground.adapter())
+            ground.vehicle, task, agent, backend, lambda fleet: TransformedEnv(fleet, ground.adapter()), device
         )
         made = Trainer(training_fleet, examiner, agent, seed, training, key)
         made.start_from(policy.module, tuning.critic_frames)
         return made
 
-    return kept_or_trained(ingredients, trainer, folder)
+    return kept_or_trained(ingredients, trainer, folder, device)

@@ -9,7 +9,7 @@ from tensordict.nn import NormalParamExtractor, dispatch
 from torch import Tensor
 from torchrl.objectives import SACLoss, ValueEstimators
 
-from auv_torchrl.agents.networks import Layers, make_actor, make_critic, perceptron, sample_tanh_normal
+from auv_torchrl.agents.networks import Device, Layers, make_actor, make_critic, perceptron, sample_tanh_normal
 
 
 class FusedSACLoss(SACLoss):
@@ -102,11 +102,12 @@ def make_loss(
     gamma: float,
     target_entropy: float,
     alpha_init: float,
+    device: Device = "cpu",
 ) -> SACLoss:
     """Actor, twin critics and their targets in one loss module, ``"fused"`` or ``"stock"``."""
     loss = LOSSES[name](
-        actor_network=make_actor(observations, actions, hidden),
-        qvalue_network=make_critic(observations, actions, hidden),
+        actor_network=make_actor(observations, actions, hidden, device),
+        qvalue_network=make_critic(observations, actions, hidden, device),
         num_qvalue_nets=2,
         loss_function="l2",
         alpha_init=alpha_init,

@@ -13,12 +13,18 @@ ACTION_LIMIT = 1.0 - torch.finfo(torch.float32).resolution  # as TanhNormal with
 LOG_ROOT_TWO_PI = 0.9189385332046727  # log(sqrt(2 pi))
 LOG_TWO = 0.6931471805599453
 
+Device = torch.device | str
 Layers = Sequence[tuple[Tensor, Tensor]]
 
 
-def make_actor(observations: int, actions: int, hidden: Sequence[int]) -> ProbabilisticActor:
+def make_network(inputs: int, outputs: int, hidden: Sequence[int], device: Device) -> MLP:
+    """The perceptron that actor and critics are."""
+    return MLP(inputs, outputs, num_cells=list(hidden), activation_class=nn.ReLU, device=device)
+
+
+def make_actor(observations: int, actions: int, hidden: Sequence[int], device: Device = "cpu") -> ProbabilisticActor:
     """Tanh-normal actor: observation (..., observations) to loc, scale and action (..., actions) in (-1, 1)."""
-    network = MLP(in_features=observations, out_features=2 * actions, num_cells=list(hidden), activation_class=nn.ReLU)
+    network = make_network(observations, 2 * actions, hidden, device)
     return ProbabilisticActor(
         TensorDictModule(
             nn.Sequential(network, NormalParamExtractor()), in_keys=["observation"], out_keys=["loc", "scale"]
@@ -30,10 +36,9 @@ def make_actor(observations: int, actions: int, hidden: Sequence[int]) -> Probab
     )
 
 
-def make_critic(observations: int, actions: int, hidden: Sequence[int]) -> ValueOperator:
+def make_critic(observations: int, actions: int, hidden: Sequence[int], device: Device = "cpu") -> ValueOperator:
     """Q(s, a) of shape (..., 1); the loss makes and stacks as many copies as it needs."""
-    network = MLP(in_features=observations + actions, out_features=1, num_cells=list(hidden), activation_class=nn.ReLU)
-    return ValueOperator(network, in_keys=["observation", "action"])
+    return ValueOperator(make_network(observations + actions, 1, hidden, device), in_keys=["observation", "action"])
 
 
 class TanhPolicy(nn.Module):
@@ -42,12 +47,10 @@ class TanhPolicy(nn.Module):
     Takes 50 us at 64 rows, where going through ``TanhNormal`` takes 400 us.
     """
 
-    def __init__(self, observations: int, actions: int, hidden: Sequence[int]):
+    def __init__(self, observations: int, actions: int, hidden: Sequence[int], device: Device = "cpu"):
         super().__init__()
         self.actions = actions
-        self.network = MLP(
-            in_features=observations, out_features=2 * actions, num_cells=list(hidden), activation_class=nn.ReLU
-        )
+        self.network = make_network(observations, 2 * actions, hidden, device)
         self.extract = NormalParamExtractor()
 
     def forward(self, observation: Tensor) -> Tensor:
@@ -59,9 +62,10 @@ class TanhPolicy(nn.Module):
         return output[..., : self.actions].tanh()
 
 
-def make_policy(observations: int, actions: int, hidden: Sequence[int]) -> TensorDictModule:
+def make_policy(observations: int, actions: int, hidden: Sequence[int], device: Device = "cpu") -> TensorDictModule:
     """Observation -> action; deterministic outside ``set_exploration_type(RANDOM)``."""
-    return TensorDictModule(TanhPolicy(observations, actions, hidden), in_keys=["observation"], out_keys=["action"])
+    policy = TanhPolicy(observations, actions, hidden, device)
+    return TensorDictModule(policy, in_keys=["observation"], out_keys=["action"])
 
 
 def perceptron(layers: Layers, x: Tensor) -> Tensor:

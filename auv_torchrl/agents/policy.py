@@ -12,7 +12,8 @@ from safetensors.torch import load_file, save
 from tensordict.nn import TensorDictModule
 
 from auv_torchrl.agents.networks import make_policy
-from auv_torchrl.agents.storage import all_finite, digest, write_whole
+from auv_torchrl.agents.storage import all_finite, digest
+from auv_torchrl.files import write_whole
 
 TRAINING_VERSION = 1  # raise it when a change of the training makes old policies stale
 WEIGHTS, READABLE = "policy.safetensors", "policy.json"
@@ -50,7 +51,7 @@ def save_policy(policy: SourcePolicy, folder: Path, partial: Path | None = None)
     """
     if folder.exists():
         raise FileExistsError(f"policy folder {folder} exists: choose another or move it away")
-    weights = {name: tensor.contiguous() for name, tensor in policy.module.state_dict().items()}
+    weights = {name: tensor.cpu().contiguous() for name, tensor in policy.module.state_dict().items()}
     if not all_finite(weights):
         raise PolicyError("the policy has weights that are no finite numbers: it is not kept; train another one")
     partial = partial or folder.with_name(f"{folder.name}.partial-{os.getpid()}")

@@ -6,6 +6,8 @@ from typing import TypedDict
 import pandas as pd
 from tqdm import tqdm
 
+from auv_torchrl.files import write_whole
+
 
 class CurvePoint(TypedDict):
     """One row of the learning curve, written after every stretch."""
@@ -26,6 +28,8 @@ class CurvePoint(TypedDict):
 
 class Progress:
     """Reports a learning curve while it grows.
+
+    TorchRL's loggers only append: after a kill they would hold what was done since the checkpoint twice.
 
     Args:
         folder: where ``progress.csv`` and ``tensorboard/`` go.
@@ -58,9 +62,7 @@ class Progress:
             f"best {newest['best_m']:.4f} m, {newest['frames_per_s']:.0f} steps/s"
         )
         if self.csv:
-            partial = self.folder / "progress.csv.partial"
-            pd.DataFrame(curve).to_csv(partial, index=False)
-            partial.replace(self.folder / "progress.csv")
+            write_whole(self.folder / "progress.csv", pd.DataFrame(curve).to_csv(index=False).encode())
         if self.writer is not None:
             for name, value in newest.items():
                 if name != "frames":

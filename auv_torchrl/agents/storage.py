@@ -1,9 +1,8 @@
-"""Files of the policy store: written whole or not at all, and recognised when they are read again."""
+"""Files of the policy store: recognised when they are read again, and one line where there is no room for them."""
 
 import errno
 import hashlib
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +10,8 @@ from typing import Any
 
 import torch
 from torch import Tensor
+
+from auv_torchrl.files import write_whole as write_whole  # for the store of models
 
 _STORAGE = {  # what an operating system says of a folder that cannot hold files, rather than of a defect of ours
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOTDIR,
@@ -20,24 +21,6 @@ _STORAGE = {  # what an operating system says of a folder that cannot hold files
 
 class StorageError(ValueError):
     """The store cannot hold what was to be kept; the message says what to do."""
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that it holds either what it held or all of ``content``, whenever the process dies.
-
-    Raises:
-        OSError: if it cannot be written; what it held is left.
-    """
-    partial = path.with_name(f"{path.name}.partial")
-    try:
-        with partial.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)  # it takes the room that is missing
-        raise
 
 
 def digest(tensors: Mapping[str, Tensor], settings: Mapping[str, Any]) -> str:

@@ -1,10 +1,7 @@
 """Train the source policy u_s, or take it from the store if the same training was done before."""
 
-import errno
-import fcntl
 import logging
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,6 +16,7 @@ from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.storage import storing
 from auv_torchrl.agents.trainer import CHECKPOINT, Trainer
 from auv_torchrl.envs import RandomizeVehicle, make_fleet
+from auv_torchrl.files import locked
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
@@ -36,8 +34,9 @@ def train_source(
     backend: str,
     folder: Path,
     resume: Path | None = None,
+    device: torch.device | str = "cpu",
 ) -> SourcePolicy:
-    """The best policy of a training with these ingredients.
+    """The best policy of a training with these ingredients, on ``device``.
 
     A finished policy lies in ``folder/<hash>``, and is loaded from there instead of trained again. While it is
     trained, its checkpoint and learning curve lie in ``folder/<hash>.training``; if a run was killed, the next
@@ -53,6 +52,7 @@ def train_source(
         backend: "mujoco" or "torch".
         folder: the store, for example ``outputs/policies``.
         resume: a checkpoint to go on from instead of the one in the store.
+        device: of networks, transitions and fleets.
 
     Raises:
         CheckpointError: if the checkpoint is missing, damaged or of another training.
@@ -61,18 +61,19 @@ def train_source(
         Interrupted: after Ctrl-C, with the checkpoint written.
         Diverged: if a loss is no finite number.
     """
-    ingredients = describe(vehicle, task, agent_config, randomization, seed, backend)
+    ingredients = describe(vehicle, task, agent_config, randomization, seed, backend, device)
 
     def trainer(training: Path, key: str) -> Trainer:
-        return make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key)
+        return make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key, device)
 
-    return kept_or_trained(ingredients, trainer, folder, resume)
+    return kept_or_trained(ingredients, trainer, folder, device, resume)
 
 
 def kept_or_trained(
     ingredients: Mapping[str, Any],
     make: Callable[[Path, str], Trainer],
     folder: Path,
+    device: torch.device | str,
     resume: Path | None = None,
 ) -> SourcePolicy:
     """The policy of these ingredients from the store ``folder``, or trained now and put there.
@@ -81,6 +82,7 @@ def kept_or_trained(
         ingredients: everything that shapes the policy, as plain values.
         make: the trainer, from the folder of its checkpoint and the hash of the ingredients.
         folder: the store.
+        device: where the policy is to be, and is trained.
         resume: a checkpoint to go on from instead of the one in the store.
 
     Raises:
@@ -89,18 +91,21 @@ def kept_or_trained(
     key = fingerprint(ingredients)
     finished, training = folder / key, folder / f"{key}.training"
     left = f"the training so far is in {training}, if it had begun: the same command goes on from there"
-    with storing(folder, left), torch.random.fork_rng(devices=[]):
+    device = torch.device(device)
+    others = [] if device.type == "cpu" else [device]
+    with storing(folder, left), torch.random.fork_rng(others, device_type=device.type):
         if finished.exists():
-            return _taken(finished, key)  # without a lock: a store that is read alone may be read-only
+            return _taken(finished, key, device)  # without a lock: a store that is read alone may be read-only
         folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder / f"{key}.lock"):
+        with locked(folder / f"{key}.lock", "trains the same source policy"):
             if finished.exists():  # by the process that was waited for
-                return _taken(finished, key)
+                return _taken(finished, key, device)
             return _trained(ingredients, make, finished, training, key, resume)
 
 
-def _taken(finished: Path, key: str) -> SourcePolicy:
+def _taken(finished: Path, key: str, device: torch.device) -> SourcePolicy:
     policy = load_policy(finished, key)
+    policy.module.to(device)
     log.info("policy %s: taken from %s, trained before", key, finished)
     return policy
 
@@ -141,8 +146,10 @@ def describe(
     randomization: Mapping[str, Any] | None,
     seed: int,
     backend: str,
+    device: torch.device | str = "cpu",
 ) -> dict[str, Any]:
     """Everything that shapes a policy, as plain values."""
+    kind = torch.device(device).type  # draws and rounds as others do not
     agent = {name: value for name, value in asdict(agent_config).items() if name not in REPORTING}
     return {
         "vehicle": {name: value.tolist() for name, value in vehicle.items()},
@@ -151,6 +158,7 @@ def describe(
         "randomization": dict(randomization or {}),
         "seed": seed,
         "backend": backend,
+        **({} if kind == "cpu" else {"device": kind}),  # none for the CPU: so policies kept before are found
     }
 
 
@@ -163,16 +171,17 @@ def make_trainer(
     backend: str,
     folder: Path,
     key: str,
+    device: torch.device | str = "cpu",
 ) -> Trainer:
     """The trainer with its randomized training fleet and its examiner."""
 
     def training_fleet(fleet_seed: int) -> EnvBase:
-        fleet = make_fleet(backend, vehicle, task, agent_config.num_envs, seed=fleet_seed)
+        fleet = make_fleet(backend, vehicle, task, agent_config.num_envs, seed=fleet_seed, device=device)
         if not randomization:
             return fleet
         return TransformedEnv(fleet, RandomizeVehicle(vehicle, randomization, seed=fleet_seed))
 
-    examiner = make_examiner(vehicle, task, agent_config, backend)
+    examiner = make_examiner(vehicle, task, agent_config, backend, device=device)
     return Trainer(training_fleet, examiner, agent_config, seed, folder, key)
 
 
@@ -182,6 +191,7 @@ def make_examiner(
     agent_config: AgentConfig,
     backend: str,
     around: Callable[[EnvBase], EnvBase] = lambda fleet: fleet,
+    device: torch.device | str = "cpu",
 ) -> Examiner:
     """The vehicle, with ``around`` put around its fleet, from the starts by which the best policy is chosen."""
     exam = task.for_evaluation(agent_config.evaluation_box_m)
@@ -190,27 +200,5 @@ def make_examiner(
     starts = TensorDict(
         {"position": position, "quaternion": quaternion, "velocity": velocity}, batch_size=[count]
     ).float()
-    fleet = around(make_fleet(backend, vehicle, exam, count, seed=0))
+    fleet = around(make_fleet(backend, vehicle, exam, count, seed=0, device=device))
     return Examiner(fleet, starts, exam.steps, exam.control_dt)
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Hold an exclusive lock that the system releases when the process ends, however it ends.
-
-    Where nobody may write, nothing has to be locked: who only reads goes on, who writes is told.
-    """
-    try:
-        opened = path.open("w")
-    except OSError as error:
-        if error.errno not in (errno.EACCES, errno.EROFS):
-            raise
-        yield
-        return
-    with opened as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            log.info("another process trains the same source policy: waiting for it")
-            fcntl.flock(file, fcntl.LOCK_EX)
-        yield

@@ -15,6 +15,7 @@ import torch
 from tensordict import TensorDict
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
@@ -45,7 +46,7 @@ class Diverged(FloatingPointError):
 
 
 class Trainer:
-    """Soft actor-critic on a fleet.
+    """Soft actor-critic on a fleet, on the device that the fleet is on.
 
     Args:
         make_fleet: the training fleet for a seed, randomization included.
@@ -70,24 +71,26 @@ class Trainer:
         self.make_fleet = make_fleet
         torch.manual_seed(seed)
         fleet = make_fleet(seed)
+        assert fleet.device is not None
+        self.device = fleet.device
+        self._generator = None if self.device.type == "cpu" else torch.get_device_module(self.device)
         observations, actions = fleet.observation_spec["observation"].shape[-1], fleet.action_spec.shape[-1]
         self.network = {"observations": observations, "actions": actions, "hidden": list(config.hidden)}
         loss = make_loss(
             config.loss, **self.network, gamma=config.gamma,
             target_entropy=config.target_entropy, alpha_init=config.alpha_init,
+            device=self.device,
         )  # fmt: skip
         self.updater = Updater(loss, config.learning_rate, config.alpha_learning_rate, config.tau)
-        self.exploring = make_policy(**self.network)  # shares the actor's weights
-        self.averaged = make_policy(**self.network)
-        self.best = make_policy(**self.network)
+        self.exploring, self.averaged, self.best = (make_policy(**self.network, device=self.device) for _ in range(3))
         self._actor = [p.data for p in leaves(loss, "actor_network_params")]
-        for shared, parameter in zip(self.exploring.parameters(), self._actor, strict=True):
-            shared.data = parameter
         self._average = [p.data for p in self.averaged.parameters()]
-        for average, parameter in zip(self._average, self._actor, strict=True):
-            average.copy_(parameter)
+        for shared, average, weight in zip(self.exploring.parameters(), self._average, self._actor, strict=True):
+            shared.data = weight  # what explores is the actor itself
+            average.copy_(weight)
+        self._move_average = get_ema_multi_avg_fn(config.average)  # AveragedModel sorts all weights anew at every step
         self.buffer = TensorDictReplayBuffer(
-            storage=LazyTensorStorage(config.buffer_size),
+            storage=LazyTensorStorage(config.buffer_size, device=self.device),
             batch_size=config.batch_size * config.updates_per_step * config.steps_per_batch,
         )
         self.curve: list[CurvePoint] = []
@@ -214,7 +217,7 @@ class Trainer:
         moves = self.frames > self.critic_frames
         for batch in self.buffer.sample().split(config.batch_size):
             losses.append(self.updater.step(batch, moves))
-            torch._foreach_lerp_(self._average, self._actor, 1 - config.average)  # pyright: ignore[reportPrivateImportUsage]
+            self._move_average(self._average, self._actor, 0)
         return {key: torch.stack([loss[key].detach() for loss in losses]).mean() for key in LOSS_KEYS}
 
     def save(self) -> None:
@@ -248,6 +251,7 @@ class Trainer:
             "transitions": {key: value for key, value in stored.items() if key != "index"},
             "cursor": self.buffer.writer.state_dict(),
             "random": torch.get_rng_state(),
+            "random_on_device": None if self._generator is None else self._generator.get_rng_state(self.device),
             "curve": self.curve,
             "stretch": self.stretch,
             "frames": self.frames,
@@ -259,10 +263,12 @@ class Trainer:
         self.averaged.load_state_dict(state["averaged"])
         self.best.load_state_dict(state["best"])
         if state["transitions"]:
-            transitions = TensorDict(state["transitions"]).auto_batch_size_(1).unflatten_keys(".")
+            transitions = TensorDict(state["transitions"], device=self.device).auto_batch_size_(1).unflatten_keys(".")
             self.buffer.empty()
             self.buffer.extend(transitions)
         self.buffer.writer.load_state_dict(state["cursor"])
         torch.set_rng_state(state["random"])
+        if self._generator is not None:
+            self._generator.set_rng_state(state["random_on_device"], self.device)
         self.curve = list(state["curve"])
         self.stretch, self.frames = state["stretch"], state["frames"]

@@ -5,7 +5,6 @@ process that works in a folder holds the lock on ``.lock`` in it, which the syst
 """
 
 import errno
-import fcntl
 import json
 import platform
 from collections.abc import Mapping
@@ -13,14 +12,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
+from filelock import FileLock, Timeout
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from auv_torchrl import __version__
 from auv_torchrl.command.errors import BadInput
+from auv_torchrl.files import write_whole
 
 RUN, CONFIG, LOCK = "run.json", "config.yaml", ".lock"
 RECORDED_PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "numpy", "rerun-sdk")
@@ -35,7 +36,7 @@ _NOT_OURS_TO_FIX = {
 class _Held:
     """A folder that this process works in."""
 
-    lock: TextIO
+    lock: FileLock
     goes_on: bool
 
 
@@ -203,32 +204,24 @@ def _read(folder: Path) -> dict[str, Any] | None:
 
 
 def _write(path: Path, text: str) -> None:
-    """All or nothing; names of files that are no UTF-8 keep their bytes."""
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_text(text, encoding="utf-8", errors="surrogateescape")
-        partial.replace(path)
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise
+    write_whole(path, text.encode("utf-8", "surrogateescape"))  # names of files that are no UTF-8 keep their bytes
 
 
-def _lock(folder: Path) -> TextIO:
-    file = (folder / LOCK).open("w")
+def _lock(folder: Path) -> FileLock:
+    lock = FileLock(folder / LOCK, thread_local=False)
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        file.close()
+        lock.acquire(blocking=False)
+    except Timeout as error:
         raise BadInput(
             f"the output folder {folder} is already used by a run that is still going: wait for it, or give another "
             "one with output=DIR"
         ) from error
-    return file
+    return lock
 
 
-def _unlock(folder: Path, lock: TextIO) -> None:
+def _unlock(folder: Path, lock: FileLock) -> None:
     (folder / LOCK).unlink(missing_ok=True)
-    lock.close()
+    lock.release()
 
 
 def _cannot_write(folder: Path, error: OSError) -> str:

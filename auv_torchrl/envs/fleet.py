@@ -38,10 +38,10 @@ class FleetEnv(EnvBase):
     :class:`Vehicle`, put there by a transform) replaces the vehicles. Both act only in the rows that are reset.
 
     Args:
-        simulator: of the N vehicles; its sensors take their noise from the fleet's seed.
+        simulator: of the N vehicles; its arrays say on which device the fleet's tensors are, and its sensors take
+            their noise from the fleet's seed. Starts and noise are drawn on the CPU, the same for every device.
         task: what is observed, rewarded and where episodes start.
         seed: of starts and sensor noise; None draws one.
-        device: of the tensors.
         dtype: of the true state; the observation and the reward are float32.
     """
 
@@ -52,10 +52,9 @@ class FleetEnv(EnvBase):
         simulator: Simulator,
         task: Task,
         seed: int | None = None,
-        device: torch.device | str = "cpu",
         dtype: torch.dtype = torch.float32,
     ) -> None:
-        super().__init__(device=torch.device(device), batch_size=torch.Size([simulator.count]))
+        super().__init__(device=simulator.arrays.device, batch_size=torch.Size([simulator.count]))
         self.simulator = simulator
         self.task = task
         self.num_envs = simulator.count
@@ -74,10 +73,6 @@ class FleetEnv(EnvBase):
     def vehicle(self) -> Vehicle:
         """The vehicles as they are now, batch [N], effects of the scenario included."""
         return self.simulator.vehicles
-
-    def delay_scenario(self, seconds: Tensor) -> None:
-        """See :meth:`Simulator.delay_scenario`."""
-        self.simulator.delay_scenario(seconds)
 
     def render(self, row: int = 0, size: tuple[int, int] = SIZE) -> np.ndarray:
         """The vehicle of a row, with its own thrusters, as an RGB image (height, width, 3), uint8."""

@@ -1,7 +1,10 @@
 """The fleet in MuJoCo: contacts, and MuJoCo's integrator."""
 
+import torch
+
 from auv_torchrl.envs.fleet import FleetEnv, vehicles_of
 from auv_torchrl.scenario import Scenario
+from auv_torchrl.simulator import NumpyArrays
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.simulator.mujoco_model import HULL
 from auv_torchrl.tasks import Task
@@ -17,6 +20,7 @@ class MujocoFleet(FleetEnv):
         num_envs: number of vehicles N.
         scenario: effects on top of each vehicle, by episode time; None for none.
         seed: of starts and sensor noise; None draws one.
+        device: of the tensors; MuJoCo itself runs on the CPU.
         walls: half sizes in m of a tank around the origin; None for open water.
 
     Raises:
@@ -31,6 +35,7 @@ class MujocoFleet(FleetEnv):
         num_envs: int,
         scenario: Scenario | None = None,
         seed: int | None = None,
+        device: torch.device | str = "cpu",
         walls: tuple[float, float, float] | None = None,
     ) -> None:
         farthest = task.farthest_start_m + max(HULL)
@@ -38,5 +43,6 @@ class MujocoFleet(FleetEnv):
             raise ValueError(
                 f"fleet: walls at {walls} m, starts reach {farthest:g} m: give farther walls or a smaller box"
             )
-        vehicles = vehicles_of(vehicle, num_envs)
-        super().__init__(MujocoSimulator(vehicles, task.control_dt, scenario, walls=walls), task, seed)
+        vehicles, arrays = vehicles_of(vehicle, num_envs), NumpyArrays(torch.device(device))
+        simulator = MujocoSimulator(vehicles, task.control_dt, scenario=scenario, arrays=arrays, walls=walls)
+        super().__init__(simulator, task, seed)

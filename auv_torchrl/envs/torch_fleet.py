@@ -38,5 +38,5 @@ class TorchFleet(FleetEnv):
         compiled: bool = False,
     ) -> None:
         vehicles, arrays = vehicles_of(vehicle, num_envs), TorchArrays(torch.device(device), dtype)
-        simulator = PlainSimulator(vehicles, task.control_dt, scenario, arrays=arrays, compiled=compiled)
-        super().__init__(simulator, task, seed, device, dtype)
+        simulator = PlainSimulator(vehicles, task.control_dt, scenario=scenario, arrays=arrays, compiled=compiled)
+        super().__init__(simulator, task, seed, dtype)

@@ -178,7 +178,7 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
     plan = schedule(experiment.scenario, experiment.vehicle, config, count, experiment.starts_seed, task.control_dt)
     adapter = OnlineAdapter(experiment.vehicle, task, experiment.online, count)
     fleet = experiment.fleet(count, plan.scenario, thruster_commands=True, episode_s=config.length_s)
-    fleet.delay_scenario(plan.delay_s)
+    fleet.simulator.delay_scenario(plan.delay_s)
     adapted = fly_online(TransformedEnv(fleet, adapter), policy, starts, task.steps)
     alone = _fly_alone(experiment, plan, policy, starts, task.steps)
     nexts = [change.at_s for change in plan.changes[1:]] + [None]
@@ -194,7 +194,7 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
 
 def _fly_alone(experiment: Experiment, plan: Schedule, policy: Policy, starts: TensorDict, steps: int) -> Flight:
     fleet = experiment.fleet(len(starts), plan.scenario, episode_s=experiment.flight.length_s)
-    fleet.delay_scenario(plan.delay_s)
+    fleet.simulator.delay_scenario(plan.delay_s)
     return fly(fleet, policy, starts, steps)
 
 

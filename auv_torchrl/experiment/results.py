@@ -11,6 +11,7 @@ from auv_torchrl.closing.command_share import command_sentence
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.experiment.console import readable
 from auv_torchrl.experiment.paper import TABLE_2
+from auv_torchrl.files import write_whole
 
 RESULTS = "results.json"
 COLUMNS = ("mean m", "std m", "p95 m", "worst m", "settling s", "settled", "heading rad")
@@ -64,9 +65,7 @@ class Results:
 
     def save(self, folder: Path) -> None:
         """Write ``results.json`` at once or not at all."""
-        partial = folder / f"{RESULTS}.partial"
-        partial.write_text(json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
-        partial.replace(folder / RESULTS)
+        write_whole(folder / RESULTS, (json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n").encode())
 
     def table(self) -> str:
         """Markdown: the paper's row beside ours, then what it took."""

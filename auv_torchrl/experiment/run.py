@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -125,14 +126,14 @@ def source_policy(experiment: Experiment) -> SourcePolicy:
     """Trained now, or kept from a run with the same ingredients."""
     return train_source(
         experiment.vehicle, experiment.task, experiment.agent, experiment.randomization, experiment.seed,
-        experiment.backend, experiment.policies,
+        experiment.backend, experiment.policies, device=experiment.device,
     )  # fmt: skip
 
 
 def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
     """F and R of the source vehicle, then seconds of flight of one target vehicle, then G and H."""
     lock = experiment.policies / "models.lock"  # jobs of a sweep wait instead of training too
-    with checking_input(), storing(experiment.policies), locked(lock):
+    with checking_input(), storing(experiment.policies), locked(lock, "learns the models"):
         models = load_or_pretrain(experiment.vehicle, experiment.task, experiment.policies)
     to_thrusters = experiment.adapter.map == "thrusters"
     seen_s = experiment.adapter.target_data_s
@@ -141,16 +142,18 @@ def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
             "   the vehicle changes at t = %g s, the map is fitted to the first %g s and kept: it cannot know",
             later[0], seen_s,
         )  # fmt: skip
-    return adapt(
+    adaptation = adapt(
         lambda count: experiment.fleet(count, experiment.scenario, to_thrusters),
         policy.module, models, experiment.adapter,
     )  # fmt: skip
+    adaptation.adapter.to("cpu")  # where it is looked at; each flight takes a copy to its fleet's device
+    return adaptation
 
 
 def fly_adapted(experiment: Experiment, policy: SourcePolicy, adaptation: Adaptation, composition: str) -> Flight:
     """The starts again with the fitted map, in its short or its long form."""
     fitted = adaptation.adapter
-    adapter = DDRAdapter(fitted.models, replace(fitted.config, composition=composition))
+    adapter = DDRAdapter(deepcopy(fitted.models), replace(fitted.config, composition=composition))
     adapter.load_state_dict(fitted.state_dict())
     to_thrusters = experiment.adapter.map == "thrusters"
     fleet = experiment.fleet(len(experiment.starts), experiment.scenario, to_thrusters)

@@ -1,12 +1,12 @@
 """From a composed config to checked objects, before anything is computed."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import torch
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
 from tensordict import TensorDict
 
@@ -22,7 +22,7 @@ from auv_torchrl.experiment.schedule import FlightConfig, schedule
 from auv_torchrl.experiment.schema import TrainSchema
 from auv_torchrl.online import OnlineConfig
 from auv_torchrl.scenario import Scenario, read_scenario
-from auv_torchrl.settings import check
+from auv_torchrl.settings import check, settings_of
 from auv_torchrl.tasks import Task, read_task
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
@@ -73,8 +73,9 @@ class Experiment:
         Episodes are as long as in training unless ``episode_s`` says otherwise.
         """
         exam = replace(self.exam, thruster_commands=thruster_commands, episode_s=episode_s or self.exam.episode_s)
-        options: dict[str, Any] = {"device": self.device} if self.backend == "torch" else {}
-        return make_fleet(self.backend, self.vehicle, exam, count, scenario=scenario, seed=self.seed, **options)
+        return make_fleet(
+            self.backend, self.vehicle, exam, count, scenario=scenario, seed=self.seed, device=self.device
+        )
 
 
 def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
@@ -91,7 +92,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
             f"task.episode_s is {task.episode_s:g}: errors are averaged from {STEADY_FROM_S:g} s: give more"
         )
     exam = task.for_evaluation(config.box_m)
-    _check_device(config.device, config.backend.name)
+    _check_device(config.device)
     randomization = _plain(config.randomization)
     read_ranges(vehicle, randomization)
     if Path(config.policies).is_file():
@@ -103,7 +104,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         diagnosed = read_diagnosed(Path(config.diagnosis_file), vehicle, vehicle_name)
         scenario = scenario if scenario.changes else diagnosed.scenario
     _check_closing(diagnosed, config.diagnose, scenario)
-    flight = FlightConfig(**_with_tuples(_plain(config.flight)))
+    flight = settings_of(FlightConfig, _plain(config.flight), "flight")
     if flight.fly and scenario.changes:
         schedule(scenario, vehicle, flight, config.starts, config.starts_seed, task.control_dt)
     return Experiment(
@@ -114,7 +115,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         exam=exam,
         starts=draw_starts(exam, config.starts, config.starts_seed),
         randomization=randomization,
-        agent=AgentConfig(**_with_tuples(_plain(config.agent))),
+        agent=settings_of(AgentConfig, _plain(config.agent), "agent"),
         adapter=AdapterConfig(**_plain(config.adapter)),
         online=OnlineConfig(**_plain(config.online)),
         flight=flight,
@@ -135,10 +136,6 @@ def _plain(node: Any) -> Any:
     return OmegaConf.to_container(node, resolve=True, throw_on_missing=True)
 
 
-def _with_tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in settings.items()}
-
-
 def _check_closing(diagnosed: Diagnosed | None, diagnose: bool, scenario: Scenario) -> None:
     if diagnosed is not None and diagnose:
         raise ValueError("diagnosis is given and diagnose=true would make another: give one of them")
@@ -148,14 +145,12 @@ def _check_closing(diagnosed: Diagnosed | None, diagnose: bool, scenario: Scenar
         raise ValueError("diagnose=true flies a simulated target: give +scenario=..., or diagnosis=... of a real one")
 
 
-def _check_device(device: str, backend: str) -> None:
-    available = ["cpu", *(f"cuda:{i}" for i in range(torch.cuda.device_count()))]
-    if device not in available and not (device == "cuda" and len(available) > 1):
+def _check_device(device: str) -> None:
+    available, other = ["cpu"], torch.accelerator.current_accelerator(check_available=True)
+    if other is not None:
+        available += [other.type, *(f"{other.type}:{i}" for i in range(torch.accelerator.device_count()))]
+    if device not in available:
         raise ValueError(f"device is {device!r}: there are {', '.join(available)}")
-    if backend != "torch" and device != "cpu":
-        raise ValueError(
-            f"device is {device!r}: the {backend} backend runs on the CPU: give backend=torch or device=cpu"
-        )
 
 
 def scenario_name(choices: Mapping[str, Any], overrides: Sequence[str]) -> str:
@@ -166,9 +161,10 @@ def scenario_name(choices: Mapping[str, Any], overrides: Sequence[str]) -> str:
         overrides: of the command line.
     """
     names = [choices["scenario"]] if choices.get("scenario") else []
-    for override in overrides:
-        if listed := re.fullmatch(r"\+scenario=\[(.*)\]", override):
-            names = [name.strip() for name in listed[1].split(",")]
-        if re.match(r"\+{0,2}scenario\.effects", override):
-            names = [*names, "custom"] if "custom" not in names else names
-    return "+".join(Path(name.strip("'\"")).name.removesuffix(".yaml") for name in names) or NOMINAL
+    for override in OverridesParser.create().parse_overrides(list(overrides)):
+        key, value = override.key_or_group, override.value()
+        if key == "scenario" and isinstance(value, list):
+            names = [str(name) for name in value]
+        if key.startswith("scenario.effects") and "custom" not in names:
+            names.append("custom")
+    return "+".join(Path(name).name.removesuffix(".yaml") for name in names) or NOMINAL

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import rerun as rr
 
+from auv_torchrl.files import write_whole
+
 
 def write_recording(memory: rr.MemoryRecording, path: Path) -> None:
     """Write what a stream recorded in memory.
@@ -13,10 +15,4 @@ def write_recording(memory: rr.MemoryRecording, path: Path) -> None:
     Raises:
         OSError: if it cannot be written; nothing is left of it then.
     """
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_bytes(memory.drain_as_bytes())
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise
-    partial.replace(path)
+    write_whole(path, memory.drain_as_bytes())

@@ -5,7 +5,7 @@ the vehicles, their state, the memory of commands and poses, the phases of the s
 """
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple, cast
+from typing import NamedTuple, TypedDict, cast
 
 import numpy as np
 import torch
@@ -38,6 +38,14 @@ class Report(NamedTuple):
         """Position in m, then roll, pitch and yaw in rad, (N, 6)."""
         xp = array_namespace(self.position)
         return xp.concat((self.position, xp.stack(euler_angles(self.quaternion), axis=-1)), axis=-1)
+
+
+class Options(TypedDict, total=False):
+    """What every simulator takes by name, and hands on to :class:`Simulator`, which explains it."""
+
+    scenario: Scenario | None
+    generator: torch.Generator | None
+    arrays: Arrays | None
 
 
 class Simulator(ABC):
@@ -130,7 +138,7 @@ class Simulator(ABC):
 
     def _follow_scenario(self) -> None:
         """Change the vehicles whose time has reached a switching time."""
-        time = self.arrays.tensor(self.state.time, torch.float64).cpu()
+        time = torch.as_tensor(self.state.time, dtype=torch.float64, device="cpu")  # phases are counted on the host
         elapsed = time + self.control_dt / 2 - self._scenario_delay
         phase = torch.bucketize(elapsed, torch.tensor(self._phase_starts[1:], dtype=torch.float64), right=True)
         changed = phase != self._phase

@@ -1,18 +1,16 @@
 """The simulator in MuJoCo: the same physics, with contacts and MuJoCo's integrator."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import mujoco
 import numpy as np
-import torch
 
 from auv_torchrl.physics import SUBSTEPS, ActiveTerms, Coefficients, State
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import cross, matvec, rotation_matrix
 from auv_torchrl.physics.step import push
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
-from auv_torchrl.scenario import Scenario
-from auv_torchrl.simulator.base import FASTEST, Simulator
+from auv_torchrl.simulator.base import FASTEST, Options, Simulator
 from auv_torchrl.simulator.mujoco_model import compiled, fleet_model
 from auv_torchrl.vehicle import Vehicle
 
@@ -27,10 +25,7 @@ class MujocoSimulator(Simulator):
     process: it is ours only while a simulator steps.
 
     Args:
-        vehicles: a batch of N, before the scenario acts.
-        control_dt: s, for which each command is held.
-        scenario: effects on top of each vehicle, by the time since it was placed; None for none.
-        generator: of the sensors' noise; None for sensors without noise.
+        vehicles, control_dt, options: of every :class:`Simulator`; MuJoCo works on numpy alone.
         walls: half sizes in m of a tank around the origin; None for open water.
     """
 
@@ -38,11 +33,11 @@ class MujocoSimulator(Simulator):
         self,
         vehicles: Vehicle,
         control_dt: float,
-        scenario: Scenario | None = None,
-        generator: torch.Generator | None = None,
+        *,
         walls: tuple[float, float, float] | None = None,
+        **options: Unpack[Options],
     ) -> None:
-        super().__init__(vehicles, control_dt, scenario, generator)
+        super().__init__(vehicles, control_dt, **options)
         self.physics = compiled(fleet_model(self._flown, self.count, control_dt, walls))
         self._model, self._data = self.physics.model.ptr, self.physics.data.ptr
         self._pose = self._data.qpos.reshape(self.count, 7)

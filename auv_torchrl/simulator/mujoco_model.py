@@ -1,5 +1,8 @@
 """The fleet as one MuJoCo model: N free bodies that only walls can touch. The one file that knows dm-control.
 
+Its mjcf checks elements by a schema and gives named access and rendering; it costs Python 3.13 (labmaze has no wheel
+for it). Other files get models and elements from here, so that another builder would change this file alone.
+
 MuJoCo's world is the NED earth frame and its bodies are FRD, literally: there is no gravity in the model, so
 that "down" is no more than a name, and no conversion exists that could be wrong.
 """

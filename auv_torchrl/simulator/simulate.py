@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from auv_torchrl.physics import CONTROL_DT, State, rest_state
-from auv_torchrl.physics.kinematics import normalise
+from auv_torchrl.physics.kinematics import normalise, quaternion_from_euler
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.simulator.base import Report, Simulator
 from auv_torchrl.simulator.plain import PlainSimulator
@@ -62,7 +62,7 @@ def simulate(
         grid = np.arange(steps) * dt
         commands = commands[:, np.searchsorted(elapsed[:-1], grid + 1e-9, side="right") - 1]
     one = vehicles if len(vehicles.batch_size) else vehicles.expand(count)
-    simulator = PlainSimulator(one, dt, scenario, generator)
+    simulator = PlainSimulator(one, dt, scenario=scenario, generator=generator)
     simulator.resume(start or at_rest(np.zeros((count, 3)), np.zeros(count), commands.shape[-1]))
     flown = replay(simulator, commands)
     return flown if even else _between(flown, np.arange(steps + 1) * dt, elapsed)
@@ -70,8 +70,8 @@ def simulate(
 
 def at_rest(position: np.ndarray, yaw: np.ndarray, thrusters: int) -> State:
     """Level vehicles that do not move, at positions (N, 3) in m and headings (N,) in rad."""
-    half, zero = yaw / 2, np.zeros_like(yaw)
-    quaternion = np.stack((np.cos(half), zero, zero, np.sin(half)), axis=-1)
+    level = np.zeros_like(yaw)
+    quaternion = quaternion_from_euler(level, level, yaw)
     return rest_state(position, quaternion, np.zeros((len(position), 6)), thrusters)
 
 

@@ -53,7 +53,7 @@ def fly_fault(
     fleet = TorchFleet(vehicle, task, count, scenario=Scenario("bench", acting), seed=seed)
     draws = torch.rand(count, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     delays = (LATEST_S - EARLIEST_S) * draws
-    fleet.delay_scenario(delays)
+    fleet.simulator.delay_scenario(delays)
     env = TransformedEnv(fleet, OnlineAdapter(vehicle, task, load_online_config(overrides=overrides), count))
     starts = draw_starts(task, count, seed=seed + 1)
     return fly_online(env, policy, starts, round(seconds / task.control_dt)), EARLIEST_S + delays

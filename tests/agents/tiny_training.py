@@ -28,7 +28,7 @@ def train_tiny(folder: Path, **changes) -> SourcePolicy:
     """``changes`` are arguments of ``train_source`` or settings of the agent."""
     arguments = {
         "vehicle": load_vehicle("paper"), "task": TASK, "randomization": RANDOMIZATION, "seed": 5,
-        "backend": "torch", "resume": None,
+        "backend": "torch", "resume": None, "device": "cpu",
     }  # fmt: skip
     arguments.update({key: changes.pop(key) for key in list(changes) if key in arguments})
     return train_source(agent_config=tiny_config(**changes), folder=folder, **arguments)

@@ -127,7 +127,7 @@ def test_each_vehicle_meets_the_fault_at_its_own_time():
     """With delays of 0, 1 and 2 s the scenario begins that much later for each vehicle of a fleet."""
     acting = scenario("reversed", start_s=1.0)
     fleet = TorchFleet(VEHICLE, task(10.0), 3, scenario=acting, seed=0)
-    fleet.delay_scenario(torch.tensor([0.0, 1.0, 2.0]))
+    fleet.simulator.delay_scenario(torch.tensor([0.0, 1.0, 2.0]))
     tensordict = fleet.reset()
     changed = []
     for _ in range(70):
@@ -137,7 +137,7 @@ def test_each_vehicle_meets_the_fault_at_its_own_time():
     first = torch.stack(changed).int().argmax(0) * 0.05
     torch.testing.assert_close(first, torch.tensor([1.0, 2.0, 3.0]), atol=1e-6, rtol=0)
     with pytest.raises(ValueError, match="3 times of 0 s or more"):
-        fleet.delay_scenario(torch.tensor([-1.0, 0.0, 0.0]))
+        fleet.simulator.delay_scenario(torch.tensor([-1.0, 0.0, 0.0]))
 
 
 def test_what_remains_of_an_infeasible_vehicle_is_declared_and_held(caplog):

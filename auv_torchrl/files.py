@@ -1,0 +1,55 @@
+"""Files that are written whole or not at all, and locks that end with the process that holds them."""
+
+import errno
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+log = logging.getLogger(__name__)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that it holds either what it held or all of ``content``, whenever the process dies.
+
+    Raises:
+        OSError: if it cannot be written; what it held is left.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        with partial.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)  # it takes the room that is missing
+        raise
+
+
+@contextmanager
+def locked(path: Path, what: str) -> Iterator[None]:
+    """Hold an exclusive lock that the system releases when the process ends, however it ends.
+
+    Where nobody may write, nothing has to be locked: who only reads goes on, who writes is told.
+
+    Args:
+        path: of the lock.
+        what: the other process does, for the log where this one has to wait.
+    """
+    lock = FileLock(path)
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        log.info("another process %s: waiting for it", what)
+        lock.acquire()
+    except OSError as error:
+        if error.errno not in (errno.EACCES, errno.EROFS):
+            raise
+    try:
+        yield
+    finally:
+        lock.release()
