@@ -108,7 +108,7 @@ class Observe(Transform):
 def observing(adapter: CommandMap, task: Task) -> Compose:
     """A map that predicts, and behind it the observation of what it expects, for a policy."""
     parts: list[Transform] = [adapter, Observe(task)]
-    return Compose(*parts)
+    return Compose(parts)
 
 
 def expected_spec(observation_spec: Composite) -> Composite:
