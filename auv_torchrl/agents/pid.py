@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
@@ -9,8 +10,9 @@ from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.physics.kinematics import euler_angles, matvec, rotation_matrix, wrap_angle
 from auv_torchrl.tasks import Task
-from auv_torchrl.vehicle import CONTROLLED
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX
 
 PROPORTIONAL = (10.0, 10.0, 10.0, 1.0)  # 1/m, 1/rad: `paper` leaves its dead band at 0.01 m; 3 is 5 times less precise
 DERIVATIVE = (1.0, 1.0, 1.0, 0.1)  # s/m, s/rad
@@ -18,17 +20,18 @@ INTEGRAL_LIMIT = 0.3  # of the command; more would overshoot from far starts
 
 
 class PID(TensorDictModuleBase):
-    """Observation (..., d) to action (..., 4) = P error - D velocity + integral, clipped to [-1, 1].
+    """A state to action (..., 4) = P error - D velocity + integral, clipped to [-1, 1].
 
-    The channels have the mixer's unit, full command. With an integral gain the module keeps a sum per vehicle,
-    which grows only while the command is not saturated and starts anew with each episode: it then needs a fixed
-    batch and reads ``time``.
+    The error is that to the task's reference, along the axes of the body. The channels have the mixer's unit, full
+    command. With an integral gain the module keeps a sum per vehicle, which grows only while the command is not
+    saturated and starts anew with each episode: it then needs a fixed batch.
 
     Args:
-        task: tells which observation is what.
+        task: says where vehicles should be.
         proportional: gain per controlled degree of freedom, 1/m and 1/rad.
         derivative: gain on the body velocity, s/m and s/rad.
         integral: gain on the summed error, 1/(m s) and 1/(rad s); None for none.
+        state: where position, quaternion and velocity are: ``measured``, or ``expected`` behind a map that predicts.
 
     Raises:
         ValueError: if a gain is not four finite numbers of 0 or more.
@@ -44,14 +47,13 @@ class PID(TensorDictModuleBase):
         proportional: Sequence[float] = PROPORTIONAL,
         derivative: Sequence[float] = DERIVATIVE,
         integral: Sequence[float] | None = None,
+        state: str = "measured",
     ):
         super().__init__()
-        self.in_keys = ["observation"] if integral is None else ["observation", "time"]
+        keys: list[Any] = [*((state, key) for key in ("position", "quaternion", "velocity")), "time"]
+        self.in_keys = keys
         self.out_keys = ["action"]
-        names = task.observation_names
-        self._velocity = [names.index(n) for n in ("surge_speed", "sway_speed", "heave_speed", "yaw_rate")]
-        self._error = [names.index(n) for n in ("error_x", "error_y", "error_z")]
-        self._heading = [names.index(n) for n in ("heading_error_sin", "heading_error_cos")]
+        self.task = task
         self.register_buffer("proportional", _gain("proportional", proportional))
         self.register_buffer("derivative", _gain("derivative", derivative))
         self.register_buffer("integral", None if integral is None else _gain("integral", integral))
@@ -59,13 +61,14 @@ class PID(TensorDictModuleBase):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Write ``action``."""
-        observation = tensordict["observation"]
-        sine, cosine = observation[..., self._heading].unbind(-1)
-        heading = torch.atan2(sine, cosine)
-        error = torch.cat((observation[..., self._error], heading.unsqueeze(-1)), dim=-1)
-        action = self.proportional * error - self.derivative * observation[..., self._velocity]
+        position, quaternion, velocity, time = (tensordict[key] for key in self.in_keys)
+        reference = self.task.reference(time[..., 0])
+        away = matvec(rotation_matrix(quaternion).mT, reference.position - position)
+        turn = wrap_angle(euler_angles(reference.quaternion)[2] - euler_angles(quaternion)[2])
+        error = torch.cat((away, turn.unsqueeze(-1)), dim=-1).float()
+        action = self.proportional * error - self.derivative * velocity[..., list(CONTROLLED_INDEX)].float()
         if self.integral is not None:
-            action = action + self._integrate(self.integral * error, action, tensordict["time"])
+            action = action + self._integrate(self.integral * error, action, time)
         return tensordict.set("action", action.clamp(-1.0, 1.0))
 
     def _integrate(self, rate: Tensor, action: Tensor, time: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from auv_torchrl.authority import controlled_allocation
-from auv_torchrl.online.allocation import Allocation
+from auv_torchrl.ddr.allocation import Allocation
 from auv_torchrl.online.transform import Array, ThrusterTransform, array
 from auv_torchrl.vehicle import Vehicle
 
@@ -25,6 +25,4 @@ class TrueMap(ThrusterTransform):
 
     def thrusts(self, nominal: Array) -> Array:
         """Thrusts (N, n) whose wrench on the target is that of ``nominal`` (N, n) on the source."""
-        count, n = nominal.shape
-        effectiveness = np.broadcast_to(self._true, (count, *self._true.shape[1:]))
-        return self._allocation(nominal @ self._nominal.T, effectiveness, np.zeros((count, n, n)), nominal)
+        return self._allocation(nominal @ self._nominal.T, self._true, reference=nominal)

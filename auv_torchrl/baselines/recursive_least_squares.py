@@ -6,11 +6,11 @@ Reference: Astrom and Wittenmark, Adaptive Control, 2nd ed., section 2.2, expone
 import numpy as np
 from tensordict import TensorDictBase
 
-from auv_torchrl.online.allocation import Allocation
+from auv_torchrl.ddr.allocation import Allocation
 from auv_torchrl.online.config import load_online_config
 from auv_torchrl.online.motion import SourceMotion
 from auv_torchrl.online.sensing import Sensing
-from auv_torchrl.online.transform import OBSERVATION, Array, ThrusterTransform, array
+from auv_torchrl.online.transform import Array, ThrusterTransform, array, measured_state
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
@@ -32,7 +32,7 @@ class RecursiveLeastSquares(ThrusterTransform):
     def __init__(self, vehicle: Vehicle, task: Task, count: int, memory_s: float = 1.0):
         super().__init__(vehicle)
         self.motion = SourceMotion(vehicle, task.control_dt)
-        self.sensing = Sensing(task.observation_names, load_online_config(), count)
+        self.sensing = Sensing(load_online_config(), count)
         low, high = (array(limit) for limit in self.actuation.share_limits)
         self.allocation = Allocation(1.0 / np.square(self.motion.full_wrench), low, high)
         self.forgetting = float(np.exp(-task.control_dt / memory_s))
@@ -42,12 +42,11 @@ class RecursiveLeastSquares(ThrusterTransform):
 
     def thrusts(self, nominal: Array) -> Array:
         """Thrusts (N, n) whose wrench, by the present estimate, is that of ``nominal`` (N, n) on the source."""
-        count, n = nominal.shape
-        return self.allocation(nominal @ self.motion.per_share.T, self.effectiveness, np.zeros((count, n, n)), nominal)
+        return self.allocation(nominal @ self.motion.per_share.T, self.effectiveness, reference=nominal)
 
     def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
         """One update per vehicle with the wrench that explains the step; steps that are not numbers are left out."""
-        velocity, reached = (self.sensing.read(array(td.get(OBSERVATION))).raw[:, :_D] for td in (before, after))
+        velocity, reached = (self.sensing.read(measured_state(td)).raw[:, :_D] for td in (before, after))
         sane = np.isfinite(velocity).all(-1) & np.isfinite(reached).all(-1)
         velocity, reached = np.where(sane[:, None], velocity, 0.0), np.where(sane[:, None], reached, 0.0)
         expected = (self.effectiveness @ share[..., None])[..., 0]

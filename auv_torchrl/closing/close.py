@@ -14,6 +14,7 @@ from auv_torchrl.agents.fine_tune import FineTuning, Ground, fine_tune
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.closing.diagnosed import Diagnosed
 from auv_torchrl.closing.known_vehicle import KnownVehicle
+from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import RandomizeVehicle, make_fleet
 from auv_torchrl.evaluation import Metrics, draw_starts, fly
 from auv_torchrl.tasks import Task
@@ -44,7 +45,7 @@ class Closed:
         return self.tuned_m is not None and self.tuned_m < self.mapped_m
 
     def adapter(self) -> Transform:
-        """A fresh map of the diagnosed vehicle."""
+        """A fresh map of the diagnosed vehicle, and the observation of what it expects."""
         return _adapter(self.diagnosed, self.task)
 
     def fleet(self, fleet: EnvBase) -> EnvBase:
@@ -112,5 +113,5 @@ def close(
     return Closed(diagnosed, better if tuned < mapped else policy, exam, nominal, before, mapped, tuned)
 
 
-def _adapter(diagnosed: Diagnosed, task: Task) -> KnownVehicle:
-    return KnownVehicle(diagnosed.nominal, diagnosed.vehicle, task)
+def _adapter(diagnosed: Diagnosed, task: Task) -> Transform:
+    return observing(KnownVehicle(diagnosed.nominal, diagnosed.vehicle, task), task)

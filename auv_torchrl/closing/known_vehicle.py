@@ -3,23 +3,27 @@
 Dynamic inversion with the simulator's own equations on both sides, and prediction over what comes late.
 """
 
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.data import Composite, TensorSpec
 
 from auv_torchrl.ddr.actuation import Actuation
+from auv_torchrl.ddr.allocation import Allocation
+from auv_torchrl.ddr.transform import ACTION, EXPECTED, TIME, expected_spec
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.envs.fleet import BODY
-from auv_torchrl.online.allocation import Allocation
-from auv_torchrl.online.transform import ACTION, OBSERVATION, ThrusterTransform, array
+from auv_torchrl.online.config import load_online_config
+from auv_torchrl.online.transform import ThrusterTransform, array, measured_state, set_expected
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix
 from auv_torchrl.physics.kinematics import wrap_angle as wrap
 from auv_torchrl.physics.step import push
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.sensors import MOTION, Inverse, ages
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.rows import with_rows
 from auv_torchrl.tasks import Task
@@ -27,9 +31,6 @@ from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 Array = Any
 _C = list(CONTROLLED_INDEX)
-_HEADING_WEIGHT = 0.3  # of the heading against position where the thrusters cannot give both
-_KEEP = 0.9  # per step, of what the dead band withholds, until it can be given
-TIME = "time"
 
 
 class Model(NamedTuple):
@@ -37,12 +38,16 @@ class Model(NamedTuple):
 
     c: Coefficients
     terms: ActiveTerms
+    sensors: Inverse  # from what they report, of body velocities too, to the true motion
+    pose_age: float  # s, of what they report of the pose
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Self:
         """Of one vehicle (empty batch)."""
         c = prepare(vehicle.double())
-        return cls(c.numpy(), ActiveTerms.of(c))
+        one = c.numpy().rows(None)
+        age = float(ages(one, MOTION[:6]).max())
+        return cls(c.numpy(), ActiveTerms.of(c), Inverse.of(one, MOTION[6:]), age)
 
     def rate(self, state: State, thrust: Array) -> Array:
         """Acceleration (N, 4) in the controlled degrees of freedom under thrusts (N, n) in N, before gains."""
@@ -69,9 +74,9 @@ class KnownVehicle(ThrusterTransform):
 
     At every step the acceleration that the action gives the source vehicle is worked out, and the thrusts that give
     the known vehicle the same one in the controlled degrees of freedom, within its limits: gains, routing, drag,
-    inertia, load, current and tether are undone where the thrusters can. Late commands and poses, lag and a heading
-    bias are undone by prediction: ``observation`` becomes the one expected, without delay and bias, when the next
-    command acts.
+    inertia, load, current and tether are undone where the thrusters can. Late commands, late poses and lag are undone
+    by prediction, what the sensors do by their inverse: ``expected`` is what the source's sensors would report when
+    the next command acts, and a policy sees it through :class:`auv_torchrl.ddr.transform.Observe`.
 
     Args:
         source: one vehicle (empty batch), the one that the policy was trained on.
@@ -91,14 +96,14 @@ class KnownVehicle(ThrusterTransform):
         self._limits = [array(limit) for limit in self.actuation.share_limits]
         start = np.zeros(1)
         reach = np.abs(self._source.rate_per_share(start)[0])
-        self._weight = np.array((1.0, 1.0, 1.0, _HEADING_WEIGHT**2)) / np.square(reach.sum(-1))
+        config = load_online_config()
+        self._kept = config.withheld_kept
+        self._weight = np.array((1.0, 1.0, 1.0, config.heading_weight**2)) / np.square(reach.sum(-1))
         edge = c.dead_band / c.full_thrust
         self._carry_limit = (np.abs(self._known.rate_per_share(start)[0]) * edge).max(-1)
         self._quickness = thrust_after(c, self._known.terms, np.zeros(self.thrusters), np.ones(self.thrusters), dt)
         self._ahead_steps = max(0, round(float(c.delay - self._source.c.delay) / dt))
-        self._pose_age = max(0.0, float(c.pose_delay - self._source.c.pose_delay) / dt)  # control steps
-        self._bias = float(c.heading_bias - self._source.c.heading_bias)
-        self._corrects = self._ahead_steps > 0 or self._pose_age > 0 or self._bias != 0
+        self._pose_age = max(0.0, (self._known.pose_age - self._source.pose_age) / dt)  # control steps
         self._vehicle = known
         self._make_room(1)
 
@@ -113,18 +118,16 @@ class KnownVehicle(ThrusterTransform):
         wanted = source.rate(ahead, self._source_thrust) - known.rate(ahead, np.zeros_like(aim)) + self._carried
         now, quickness = self._share_ahead, self._quickness[self._receiver]
         low, high = (now + quickness * (limit - now) for limit in self._limits)
-        n = self.thrusters
-        allocation = Allocation(self._weight, low, high)
-        share = allocation(wanted, self._effect, np.zeros((len(nominal), n, n)), nominal)
+        share = Allocation(self._weight, low, high)(wanted, self._effect, reference=nominal)
         return now + (share - now) / quickness
 
     def withheld(self, wanted: Array, given: Array) -> None:
         """Remember the acceleration between what was aimed at, ``wanted`` (N, n), and what the dead band leaves."""
-        command = self.actuation.command_for(torch.from_numpy(wanted.astype(np.float32)))
-        lost = (np.clip(wanted, *self._limits) - array(self.actuation.delivered(command))) * self._quickness[
-            self._receiver
-        ]
-        carried = _KEEP * self._carried + (self._effect @ lost[..., None])[..., 0]
+        device = self.actuation.mixer.device
+        command = torch.from_numpy(self.command_for(wanted)).to(device)
+        missing = np.clip(wanted, *self._limits) - array(self.actuation.delivered(command))
+        lost = missing * self._quickness[self._receiver]
+        carried = self._kept * self._carried + (self._effect @ lost[..., None])[..., 0]
         self._carried = np.clip(np.nan_to_num(carried), -self._carry_limit, self._carry_limit)
 
     @property
@@ -135,7 +138,7 @@ class KnownVehicle(ThrusterTransform):
     # the state
 
     def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
-        """Follow the vehicle through the step, and let the policy see it as it is and will be."""
+        """Follow the vehicle through the step, and say where it is and will be."""
         was = self._now.state
         self._now.step(array(before.get(ACTION)))
         expected = self._now.state
@@ -144,19 +147,16 @@ class KnownVehicle(ThrusterTransform):
         self._moved = push(self._moved, moved)
         self._see(expected, after)
 
-    def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
-        tensordict_reset = super()._reset(tensordict, tensordict_reset)
-        count = len(tensordict_reset.get(OBSERVATION))
+    def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
+        """Begin the episodes of some vehicles where they are measured, with silent thrusters."""
+        count = len(tensordict.get(TIME))
         if len(self._moved) != count:
             self._make_room(count)
-        mask = None if tensordict is None else tensordict.get("_reset", None)
-        rows = np.arange(count) if mask is None else mask.reshape(-1).cpu().numpy().nonzero()[0]
         for name in ("_moved", "_source_thrust", "_carried"):
             setattr(self, name, with_rows(getattr(self, name), rows, 0.0))
         state = self._now.state
         thrust, commands = (with_rows(values, rows, 0.0) for values in (state.thrust, state.commands))
-        self._see(state._replace(thrust=thrust, commands=commands), tensordict_reset)
-        return tensordict_reset
+        self._see(state._replace(thrust=thrust, commands=commands), tensordict)
 
     def _make_room(self, count: int) -> None:
         vehicles, dt, n = self._vehicle.expand(count), self.task.control_dt, self.thrusters
@@ -170,13 +170,13 @@ class KnownVehicle(ThrusterTransform):
 
     def _see(self, expected: State, tensordict: TensorDictBase) -> None:
         """Take in a measurement; where it is not a number, what was expected stands for it."""
-        measured = [array(tensordict.get(("measured", key))) for key in BODY]
-        usable = np.isfinite(np.concatenate(measured, axis=-1)).all(-1)
-        position, quaternion, velocity = (part[usable] for part in measured)
+        measured = measured_state(tensordict)
+        usable = np.isfinite(measured).all(-1)
+        position, quaternion, velocity = np.split(self._known.sensors.true_state(measured[usable]), (3, 7), axis=-1)
         age = np.clip(self._pose_age - np.arange(self._moved.shape[1]), 0.0, 1.0)
         since = np.einsum("j,bjk->bk", age, self._moved[usable])
         level = np.zeros(len(since))
-        turn = quaternion_from_euler(level, level, since[:, 3] - self._bias)
+        turn = quaternion_from_euler(level, level, since[:, 3])
         self._now.state = expected._replace(
             position=with_rows(expected.position, usable, position + since[:, :3]),
             quaternion=with_rows(expected.quaternion, usable, quaternion_product(turn, quaternion)),
@@ -187,7 +187,11 @@ class KnownVehicle(ThrusterTransform):
         for _ in range(self._ahead_steps):
             self._later.step(self._now.state.commands[:, 0])
         self._ahead = self._later.state
-        if self._corrects:
-            seen = self.task.observe(*self._ahead[:3], self._ahead.time)
-            like = tensordict.get(OBSERVATION)
-            tensordict.set(OBSERVATION, torch.from_numpy(seen).to(like))
+        state = self._source.sensors.reported_state(np.concatenate(self._ahead[:3], axis=-1))
+        set_expected(tensordict, state, self._ahead.time)
+
+    def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
+        """Declare ``applied_action`` and ``expected``."""
+        spec = cast(Composite, super().transform_observation_spec(observation_spec))
+        spec[EXPECTED] = expected_spec(spec)
+        return spec

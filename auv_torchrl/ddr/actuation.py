@@ -10,6 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from auv_torchrl.ddr.allocation import Allocation, shrunk
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
@@ -117,6 +118,15 @@ class ControlSpace(nn.Module, ABC):
     def size(self) -> int:
         """Number of controls k."""
         return self.nominal.shape[1]
+
+    def nearest(self, effect: Tensor, wanted: Tensor) -> Tensor:
+        """Controls (N, k) within limits whose effect (1 or N, 4, k) comes nearest to what is wanted (N, 4)."""
+        low, high, rows = (field.double() for field in (self.low, self.high, self.rows))
+        return Allocation(1.0, low, high, rows)(wanted.double(), effect.double()).float()
+
+    def shrink(self, control: Tensor) -> Tensor:
+        """The longest multiples, at most 1, of controls (N, k) within the limits."""
+        return shrunk(control, self.rows, self.low, self.high)
 
     @abstractmethod
     def encode(self, command: Tensor) -> Tensor:

@@ -4,8 +4,8 @@ import torch
 from torch import Tensor, nn
 
 from auv_torchrl.ddr.actuation import ControlSpace
+from auv_torchrl.ddr.allocation import RIDGE
 from auv_torchrl.ddr.bag import Pairs
-from auv_torchrl.ddr.limits import LimitedInverse
 
 
 class AffineMap(nn.Module):
@@ -33,7 +33,6 @@ class AffineMap(nn.Module):
         self.register_buffer("weight", space.nominal.expand(maps, -1, -1).clone())
         self.register_buffer("bias", torch.zeros(maps, space.nominal.shape[0]))
         self.register_buffer("standard_error", torch.full((maps,), torch.inf))
-        self.inverse = LimitedInverse(self.weight, space.rows, space.low, space.high)
 
     @property
     def weights_per_map(self) -> int:
@@ -52,7 +51,14 @@ class AffineMap(nn.Module):
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
         """H: controls (N, k) within limits whose G comes nearest to ``tau`` (N, 4)."""
-        return self.inverse(tau - self.bias)
+        return self.space.nearest(self.weight, tau - self.bias)
+
+    @property
+    def unlimited(self) -> Tensor:
+        """H without limits and bias, (m, k, 4)."""
+        wide = self.weight.double()
+        gram = wide.mT @ wide + RIDGE * torch.eye(wide.shape[-1], dtype=wide.dtype, device=wide.device)
+        return torch.linalg.solve(gram, wide.mT).float()
 
     @torch.no_grad()
     def fit(self, pairs: Pairs, which: Tensor) -> None:
@@ -70,7 +76,6 @@ class AffineMap(nn.Module):
         variance = left.square().sum(1).amax(-1) / freedom
         spread = torch.linalg.inv(gram).diagonal(dim1=-2, dim2=-1)[:, :-1].amax(-1)
         self.standard_error[which] = (variance * spread).sqrt()[which].float()
-        self.inverse.set_weight(self.weight)
 
     def refine(self, pairs: Pairs, which: Tensor) -> None:
         """What is worth doing once after the last of several fits; nothing, because :meth:`fit` is exact."""
@@ -82,11 +87,9 @@ class AffineMap(nn.Module):
         ``rate`` is relative to the largest step that cannot overshoot.
         """
         x = nn.functional.pad(pairs.control, (0, 1), value=1.0) * pairs.filled[..., None]
-        error = (x[..., :-1] @ self.weight.mT + x[..., -1:] * self.bias[:, None] - pairs.source) * pairs.filled[
-            ..., None
-        ]
+        effect = x[..., :-1] @ self.weight.mT + x[..., -1:] * self.bias[:, None]
+        error = (effect - pairs.source) * pairs.filled[..., None]
         step = rate / x.square().sum((1, 2)).clamp_min(1e-9) * which
         gradient = error.mT @ x
         self.weight -= step[:, None, None] * gradient[..., :-1]
         self.bias -= step[:, None] * gradient[..., -1]
-        self.inverse.set_weight(self.weight)

@@ -31,6 +31,7 @@ class AdapterConfig:
     gradient_rate: Annotated[float, In("[0, 1)")] = 0.1
     hidden: Annotated[int, In("[1, 4096]")] = 16
     network_steps: Annotated[int, In("[1, 100000]")] = 60
+    impossible: Annotated[float, In("(0, 1000]")] = 4.0
     seed: Seed = 0
 
     def __post_init__(self) -> None:

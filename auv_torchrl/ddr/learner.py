@@ -7,8 +7,6 @@ from auv_torchrl.ddr.affine import AffineMap
 from auv_torchrl.ddr.bag import Bag, Pairs, bag_size
 from auv_torchrl.ddr.config import AdapterConfig
 
-IMPOSSIBLE = 4.0  # full commands; no fault makes thrusters that strong, a jump of the measurement does
-
 
 class MapLearner(nn.Module):
     """Keeps m maps up to date with the transitions of the target.
@@ -49,7 +47,8 @@ class MapLearner(nn.Module):
             source: (N, 4) R(x, x').
             valid: (N,) bool, transitions that happened.
         """
-        possible = state.isfinite().all(-1) & command.isfinite().all(-1) & (source.abs() < IMPOSSIBLE).all(-1)
+        finite = state.isfinite().all(-1) & command.isfinite().all(-1)
+        possible = finite & (source.abs() < self.config.impossible).all(-1)
         self.ignored += (valid & ~possible).sum()
         use = valid & possible & self.g.space.informative(command)
         maps = self.uncertain.shape[0]

@@ -1,19 +1,18 @@
 """F and R: networks trained on transitions of the source vehicle, forward and inverse (Lu et al. 2023, Eq. 10).
 
-The state x of DDR is what the controller observes of the motion: body velocities and, where the vehicle's
-restoring moment does not hold it level, tilt. Position and heading do not enter the source dynamics.
+The state x of DDR is the motion: body velocities and, where the vehicle's restoring moment does not hold it level,
+tilt. Position and heading do not enter the source dynamics.
 """
-
-from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
 
 from auv_torchrl.ddr.actuation import Actuation
+from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.tasks import Task
-from auv_torchrl.vehicle import CONTROLLED, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
-MOTION = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate", "roll_rate", "pitch_rate", "down_x", "down_y")
+ROLL_AND_PITCH = [3, 4]  # in a velocity
 
 
 class Regressor(nn.Module):
@@ -103,24 +102,20 @@ class InverseModel(nn.Module):
 
 
 class SourceModels(nn.Module):
-    """F, R and the static actuation of one source vehicle, with the place of x in the observation."""
-
-    motion: Tensor  # indices of x in the observation
+    """F, R and the static actuation of one source vehicle."""
 
     def __init__(self, vehicle: Vehicle, task: Task, hidden: int = 48):
         super().__init__()
-        self.state_names = motion_names(task.observation_names)
-        index = [task.observation_names.index(name) for name in self.state_names]
-        self.register_buffer("motion", torch.tensor(index), persistent=False)
+        self.tilt = task.tilt
+        self.states = len(CONTROLLED) + 4 * task.tilt
         self.actuation = Actuation(vehicle)
-        self.F = ForwardModel(len(index), hidden, self.actuation)
-        self.R = InverseModel(len(index), hidden)
+        self.F = ForwardModel(self.states, hidden, self.actuation)
+        self.R = InverseModel(self.states, hidden)
 
-    def state_of(self, observation: Tensor) -> Tensor:
-        """The motion x (..., s) in observations (..., d)."""
-        return observation[..., self.motion]
-
-
-def motion_names(observation_names: Sequence[str]) -> tuple[str, ...]:
-    """Which entries of the observation make up x."""
-    return tuple(name for name in observation_names if name in MOTION)
+    def state_of(self, quaternion: Tensor, velocity: Tensor) -> Tensor:
+        """The motion x (..., s) of attitudes (..., 4) and body velocities (..., 6): speeds, tilt rates, tilt."""
+        controlled = velocity[..., list(CONTROLLED_INDEX)]
+        if not self.tilt:
+            return controlled
+        down = rotation_matrix(quaternion)[..., 2, :2]
+        return torch.cat((controlled, velocity[..., ROLL_AND_PITCH], down), dim=-1)

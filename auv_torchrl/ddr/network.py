@@ -39,7 +39,7 @@ class NetworkMap(AffineMap):
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
         """H: controls (N, k) within limits for source channels (N, 4) in states (N, s)."""
-        return self.inverse.shrink(super().invert(state, tau) + self.h(torch.cat((state, tau), dim=-1)))
+        return self.space.shrink(super().invert(state, tau) + self.h(torch.cat((state, tau), dim=-1)))
 
     def fit(self, pairs: Pairs, which: Tensor) -> None:
         """Fit the affine part in closed form and silence the networks, which take longer to train."""
@@ -63,7 +63,7 @@ class NetworkMap(AffineMap):
         left = source - AffineMap.forward(self, state[None], control[None])[0]
         _descend(self.g, torch.cat((state, control), -1), left, steps)
         effect = self(state[None], control[None])[0]
-        back = (effect - self.bias) @ self.inverse.free[0].mT  # the affine inverse, limits left out
+        back = (effect - self.bias) @ self.unlimited[0].mT  # the affine inverse, limits left out
         _descend(self.h, torch.cat((state, effect), -1), control - back, steps)
 
 

@@ -70,7 +70,7 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
     position = torch.zeros(count, 3, dtype=torch.float64)
     before = rest_state(position, quaternion, velocity, vehicle.thrusters)
     after = control_step(c, ActiveTerms.of(c), before, command, task.control_dt)
-    x, following = (models.state_of(task.observe(*s[:3], s.time)) for s in (before, after))
+    x, following = (models.state_of(s.quaternion, s.velocity) for s in (before, after))
     models.float()
     return Transitions(x, realised, following, mixed)
 
@@ -90,7 +90,7 @@ def pretrain(vehicle: Vehicle, task: Task, config: PretrainingConfig | None = No
 
     Args:
         vehicle: the nominal vehicle (empty batch).
-        task: whose observation and control step they see.
+        task: whose control step they predict, and whether the vehicle tilts.
         config: data and fit.
     """
     config = config or PretrainingConfig()

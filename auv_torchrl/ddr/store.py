@@ -30,7 +30,7 @@ def load_or_pretrain(
 
     Args:
         vehicle: the nominal vehicle (empty batch).
-        task: whose observation and control step they see.
+        task: whose control step they predict, and whether the vehicle tilts.
         folder: the store, e.g. ``outputs/policies``; made if missing.
         config: data and fit.
 

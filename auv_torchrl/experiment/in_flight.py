@@ -12,6 +12,7 @@ from torch import Tensor
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.authority import Authority, controlled_allocation
+from auv_torchrl.ddr.transform import observing
 from auv_torchrl.evaluation import Flight, Policy, fly
 from auv_torchrl.experiment.schedule import Schedule, schedule
 from auv_torchrl.experiment.setup import Experiment
@@ -179,7 +180,7 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
     adapter = OnlineAdapter(experiment.vehicle, task, experiment.online, count)
     fleet = experiment.fleet(count, plan.scenario, thruster_commands=True, episode_s=config.length_s)
     fleet.simulator.delay_scenario(plan.delay_s)
-    adapted = fly_online(TransformedEnv(fleet, adapter), policy, starts, task.steps)
+    adapted = fly_online(TransformedEnv(fleet, observing(adapter, task)), policy, starts, task.steps)
     alone = _fly_alone(experiment, plan, policy, starts, task.steps)
     nexts = [change.at_s for change in plan.changes[1:]] + [None]
     recovered = tuple(

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from auv_torchrl.settings import In, OneOf, Seed, check_fields, read_settings
+from auv_torchrl.settings import Entries, In, OneOf, Seed, check_fields, read_settings
 
 SENSED = ("velocity", "pose")
 Positive = Annotated[float, In("(0, 1000]")]
+Noise = Annotated[float, In("[1, 1e9]")]
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,34 @@ class OnlineConfig:
     lost_after_s: Annotated[float, In("(0, 3600]")]
     largest_jump_m: Positive
     heading_weight: Positive
+    withheld_kept: Annotated[float, In("[0, 1)")]
+    rank_tolerance: Annotated[float, In("[0, 1)")]
+    capped_share: Annotated[float, In("(0, 1)")]
+    watched_change: Positive
+    watch_cap: Annotated[float, In("(0, 1)")]
+    watch_doubt: Annotated[float, In("[0, 1)")]
+    implausible_constant: Positive
+    at_limit: Annotated[float, In("(0, 1]")]
+    pushing_share: Annotated[float, In("(0, 1]")]
+    still_speed: Positive
+    stalled_s: Positive
+    circles: Positive
+    least_search_s: Annotated[float, In("[0, 3600]")]
+    surprising_noise: Noise
+    largest_gain: Positive
+    unexplained_noise: Noise
+    noise_rate: Annotated[float, In("[0, 1]")]
+    late_noise: Noise
+    largest_noise: Noise
+    delays_s: Annotated[tuple[float, ...], In("[0, 2]", "s"), Entries(1, 20)]
+    lags_s: Annotated[tuple[float, ...], In("[0, 2]", "s"), Entries(1, 20)]
+    timing_steps: Annotated[int, In("[1, 60]")]
+    timing_error_left: Annotated[float, In("(0, 1)")]
+    late_share: Annotated[float, In("(0, 1)")]
+    largest_reach: Positive
+    believed_after: Annotated[int, In("[1, 1000]")]
+    impossible_speed: Positive
+    rough_velocity: Positive
     seed: Seed
 
     def __post_init__(self) -> None:

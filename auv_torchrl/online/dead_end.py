@@ -1,20 +1,18 @@
 """Notice that a map leads nowhere: a vehicle that pushes with all its might, and stands still or goes in circles."""
 
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
+from auv_torchrl.online.config import OnlineConfig
+from auv_torchrl.online.memory import Memory
+
 Array = Any
-_AT_LIMIT = 0.98  # share of a thruster's limit
-_MOST = 0.5  # of the thrusters; a single weak one may well be at its limit in holding a place
-_STILL = 0.15  # m/s; thrusters at their limits give three times that, unless they push against each other
-_STALLED_S = 1.5  # s; a healthy vehicle reaches full speed in less
-_CIRCLE = 2 * math.pi  # rad; a vehicle that is brought to a heading never turns by more than half of that
 
 
-class DeadEnd:
-    """Standstill and circling of N vehicles with half of their thrusters or more at the limit.
+class DeadEnd(Memory):
+    """Standstill and circling of N vehicles with many of their thrusters at the limit.
 
     A wrong map can explain both: thrusters that push against each other, or that keep up a spin, do always the same,
     and from that nothing new is learnt.
@@ -23,14 +21,16 @@ class DeadEnd:
         count: number of vehicles N.
         limits: smallest and largest thrust (n,) of each thruster, shares of full thrust.
         control_dt: s.
+        config: says how many thrusters, how still, how long, how far round.
     """
 
-    FIELDS: ClassVar = ("stalled_s", "turned")
+    stalled_s: Array  # (N,)
+    turned: Array  # (N,) rad
 
-    def __init__(self, count: int, limits: tuple[Array, Array], control_dt: float):
-        self.limits, self.control_dt = limits, control_dt
-        self.stalled_s = np.zeros(count)
-        self.turned = np.zeros(count)  # rad
+    def __init__(self, count: int, limits: tuple[Array, Array], control_dt: float, config: OnlineConfig):
+        super().__init__()
+        self.limits, self.control_dt, self.config = limits, control_dt, config
+        self.remember(stalled_s=np.zeros(count), turned=np.zeros(count))
 
     def begin(self, rows: Array) -> None:
         """Some vehicles have a new map, or are somewhere else."""
@@ -41,11 +41,12 @@ class DeadEnd:
 
         A velocity that is no number is not known to be 0.
         """
-        low, high = self.limits
-        pushing = ((share > _AT_LIMIT * high) | (share < _AT_LIMIT * low)).mean(-1) >= _MOST
+        config, (low, high) = self.config, self.limits
+        at_limit = (share > config.at_limit * high) | (share < config.at_limit * low)
+        pushing = at_limit.mean(-1) >= config.pushing_share
         with np.errstate(invalid="ignore"):
-            still = np.linalg.norm(velocity[:, :3], axis=-1) < _STILL
+            still = np.linalg.norm(velocity[:, :3], axis=-1) < config.still_speed
         self.stalled_s = np.where(pushing & still, self.stalled_s + self.control_dt, 0.0)
         turn = self.control_dt * np.nan_to_num(velocity[:, 3])
         self.turned = np.where(pushing, self.turned + turn, 0.0)
-        return (self.stalled_s > _STALLED_S) | (np.abs(self.turned) > _CIRCLE)
+        return (self.stalled_s > config.stalled_s) | (np.abs(self.turned) > 2 * math.pi * config.circles)

@@ -9,7 +9,6 @@ from scipy.stats import chi2
 Array = Any
 _CELLS = 120  # of the sum's range in the calculation of the run length
 _LARGEST = 50  # caps; a test with a larger threshold would never see anything
-_CERTAIN = 1e-4  # share of healthy steps above the cap: no single measurement can raise an alarm
 
 
 class ChangeDetector:
@@ -24,12 +23,13 @@ class ChangeDetector:
         degrees: measured values per step.
         smallest_shift: norm of the shift of the innovation, in standard deviations, that the test is tuned for.
         steps_between_false_alarms: mean number of healthy steps between two alarms.
+        capped_share: share of the healthy steps whose square is cut off.
     """
 
-    def __init__(self, degrees: int, smallest_shift: float, steps_between_false_alarms: float):
+    def __init__(self, degrees: int, smallest_shift: float, steps_between_false_alarms: float, capped_share: float):
         self.reference = degrees + smallest_shift**2 / 2
         self.degrees = degrees
-        self.cap = float(chi2.isf(_CERTAIN, degrees))
+        self.cap = float(chi2.isf(capped_share, degrees))
         self.threshold = _threshold(degrees, self.reference, self.cap, steps_between_false_alarms)
 
     def advance(self, total: Array, square: Array, usable: Array) -> Array:

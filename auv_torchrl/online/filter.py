@@ -6,12 +6,12 @@ of a control step is B share + b; the source vehicle's equations turn it into mo
 W in B = B_nominal W makes gains of single thrusters likelier than swaps, and both likelier than anything else.
 """
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from auv_torchrl.online.config import OnlineConfig
+from auv_torchrl.online.memory import Memory
 from auv_torchrl.online.motion import SourceMotion, Step
 from auv_torchrl.vehicle import CONTROLLED
 
@@ -32,13 +32,15 @@ class Innovation(NamedTuple):
     gain: Array  # (N, d, m) by which the state was moved
 
 
-@dataclass
-class Belief:
+class Belief(Memory):
     """Means (N, d) and covariances (N, d, d) of all vehicles, float64, changed in place."""
 
-    FIELDS: ClassVar = ("mean", "covariance")
     mean: Array
     covariance: Array
+
+    def __init__(self, count: int, size: int):
+        super().__init__()
+        self.remember(mean=np.zeros((count, size)), covariance=np.zeros((count, size, size)))
 
 
 class EffectivenessFilter:
@@ -80,7 +82,7 @@ class EffectivenessFilter:
 
     def start(self, count: int) -> Belief:
         """Belief about ``count`` vehicles that are healthy as far as is known."""
-        belief = Belief(np.zeros((count, self.size)), np.zeros((count, self.size, self.size)))
+        belief = Belief(count, self.size)
         self.trust(belief, np.arange(count))
         return belief
 

@@ -2,23 +2,21 @@
 
 import itertools
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
+from auv_torchrl.online.config import OnlineConfig
 from auv_torchrl.online.filter import MOTION, Innovation
+from auv_torchrl.online.memory import Memory
 from auv_torchrl.online.motion import Step
 from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
 _D = len(CONTROLLED)
-_CHANGES = (-0.7, 0.7)  # of a gain, that the test is matched to; it grows under any that is larger than half
-_CAP = 0.6  # of what a hypothesis needs for an alarm: no single measurement can raise one
-_DOUBT = 0.15  # correlation that a wrong noise model may leave between past noise, to which a controller reacts with
-# commands, and the innovations; without it small commands would seem to speak for a change
 
 
-class GainWatch:
+class GainWatch(Memory):
     """Cumulative sums (Page 1954) of log likelihood ratios, one per hypothesis, for N vehicles.
 
     Under a hypothesis, the gains of one or two thrusters have differed by known amounts since the sum was last 0.
@@ -31,19 +29,22 @@ class GainWatch:
         count: number of vehicles N.
         thrusters: n.
         steps_between_false_alarms: mean number of healthy steps between two alarms, at least.
+        config: says which changes are looked for.
     """
 
-    FIELDS: ClassVar = ("shift", "total")
+    shift: Array  # (N, 8, h) of the motion, under each hypothesis
+    total: Array  # (N, h)
 
-    def __init__(self, count: int, thrusters: int, steps_between_false_alarms: float):
-        single, double = _hypotheses(thrusters, 1), _hypotheses(thrusters, 2)
+    def __init__(self, count: int, thrusters: int, steps_between_false_alarms: float, config: OnlineConfig):
+        super().__init__()
+        self.doubt = config.watch_doubt
+        single, double = (_hypotheses(thrusters, changed, config.watched_change) for changed in (1, 2))
         self.changes = np.concatenate((single, double)).T  # (n, h) of the gains
         weight = np.concatenate([np.full(len(kind), 0.5 / len(kind)) for kind in (single, double)])
         self.log_weight = np.log(weight)
         self.threshold = math.log(steps_between_false_alarms)
-        self.cap = _CAP * (self.threshold - self.log_weight)
-        self.shift = np.zeros((count, 2 * _D, len(weight)))  # of the motion, under each hypothesis
-        self.total = np.zeros((count, len(weight)))
+        self.cap = config.watch_cap * (self.threshold - self.log_weight)
+        self.remember(shift=np.zeros((count, 2 * _D, len(weight))), total=np.zeros((count, len(weight))))
 
     def reset(self, rows: Array) -> None:
         """Begin anew with some vehicles."""
@@ -63,7 +64,7 @@ class GainWatch:
         weighed = np.linalg.solve(innovation.spread, expected)
         along = (weighed * innovation.offset[..., None]).sum(1)
         power = (weighed * expected).sum(1)
-        grown = self.total + np.minimum(along - 0.5 * power - _DOUBT * np.sqrt(power), self.cap)
+        grown = self.total + np.minimum(along - 0.5 * power - self.doubt * np.sqrt(power), self.cap)
         self.total = np.where(usable[:, None], np.maximum(0.0, grown), self.total)
         left = np.where((grown > 0.0)[:, None], self.shift - innovation.gain[:, MOTION] @ expected, 0.0)
         self.shift = np.where(usable[:, None, None], left, self.shift)
@@ -74,12 +75,12 @@ class GainWatch:
         return np.logaddexp.reduce(self.total + self.log_weight, axis=1) / self.threshold
 
 
-def _hypotheses(thrusters: int, changed: int) -> Array:
-    """Changes of the gains (h, n) under which as many thrusters as ``changed`` have each a changed gain."""
+def _hypotheses(thrusters: int, changed: int, change: float) -> Array:
+    """Changes of the gains (h, n) under which as many thrusters as ``changed`` have each ``change`` more or less."""
     return np.array(
         [
             np.bincount(which, weights=changes, minlength=thrusters)
             for which in itertools.combinations(range(thrusters), changed)
-            for changes in itertools.product(_CHANGES, repeat=changed)
+            for changes in itertools.product((-change, change), repeat=changed)
         ]
     )

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from auv_torchrl.online.config import OnlineConfig
+from auv_torchrl.online.memory import Memory
+
 Array = Any
-_LATE = 0.2  # of a control step: a measurement whose time is further off belongs to another step
-_FASTEST = 4.0  # times what the full wrench changes in one step: a thruster cannot do more than reverse
-_BELIEVED_AGAIN = 3  # impossible measurements in a row that agree with each other are a new truth
 
 
 class Verdict(NamedTuple):
@@ -17,7 +17,7 @@ class Verdict(NamedTuple):
     restart: Array  # the motion begins anew at this measurement: time or place has jumped
 
 
-class MeasurementGuard:
+class MeasurementGuard(Memory):
     """Judges the measurements of N vehicles one after another.
 
     A measurement is lost where it is not finite; frozen where every bit equals the one before although the
@@ -28,16 +28,19 @@ class MeasurementGuard:
         control_dt: s between two measurements.
         reach: (4,) change of a measured value in one step by the full wrench.
         slack: (4,) difference that noise and uncertainty explain.
+        config: says how late and how far off a measurement may be.
     """
 
-    FIELDS = ("previous", "time", "impossible")
+    previous: Array  # (N, 8) the last measurement
+    time: Array  # (N,) s, of it
+    impossible: Array  # (N,) number of impossible measurements in a row
 
-    def __init__(self, count: int, control_dt: float, reach: Array, slack: Array):
-        self.control_dt = control_dt
-        self.bound = _FASTEST * reach + slack
-        self.previous = np.full((count, 0), np.nan)
-        self.time = np.full(count, np.nan)
-        self.impossible = np.zeros(count, dtype=np.int64)
+    def __init__(self, count: int, control_dt: float, reach: Array, slack: Array, config: OnlineConfig):
+        super().__init__()
+        self.control_dt, self.config = control_dt, config
+        self.bound = config.largest_reach * reach + slack
+        nothing = np.full((count, 8), np.nan)
+        self.remember(previous=nothing, time=np.full(count, np.nan), impossible=np.zeros(count, dtype=np.int64))
 
     def begin(self, rows: Array) -> None:
         """A new episode of some vehicles: nothing came before."""
@@ -49,22 +52,20 @@ class MeasurementGuard:
         """One measurement of each vehicle.
 
         Args:
-            raw: (N, k) everything measured, to be compared bit by bit with the one before.
+            raw: (N, 8) everything measured, to be compared bit by bit with the one before.
             time: (N,) s.
             difference: (N, 4) measured less expected; NaN where the measurement is.
             pushing: (N,) bool, whether any thruster was commanded to push.
         """
-        if self.previous.shape != raw.shape:
-            self.previous = np.full(raw.shape, np.nan)
         finite = np.isfinite(raw).all(-1) & np.isfinite(difference).all(-1) & np.isfinite(time)
         frozen = (raw == self.previous).all(-1) & pushing
         elapsed = time - self.time
-        in_time = np.isnan(self.time) | (np.abs(elapsed - self.control_dt) < _LATE * self.control_dt)
+        in_time = np.isnan(self.time) | (np.abs(elapsed - self.control_dt) < self.config.late_share * self.control_dt)
         with np.errstate(invalid="ignore"):
             possible = (np.abs(difference) < self.bound).all(-1)
         present = finite & ~frozen
         self.impossible = np.where(present & ~possible, self.impossible + 1, np.where(present, 0, self.impossible))
-        moved = self.impossible >= _BELIEVED_AGAIN
+        moved = self.impossible >= self.config.believed_after
         self.impossible[moved] = 0
         restart = present & (~in_time | moved)
         self.previous = raw.copy()

@@ -5,38 +5,41 @@ from typing import Any
 
 import numpy as np
 
+from auv_torchrl.online.config import OnlineConfig
+from auv_torchrl.online.memory import Memory
 from auv_torchrl.physics.thrusters import delayed
 
 Array = Any
-_DELAYS_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
-_LAGS_S = (0.0, 0.1, 0.2, 0.4)
-_HYPOTHESES = tuple(itertools.product(_DELAYS_S, _LAGS_S))  # the first is none
 _MEMORY = 60  # control steps
-_LEAST = 16  # of them for a judgement
 _SETTLE = 12  # control steps before a window, in which an unknown thrust dies out
-_BETTER = 0.5  # share of the squared error that must vanish before another timing is believed
 _RIDGE = 1e-3
 
 
-class ActuatorTiming:
+class ActuatorTiming(Memory):
     """Delay and lag of each of N vehicles, chosen from a grid by how well they explain the last seconds.
 
     Args:
         count: number of vehicles N.
         nominal: (4, n) wrench per share of the source vehicle.
         control_dt: s.
+        config: says which delays and lags there may be.
     """
 
-    FIELDS = ("chosen", "shares", "wrenches", "arrived")
+    chosen: Array  # (N,) number of the timing
+    shares: Array  # (N, steps, n) commanded, newest first
+    wrenches: Array  # (N, steps, 4) that explain the motion, newest first
+    arrived: Array  # (N, n) thrust under the chosen timing, at the end of the last step
 
-    def __init__(self, count: int, nominal: Array, control_dt: float):
+    def __init__(self, count: int, nominal: Array, control_dt: float, config: OnlineConfig):
+        super().__init__()
         n = nominal.shape[1]
+        self.config = config
+        there_are = [(0.0, 0.0), *itertools.product(config.delays_s, config.lags_s)]  # the first is none
+        self.timings = np.array(list(dict.fromkeys(there_are)))
         self.control_dt, self.unit = control_dt, np.abs(nominal).sum(-1)
         self.nominal = nominal
-        self.chosen = np.zeros(count, dtype=np.int64)
-        self.shares = np.zeros((count, _MEMORY, n))  # commanded, newest first
-        self.wrenches = np.full((count, _MEMORY, 4), np.nan)  # that explain the motion, newest first
-        self.arrived = np.zeros((count, n))  # thrust under the chosen timing, at the end of the last step
+        self.remember(chosen=np.zeros(count, dtype=np.int64), shares=np.zeros((count, _MEMORY, n)))
+        self.remember(wrenches=np.full((count, _MEMORY, 4), np.nan), arrived=np.zeros((count, n)))
 
     def begin(self, rows: Array) -> None:
         """Thrusters are silent in these rows; the timing that was found stays."""
@@ -49,7 +52,7 @@ class ActuatorTiming:
         self.shares = np.concatenate((share[:, None], self.shares[:, :-1]), axis=1)
         if not self.chosen.any():
             return share
-        delay, lag = np.array(_HYPOTHESES)[self.chosen].T
+        delay, lag = self.timings[self.chosen].T
         mean, self.arrived = _lagged(delayed(self.shares, delay, self.control_dt), self.arrived, lag, self.control_dt)
         return mean
 
@@ -62,27 +65,28 @@ class ActuatorTiming:
         steps = min(steps, _MEMORY - _SETTLE)
         wrench = self.wrenches[row, :steps][::-1] / self.unit
         known = np.isfinite(wrench).all(-1)
-        if known.sum() < _LEAST:
+        if known.sum() < self.config.timing_steps:
             return False
-        errors = np.array([self._error(row, steps, delay, lag, wrench, known) for delay, lag in _HYPOTHESES])
+        errors = np.array([self._error(row, steps, delay, lag, wrench, known) for delay, lag in self.timings])
         best = int(errors.argmin())
-        if best == self.chosen[row] or errors[best] > _BETTER * errors[self.chosen[row]]:
+        if best == self.chosen[row] or errors[best] > self.config.timing_error_left * errors[self.chosen[row]]:
             return False
         self.chosen[row] = best
-        _, self.arrived[row] = self._arrivals(row, steps, *_HYPOTHESES[best])
+        _, self.arrived[row] = self._arrivals(row, steps, *self.timings[best])
         return True
 
     def timing_of(self, row: int) -> tuple[float, float]:
         """Delay and lag in s."""
-        return _HYPOTHESES[self.chosen[row]]
+        delay, lag = self.timings[self.chosen[row]].tolist()
+        return delay, lag
 
     def late_s(self) -> Array:
         """Delay and lag together, (N,) s: how far ahead a command acts."""
-        return np.array(_HYPOTHESES)[self.chosen].sum(-1)
+        return self.timings[self.chosen].sum(-1)
 
     def coming(self, rows: Array, steps: int) -> list[Array]:
         """Mean thrusts (k, n) of some vehicles over the next ``steps`` steps if the last command is held."""
-        delay, lag = np.array(_HYPOTHESES)[self.chosen[rows]].T
+        delay, lag = self.timings[self.chosen[rows]].T
         sent, arrived, thrusts = self.shares[rows], self.arrived[rows], []
         for _ in range(steps):
             sent = np.concatenate((sent[:, :1], sent[:, :-1]), axis=1)

@@ -27,6 +27,7 @@ from auv_torchrl.closing.diagnosed import Diagnosed
 from auv_torchrl.closing.target_log import Excitation, fly_target_log
 from auv_torchrl.ddr import AdapterConfig, DDRAdapter, adapt
 from auv_torchrl.ddr.store import load_or_pretrain
+from auv_torchrl.ddr.transform import observing
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.evaluation import Flight, Metrics, draw_starts, fly
@@ -119,6 +120,12 @@ def ddr(bench: Bench, kind: str) -> Attempt:
     return Attempt(bench.fly(bench.policy, adapter, thrusters), BUDGET.seconds, spent)
 
 
+def online(bench: Bench) -> Attempt:
+    """Learn the thrusters in flight."""
+    adapter = OnlineAdapter(bench.vehicle, bench.task(), load_online_config(), bench.count)
+    return Attempt(bench.fly(bench.policy, observing(adapter, bench.task()), True))
+
+
 def signs(bench: Bench) -> Attempt:
     """Pulse every thruster, correct its sign."""
     began = time.process_time()
@@ -204,9 +211,7 @@ METHODS: dict[str, Callable[[Bench], Attempt]] = {
     ),
     "DDR, 4 channels": lambda b: ddr(b, "affine"),
     "DDR to the thrusters": lambda b: ddr(b, "thrusters"),
-    "online, in flight": lambda b: Attempt(
-        b.fly(b.policy, OnlineAdapter(b.vehicle, b.task(), load_online_config(), b.count), True)
-    ),
+    "online, in flight": online,
     "diagnosed, then closed": diagnosed,
     "told the target (oracle)": told,
     "robust SAC": robust,

@@ -12,6 +12,7 @@ import torch
 import yaml
 from torchrl.envs import TransformedEnv
 
+from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Policy, draw_starts
 from auv_torchrl.online import OnlineAdapter, load_online_config
@@ -54,7 +55,8 @@ def fly_fault(
     draws = torch.rand(count, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     delays = (LATEST_S - EARLIEST_S) * draws
     fleet.simulator.delay_scenario(delays)
-    env = TransformedEnv(fleet, OnlineAdapter(vehicle, task, load_online_config(overrides=overrides), count))
+    adapter = OnlineAdapter(vehicle, task, load_online_config(overrides=overrides), count)
+    env = TransformedEnv(fleet, observing(adapter, task))
     starts = draw_starts(task, count, seed=seed + 1)
     return fly_online(env, policy, starts, round(seconds / task.control_dt)), EARLIEST_S + delays
 

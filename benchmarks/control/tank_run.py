@@ -15,6 +15,7 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import TransformedEnv
 
+from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import STEADY_FROM_S, Flight, Policy, fly, steady_errors
 from auv_torchrl.online import OnlineAdapter, load_online_config
@@ -99,7 +100,7 @@ def fly_tank(run: Tank, source: Vehicle, policy: Policy, count: int, seed: int) 
     if not adapted:
         return fly(fleet, policy, starts, task.steps), 0
     adapter = OnlineAdapter(source, task, load_online_config(overrides={"sensed": "pose"}), count)
-    flown = fly_online(TransformedEnv(fleet, adapter), policy, starts, task.steps)
+    flown = fly_online(TransformedEnv(fleet, observing(adapter, task)), policy, starts, task.steps)
     return flown.flight, int(flown.alarm.sum())
 
 

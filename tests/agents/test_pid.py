@@ -1,5 +1,7 @@
 """The classical controller regulates, and its integral takes away what a constant force leaves."""
 
+import math
+
 import pytest
 import torch
 from tensordict import TensorDict
@@ -8,7 +10,7 @@ from auv_torchrl.agents.config import load_agent_config
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.train_source import make_examiner
 from auv_torchrl.effects import get_effect
-from auv_torchrl.tasks import StationKeeping
+from auv_torchrl.tasks import Reference, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 TASK = StationKeeping(box_m=1.0)
@@ -46,12 +48,25 @@ def test_gains_that_cannot_be_are_refused():
 
 def test_command_is_full_and_points_home():
     """Far ahead of the vehicle the target asks for full surge, and a target to port for turning that way."""
-    observation = torch.zeros(2, len(TASK.observation_names))
-    names = TASK.observation_names
-    observation[:, names.index("heading_error_cos")] = 1.0
-    observation[0, names.index("error_x")] = 5.0
-    observation[1, names.index("heading_error_sin")] = -1.0
-    observation[1, names.index("heading_error_cos")] = 0.0
-    action = PID(TASK)(TensorDict({"observation": observation}, batch_size=[2]))["action"]
+    quarter = math.sqrt(0.5)
+    measured = {
+        "position": torch.tensor([[-5.0, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+        "quaternion": torch.tensor([[1.0, 0.0, 0.0, 0.0], [quarter, 0.0, 0.0, quarter]]),  # the second looks east
+        "velocity": torch.zeros(2, 6),
+    }
+    state = TensorDict({"measured": measured, "time": torch.zeros(2, 1)}, batch_size=[2])
+    action = PID(TASK)(state)["action"]
     assert action[0].tolist() == [1.0, 0.0, 0.0, 0.0]
     assert action[1, 3] < 0 and (action[1, :3] == 0).all()
+
+
+def test_a_reference_that_moves_is_followed():
+    """A vehicle at the origin pushes towards where it should be now, by 10 full commands per metre."""
+
+    class Ahead(StationKeeping):
+        def reference(self, time):
+            return Reference(torch.stack((time, 0 * time, 0 * time), dim=-1), super().reference(time).quaternion)
+
+    at_origin = {"position": torch.zeros(1, 3), "quaternion": torch.eye(1, 4), "velocity": torch.zeros(1, 6)}
+    state = TensorDict({"measured": at_origin, "time": torch.full((1, 1), 0.02)}, batch_size=[1])
+    torch.testing.assert_close(PID(Ahead())(state)["action"], torch.tensor([[0.2, 0.0, 0.0, 0.0]]))

@@ -7,6 +7,7 @@ import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.agents.pid import PID
+from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Flight, draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
@@ -33,11 +34,11 @@ def scenario(name, start_s=0.0):
 def adapted_fleet(count, seconds, acting=None, **overrides):
     adapter = OnlineAdapter(VEHICLE, task(seconds), load_online_config(overrides=overrides), count)
     fleet = TorchFleet(VEHICLE, task(seconds), count, scenario=acting, seed=0, dtype=torch.float64)
-    return TransformedEnv(fleet, adapter), adapter
+    return TransformedEnv(fleet, observing(adapter, task(seconds))), adapter
 
 
 def adapted_flight(acting=None, count=6, seconds=15.0, policy=None, **overrides) -> tuple[Flight, OnlineAdapter]:
     env, adapter = adapted_fleet(count, seconds, acting, **overrides)
     flown = task(seconds)
-    policy = policy or PID(flown, integral=INTEGRAL)
+    policy = policy or PID(flown, integral=INTEGRAL, state="expected")
     return fly(env, policy, draw_starts(flown, count, seed=1), flown.steps - 1), adapter

@@ -47,17 +47,17 @@ def test_the_map_that_is_found_is_that_of_the_vehicle():
     _, adapter = adapted_flight(scenario("two_reversed"), count=3, seconds=5.0)
     truth = controlled_allocation(scenario("two_reversed").vehicle_at(VEHICLE)).numpy()
     learner = adapter.learner
-    found, _ = learner.filter.map_of(learner.belief)
+    found, _ = learner.estimate.map
     error = np.abs(found - truth) / learner.motion.full_wrench[:, None]
     assert error.max() < 0.1
-    assert learner.uncertainty().max() < learner.config.uncertain_above
+    assert learner.estimate.uncertainty().max() < learner.config.uncertain_above
 
 
 @pytest.mark.parametrize(("name", "timing"), [("command_delay", (0.15, 0.0)), ("thruster_lag", (0.0, 0.2))])
 def test_late_thrust_is_told_from_wrong_thrust(name, timing):
     """Delay and lag are found as such, instead of being fitted by a map that would make the flight worse."""
     flight, adapter = adapted_flight(scenario(name), count=2, seconds=12.0)
-    assert [adapter.learner.timing.timing_of(row) for row in range(2)] == [timing] * 2
+    assert [adapter.learner.estimate.timing.timing_of(row) for row in range(2)] == [timing] * 2
     assert float(flight.position_error[:, flight.time[0] >= 10.0].mean()) < 0.05
 
 
@@ -67,7 +67,7 @@ def test_the_end_of_a_fault_is_noticed_too():
     weed = read_scenario("weed", config, VEHICLE)
     _, adapter = adapted_flight(weed, count=3, seconds=9.0, policy=Wandering())
     assert adapter.learner.alarms.min() >= 2
-    found, _ = adapter.learner.filter.map_of(adapter.learner.belief)
+    found, _ = adapter.learner.estimate.map
     assert np.abs(found - adapter.learner.motion.per_share).max() < 0.1 * adapter.learner.motion.full_wrench.max()
 
 
@@ -75,7 +75,7 @@ class Wandering(PID):
     """A controller that never comes to rest, so that every thruster is used all the time."""
 
     def __init__(self):
-        super().__init__(task(1.0), integral=INTEGRAL)
+        super().__init__(task(1.0), integral=INTEGRAL, state="expected")
 
     def forward(self, tensordict):
         """Add slow waves to the action."""
@@ -89,8 +89,9 @@ def test_a_hull_that_no_map_explains_does_not_spoil_the_map():
     flown = task(15.0)
     adapter = OnlineAdapter(VEHICLE, flown, load_online_config(overrides={"sensed": "pose"}), 3)
     hull = TorchFleet(load_vehicle("bluerov2"), flown, 3, scenario=scenario("sensor_noise"), seed=0)
-    flight = fly(TransformedEnv(hull, adapter), PID(flown, integral=INTEGRAL), draw_starts(flown, 3, 1), 299)
-    found, _ = adapter.learner.filter.map_of(adapter.learner.belief)
+    pilot = PID(flown, integral=INTEGRAL, state="expected")
+    flight = fly(TransformedEnv(hull, adapter), pilot, draw_starts(flown, 3, 1), 299)
+    found, _ = adapter.learner.estimate.map
     assert np.abs(found / adapter.learner.motion.full_wrench[:, None]).max() < 1.0
     assert float(flight.position_error[:, flight.time[0] >= 13.0].mean()) < 0.1
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from auv_torchrl.online import load_online_config
 from auv_torchrl.online.dead_end import DeadEnd
 
 LIMITS = (-np.ones(6), np.ones(6))
@@ -10,7 +11,7 @@ LIMITS = (-np.ones(6), np.ones(6))
 
 def first(share, velocity, seconds=5.0):
     """When one vehicle with constant thrusts and velocity is found in a dead end, s; infinite if never."""
-    dead_end = DeadEnd(1, LIMITS, 0.05)
+    dead_end = DeadEnd(1, LIMITS, 0.05, load_online_config())
     for k in range(round(seconds / 0.05)):
         if dead_end.reached(np.array([share]), np.array([velocity]))[0]:
             return 0.05 * (k + 1)

@@ -11,10 +11,8 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.online.learner import FROZEN
 from auv_torchrl.scenario import Change, Scenario
-from auv_torchrl.tasks import StationKeeping
 
-NAMES = StationKeeping().observation_names
-REST = np.array([1.0 if name == "heading_error_cos" else 0.0 for name in NAMES])
+REST = np.eye(13)[3]  # at the origin, level, heading north
 HOSTILE = (
     "fine",
     "nan",
@@ -38,8 +36,8 @@ class Abuse:
         self.learner, self.count = self.adapter.learner, count
         self.rng = np.random.default_rng(seed)
         self.time = np.zeros(count)
-        self.observation = np.tile(REST, (count, 1))
-        self.learner.begin(np.arange(count), self.observation)
+        self.measured = np.tile(REST, (count, 1))
+        self.learner.begin(np.arange(count), self.measured)
 
     def step(self, what):
         """One control step in which ``what`` happens."""
@@ -51,15 +49,16 @@ class Abuse:
         command = self.adapter.translate(action)
         self.time = self.time + {"skip_time": 3.0, "stop_time": 0.0}.get(what, 0.05)
         if what != "frozen":
-            self.observation = REST + 0.3 * self.rng.standard_normal((self.count, len(NAMES)))
-        reported = self.observation.copy()
+            self.measured = REST + 0.3 * self.rng.standard_normal((self.count, len(REST)))
+        reported = self.measured.copy()
         value = {"nan": np.nan, "inf": -np.inf, "huge": 1e30, "far": 50.0}.get(what)
         if value is not None:
-            reported[:, self.rng.integers(0, len(NAMES), 3)] = value
+            reported[:, self.rng.integers(0, len(REST), 3)] = value
         time = np.full(self.count, np.nan) if what == "nan_time" else self.time
         self.learner.observe(self.adapter.actuation.delivered(command).double().numpy(), reported, time)
         assert command.isfinite().all() and command.abs().max() <= 1.0
-        assert np.isfinite(self.learner.belief.mean).all() and np.isfinite(self.learner.belief.covariance).all()
+        belief = self.learner.estimate.belief
+        assert np.isfinite(belief.mean).all() and np.isfinite(belief.covariance).all()
 
 
 @pytest.mark.parametrize("sensed", ["velocity", "pose"])
@@ -102,25 +101,25 @@ def test_what_was_learnt_is_frozen_while_measurements_are_lost(what, caplog):
             tensordict["action"] = torch.rand(1, 4, generator=generator) * 2 - 1
             tensordict = env.step_mdp(env.step(tensordict))
 
-    learner = adapter.learner
+    learner, estimate = adapter.learner, adapter.learner.estimate
     fly(60, False)
     observe, last = learner.observe, {}
 
-    def spoilt(share, observation, time):
-        last.setdefault("observation", observation.copy())
+    def spoilt(share, measured, time):
+        last.setdefault("measured", measured.copy())
         if what == "nan":
-            observation = np.full_like(observation, np.nan)
+            measured = np.full_like(measured, np.nan)
         if what == "frozen":
-            observation = last["observation"]
-        return observe(share, observation, np.full_like(time, np.nan) if what == "nan_time" else time)
+            measured = last["measured"]
+        return observe(share, measured, np.full_like(time, np.nan) if what == "nan_time" else time)
 
     learner.observe = spoilt
     fly(15, True)
     assert learner.phase[0] == FROZEN
     assert "no usable measurement" in caplog.text
-    before = learner.belief.mean[:, learner.filter.effectiveness].copy()
+    before = estimate.map[0].copy()
     fly(20, True)
-    np.testing.assert_array_equal(learner.belief.mean[:, learner.filter.effectiveness], before)
+    np.testing.assert_array_equal(estimate.map[0], before)
     learner.observe = observe
     fly(10, False)
     assert learner.phase[0] != FROZEN
@@ -137,5 +136,5 @@ def test_a_vehicle_without_any_thruster_left_is_survived():
         tensordict = env.step_mdp(env.step(tensordict))
         assert tensordict["applied_action"].isfinite().all()
         assert tensordict["applied_action"].abs().max() <= 1.0
-    found, _ = adapter.learner.filter.map_of(adapter.learner.belief)
+    found, _ = adapter.learner.estimate.map
     assert np.abs(found / adapter.learner.motion.full_wrench[:, None]).max() < 0.1

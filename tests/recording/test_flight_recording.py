@@ -11,6 +11,7 @@ from rerun.chunk import RrdReader
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.authority import controlled_allocation
+from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.online import OnlineAdapter, load_online_config
@@ -36,7 +37,8 @@ def one(pd_policy) -> OneFlight:
     scenario = read_scenario("reversed", config, vehicle)
     starts = draw_starts(task, 1, seed=1)
     adapter = OnlineAdapter(vehicle, thrusters, load_online_config(), 1)
-    fleet = TransformedEnv(TorchFleet(vehicle, thrusters, 1, scenario=scenario, seed=0), adapter)
+    target = TorchFleet(vehicle, thrusters, 1, scenario=scenario, seed=0)
+    fleet = TransformedEnv(target, observing(adapter, thrusters))
     adapted = fly_online(fleet, pd_policy, starts, task.steps)
     alone = fly(TorchFleet(vehicle, task, 1, scenario=scenario, seed=0), pd_policy, starts, task.steps)
     found = recoveries(adapted, torch.tensor([FAULT_S]), vehicle)

@@ -1,0 +1,129 @@
+"""What stands between a policy and a fleet: a map of its actions to commands, as a TorchRL transform."""
+
+from abc import abstractmethod
+from typing import Any, cast
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.data import Bounded, Composite, TensorSpec, Unbounded
+from torchrl.envs.transforms import Compose, Transform
+
+from auv_torchrl.envs.fleet import BODY
+from auv_torchrl.tasks import Task
+from auv_torchrl.vehicle import CONTROLLED
+
+ACTION, APPLIED, OBSERVATION, TIME = "action", "applied_action", "observation", "time"
+MEASURED = "measured"  # the fleet's report of position, quaternion and velocity
+EXPECTED = "expected"  # by a map that predicts: the same when the next command acts, and ``time`` then
+
+
+class CommandMap(Transform):
+    """Turns the actions of a policy (N, 4) into commands (N, k), and reports those as ``applied_action``.
+
+    The rollout keeps the policy's action under ``action``. Commands are finite and within [-1, 1] whatever the policy
+    or a measurement says: an action that is not a number becomes no thrust. What a map knows of the vehicle it reads
+    from ``("measured", ...)``; it leaves ``observation`` as it is.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(in_keys=[], out_keys=[APPLIED], in_keys_inv=[ACTION], out_keys_inv=[ACTION])
+
+    @property
+    @abstractmethod
+    def outputs(self) -> int:
+        """Number of commands k."""
+
+    @abstractmethod
+    def command(self, tensordict: TensorDictBase) -> Tensor:
+        """Commands (N, k) for the ``action`` and the measurement in ``tensordict``."""
+
+    def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
+        """Called when episodes begin in some rows, (r,); may write to ``tensordict``; does nothing."""
+
+    def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:
+        """Called after every step with the commands (N, k) that were executed; may write to ``after``; does nothing."""
+
+    def _inv_call(self, tensordict: TensorDictBase) -> TensorDictBase:
+        with torch.no_grad():
+            return tensordict.set(ACTION, self.command(tensordict))
+
+    def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
+        command = tensordict.get(ACTION)  # what _inv_call made of it
+        with torch.no_grad():
+            self.after_step(command, tensordict, next_tensordict)
+        return next_tensordict.set(APPLIED, command)
+
+    def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
+        observation = tensordict_reset.get(OBSERVATION)
+        mask = None if tensordict is None else tensordict.get("_reset", None)
+        rows = torch.arange(len(observation)) if mask is None else mask.reshape(-1).cpu().nonzero()[:, 0]
+        self.begin(rows, tensordict_reset)
+        return tensordict_reset.set(APPLIED, observation.new_zeros((*observation.shape[:-1], self.outputs)))
+
+    def transform_action_spec(self, action_spec: TensorSpec) -> TensorSpec:
+        """The policy acts in the four channels, whatever the vehicle takes."""
+        executed = cast(Composite, action_spec)[ACTION]
+        if executed.shape[-1] != self.outputs:
+            raise ValueError(
+                f"{type(self).__name__}: it gives {self.outputs} commands, the environment takes {executed.shape[-1]}: "
+                "a map to the thrusters needs a task with thruster_commands=True, a map to the channels one without"
+            )
+        cast(Composite, action_spec)[ACTION] = _commands(executed, len(CONTROLLED))
+        return action_spec
+
+    def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
+        """Declare ``applied_action``."""
+        spec = cast(Composite, observation_spec)
+        spec[APPLIED] = _commands(spec[OBSERVATION], self.outputs)
+        return observation_spec
+
+    def forward(self, tensordict: TensorDictBase) -> Any:
+        """Refuse to act on a replay buffer, where actions are already those of the policy."""
+        raise RuntimeError(
+            f"{type(self).__name__} belongs between a policy and an environment: append it to the environment"
+        )
+
+
+class Observe(Transform):
+    """What a policy sees behind a map that predicts: the task's observation of the expected state.
+
+    Args:
+        task: of the environment.
+    """
+
+    def __init__(self, task: Task):
+        super().__init__(in_keys=[EXPECTED], out_keys=[OBSERVATION])
+        self.task = task
+
+    def _call(self, next_tensordict: TensorDictBase) -> TensorDictBase:
+        position, quaternion, velocity, time = (next_tensordict.get((EXPECTED, key)) for key in (*BODY, TIME))
+        seen = self.task.observe(position, quaternion, velocity, time[..., 0])
+        return next_tensordict.set(OBSERVATION, seen.float())
+
+    def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
+        return self._call(tensordict_reset)
+
+
+def observing(adapter: CommandMap, task: Task) -> Compose:
+    """A map that predicts, and behind it the observation of what it expects, for a policy."""
+    parts: list[Transform] = [adapter, Observe(task)]
+    return Compose(parts)
+
+
+def expected_spec(observation_spec: Composite) -> Composite:
+    """Spec of what a map that predicts reports under ``expected``."""
+    lengths = {**BODY, TIME: 1}
+    like: Any = observation_spec[MEASURED, "position"]
+    shape = like.shape[:-1]
+    entries = {
+        key: Unbounded(torch.Size((*shape, length)), dtype=like.dtype, device=like.device)
+        for key, length in lengths.items()
+    }
+    return Composite(entries, shape=shape, device=like.device)
+
+
+def _commands(like: TensorSpec, size: int) -> Bounded:
+    """Spec of ``size`` commands with the batch of another entry."""
+    shape = torch.Size((*like.shape[:-1], size))
+    return Bounded(-1.0, 1.0, shape, dtype=torch.float32, device=like.device)
