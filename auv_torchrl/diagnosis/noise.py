@@ -6,7 +6,7 @@ left when a free force follows everything slower, and not weighed against it.
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES
 
@@ -17,11 +17,11 @@ UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "ra
          "p": "rad/s", "q": "rad/s", "r": "rad/s"}  # fmt: skip
 
 
-def noise_finding(bench: Bench) -> Finding:
+def noise_finding(problem: Problem) -> Finding:
     """The noise of each channel, a warning where the vehicle states less, with the effect that reproduces it."""
-    sizes = ", ".join(f"{name} {size:.2g} {UNITS[name]}" for name, size in bench.sigma.items())
-    values = measured_noise(bench.sigma)
-    stated = {"position": float(bench.vehicle.position_noise), "attitude": float(bench.vehicle.attitude_noise)}
+    sizes = ", ".join(f"{name} {size:.2g} {UNITS[name]}" for name, size in problem.sigma.items())
+    values = measured_noise(problem.sigma)
+    stated = {"position": float(problem.vehicle.position_noise), "attitude": float(problem.vehicle.attitude_noise)}
     worse = [name for name, value in values.items() if 0 < STATED * stated[name] < value]
     simulate = ", ".join(f"{name}: {value:.2g}" for name, value in values.items())
     remedy = f"To simulate it, add the effect sensor_noise: {{{simulate}}}" if values else ""
@@ -32,22 +32,22 @@ def noise_finding(bench: Bench) -> Finding:
     return Finding(Severity.WARNING, "sensor_noise", sentence, remedy)
 
 
-def quiet_findings(bench: Bench) -> tuple[Finding, ...]:
+def quiet_findings(problem: Problem) -> tuple[Finding, ...]:
     """A doubt about channels with next to no noise: they are no measurement, or not only one."""
-    quiet = tuple(name for name, size in bench.sigma.items() if size < LEAST_BELIEVED)
+    quiet = tuple(name for name, size in problem.sigma.items() if size < LEAST_BELIEVED)
     if not quiet:
         return ()
     sentence = f"{', '.join(quiet)} have next to no noise: they were simulated, filtered or made up, not measured"
     return (Finding(Severity.WARNING, "no_noise", sentence, "Log what the sensors say", quiet, limits=True),)
 
 
-def outlier_findings(bench: Bench) -> tuple[Finding, ...]:
+def outlier_findings(problem: Problem) -> tuple[Finding, ...]:
     """A warning about samples that were given less weight because no force on the vehicle could have reached them."""
-    if sum(bench.outlying.values()) < OUTLYING * bench.windows.numbers:
+    if sum(problem.outlying.values()) < OUTLYING * problem.windows.numbers:
         return ()
-    counts = ", ".join(f"{count} of {name}" for name, count in bench.outlying.items())
+    counts = ", ".join(f"{count} of {name}" for name, count in problem.outlying.items())
     sentence = f"some values lie off every path that forces could have made ({counts}); they count less"
-    return (Finding(Severity.WARNING, "outliers", sentence, "Check the sensor", tuple(bench.outlying)),)
+    return (Finding(Severity.WARNING, "outliers", sentence, "Check the sensor", tuple(problem.outlying)),)
 
 
 def measured_noise(sigma: dict[str, float]) -> dict[str, float]:
