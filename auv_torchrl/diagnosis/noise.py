@@ -1,4 +1,4 @@
-"""White noise of the sensors: what of the effect ``sensor_noise`` a log shows.
+"""White noise of the sensors: what a log shows of the effect that is declared to be noise.
 
 Noise widens the floor of every prediction and closes no gap. So it is measured beside the explanation, from what is
 left when a free force follows everything slower, and not weighed against it.
@@ -7,6 +7,7 @@ left when a free force follows everything slower, and not weighed against it.
 import numpy as np
 
 from auv_torchrl.diagnosis.which.problem import Problem
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES
 
@@ -24,12 +25,13 @@ def noise_finding(problem: Problem) -> Finding:
     stated = {"position": float(problem.vehicle.position_noise), "attitude": float(problem.vehicle.attitude_noise)}
     worse = [name for name, value in values.items() if 0 < STATED * stated[name] < value]
     simulate = ", ".join(f"{name}: {value:.2g}" for name, value in values.items())
-    remedy = f"To simulate it, add the effect sensor_noise: {{{simulate}}}" if values else ""
+    effect = next(effect.name for effect in EFFECTS.values() if effect.is_noise)
+    remedy = f"To simulate it, add the effect {effect}: {{{simulate}}}" if values else ""
     if not worse:
         sentence = f"white noise of the sensors, the floor of all predictions: {sizes}"
-        return Finding(Severity.INFO, "sensor_noise", sentence, remedy)
+        return Finding(Severity.INFO, effect, sentence, remedy)
     sentence = f"the sensors are noisier than the vehicle states ({', '.join(worse)}): {sizes}"
-    return Finding(Severity.WARNING, "sensor_noise", sentence, remedy)
+    return Finding(Severity.WARNING, effect, sentence, remedy)
 
 
 def quiet_findings(problem: Problem) -> tuple[Finding, ...]:
@@ -51,6 +53,6 @@ def outlier_findings(problem: Problem) -> tuple[Finding, ...]:
 
 
 def measured_noise(sigma: dict[str, float]) -> dict[str, float]:
-    """Parameters of the effect ``sensor_noise`` from the noise of the channels of a pose."""
+    """Parameters of the effect of noise from the noise of the channels of a pose."""
     groups = {"position": [sigma[a] for a in "xyz" if a in sigma], "attitude": [sigma[a] for a in ANGLES if a in sigma]}
     return {name: float(np.sqrt(np.mean(np.square(sizes)))) for name, sizes in groups.items() if sizes}

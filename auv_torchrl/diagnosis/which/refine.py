@@ -87,7 +87,7 @@ def tidy(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
         polished.append(fit_by_simulation(problem, best.explanation, best.base))
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
     best = _exchanged(problem, best, polished)
-    return _said_as_dead(problem, _simplest(problem, best, polished), polished)
+    return _said_otherwise(problem, _simplest(problem, best, polished), polished)
 
 
 def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
@@ -170,23 +170,24 @@ def _simplest(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     return min([best, *close], key=size)
 
 
-def _said_as_dead(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
-    """Where a thruster's limit lies within its dead band, say that it gives nothing: that is the same vehicle.
+def _said_otherwise(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
+    """Where a value makes the same vehicle as a plainer one of another effect, say that.
 
-    No slope tells one such limit from another, so that its evidence pays for no value, and its interval is of no use.
+    No slope tells one such value from another, so that its evidence pays for no value, and its interval is of no use.
     """
-    dead_band = float(best.base.vehicle.dead_band.min())
+    looked_for = {atom.effect for atom in problem.atoms}
 
-    def is_dead(knob: Knob) -> bool:
-        return knob.effect == "thrust_limit" and knob.value < dead_band
+    def plainer(knob: Knob) -> Knob | None:
+        same_as = EFFECTS[knob.effect].same_as
+        told = [same_as(best.base.vehicle, member, knob.value) if same_as else None for member in knob.members]
+        known = [same for same in told if same is not None and same[0] in looked_for]
+        if len(known) < len(told):
+            return None
+        return Knob(known[0][0], tuple(member for _, member, _ in known), known[0][2])
 
-    may_be_said = any(atom.effect == "thruster_gain" for atom in problem.atoms)  # else it is ignored
-    if not may_be_said or not any(is_dead(knob) for knob in best.explanation.knobs):
+    if not any(plainer(knob) for knob in best.explanation.knobs):
         return best
-    knobs = tuple(
-        Knob("thruster_gain", tuple(name.replace("limit", "gain") for name in k.members), 0.0) if is_dead(k) else k
-        for k in best.explanation.knobs
-    )
+    knobs = tuple(plainer(knob) or knob for knob in best.explanation.knobs)
     said = fit_by_simulation(problem, replace(best.explanation, knobs=knobs), best.base)
-    polished[:] = [said, *(j for j in polished if not any(is_dead(knob) for knob in j.explanation.knobs))]
+    polished[:] = [said, *(j for j in polished if not any(plainer(knob) for knob in j.explanation.knobs))]
     return said

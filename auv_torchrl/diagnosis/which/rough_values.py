@@ -7,14 +7,12 @@ from auv_torchrl.diagnosis.which.following import nudge, nudged_chi2
 from auv_torchrl.diagnosis.which.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.steps import moved_along
-from auv_torchrl.effects.effect import mean
-from auv_torchrl.physics import prepare
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.effect import Valley
 
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED = np.linspace(-1.0, 1.0, 9)  # of each reach
-WALKS = 3  # at most, over exponents of the thrust curve
-EXPONENT, ASYMMETRY = ("thrust_curve", ("exponent",)), ("thrust_curve", ("asymmetry",))
-DEAD_BAND = ("dead_band", ("width",))
+WALKS = 3  # at most, along a valley
 SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
 SLACK_MOVED = 0.2  # ... where they moved by this much; "no gap" also within ...
 SLACK_NEAR = 0.4  # ... of the best of them
@@ -38,42 +36,32 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
             best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED])
             if alone:
                 best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED])
-    return best if leaves_much(problem, best) else _search_curve(problem, best)
+    for name, effect in EFFECTS.items() if not leaves_much(problem, best) else ():
+        if effect.valley is not None:
+            best = _search_valley(problem, best, name, effect.valley)
+    return best
 
 
-def _search_curve(problem: Problem, best: Judged) -> Judged:
-    """Try exponents of the thrust curve near by, with a dead band that lets the same commands through.
-
-    Either alone lets others through, so that chi-square is a narrow valley along the two, which slopes do not show.
-    """
-    column = {(effect, (member,)): order for order, (effect, member, _, _) in enumerate(problem.slack)}
+def _search_valley(problem: Problem, best: Judged, effect: str, valley: Valley) -> Judged:
+    """Try values near by of a number, with others moved so that the vehicle does about the same."""
+    column = {(name, (member,)): order for order, (name, member, _, _) in enumerate(problem.slack)}
     column |= {knob.key: len(problem.slack) + order for order, knob in enumerate(best.explanation.fitted)}
-    exponent, band, asymmetry = (column.get(key) for key in (EXPONENT, DEAD_BAND, ASYMMETRY))
-    if exponent is None or band is None:
+    name, member = valley.beside
+    if (effect, (valley.leading,)) not in column or (name, (member,)) not in column:
         return best
     for _ in range(WALKS):
         before = best
         for reach in THRESHOLD_REACH[1:]:
-            best = _best_along(problem, best, _same_commands(problem, best, reach, exponent, band, asymmetry))
+            steps = reach * problem.prior.width(effect, valley.leading) * TRIED
+            together = [valley.moves(best.base.vehicle, float(step)) for step in steps]
+            amounts = [
+                {column[name, (member,)]: by for (name, member), by in moves.items() if (name, (member,)) in column}
+                for moves in together
+            ]
+            best = _best_along(problem, best, amounts)
         if best is before:
             break
     return best
-
-
-def _same_commands(
-    problem: Problem, best: Judged, reach: float, exponent: int, band: int, asymmetry: int | None
-) -> list[dict[int, float]]:
-    """Moves of the columns of an exponent, a dead band and an asymmetry that keep the commands that get through."""
-    c = prepare(best.base.vehicle)  # both effects move the means, and thrusters that differ in proportion
-    now, width, full, weaker = (float(mean(x[0])) for x in (c.exponent, c.dead_band, c.full_thrust, c.asymmetry))
-    moves = []
-    for step in reach * problem.prior.width("thrust_curve", "exponent") * TRIED:
-        power = (now + step) / now  # the same commands have their thrust, over the full one, to this power
-        move = {exponent: step, band: full * (width / full) ** power - width}
-        if asymmetry is not None:
-            move[asymmetry] = (1 - weaker) - (1 - weaker) ** power
-        moves.append(move)
-    return moves
 
 
 def _best_along(problem: Problem, best: Judged, amounts: list[dict[int, float]]) -> Judged:
