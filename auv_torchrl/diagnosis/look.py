@@ -7,6 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.calibration.healthy import Calibration, calibrate
 from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.thresholds import NEAR, POLISHED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.diagnosis.which.agreement import follow_agreeing
 from auv_torchrl.diagnosis.which.attitude import (
@@ -16,14 +17,14 @@ from auv_torchrl.diagnosis.which.attitude import (
     level_enough,
     log_likelihood,
 )
+from auv_torchrl.diagnosis.which.candidates import Others
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.diagnosis.which.judged import leaves_much
 from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.refine import Progress, explains
-from auv_torchrl.diagnosis.which.search import POLISHED, Found, Others, search
-from auv_torchrl.diagnosis.which.sketches import NEAR
+from auv_torchrl.diagnosis.which.search import Found, search
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 

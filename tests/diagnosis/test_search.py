@@ -17,7 +17,9 @@ from auv_torchrl.diagnosis.how_far.predict import predict
 from auv_torchrl.diagnosis.how_far.veto import falls_short
 from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.thresholds import NEAR, SLACK_LIMIT
 from auv_torchrl.diagnosis.which.assess import as_sure
+from auv_torchrl.diagnosis.which.candidates import Others
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.which.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.which.following import follow_windows, hand_on, nudge, rebase
@@ -25,9 +27,7 @@ from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.which.judged import slack_now
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.screen import Field
-from auv_torchrl.diagnosis.which.search import Others, search
-from auv_torchrl.diagnosis.which.sketches import NEAR
-from auv_torchrl.diagnosis.which.steps import SLACK_LIMIT
+from auv_torchrl.diagnosis.which.search import search
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
@@ -264,8 +264,8 @@ def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(mo
         return screen(problem, *how)
 
     module = sys.modules[search.__module__]
-    monkeypatch.setattr(module, "MANY", 10)
-    monkeypatch.setattr(module, "SEARCHED", 8)
+    monkeypatch.setattr(module, "MANY_WINDOWS", 10)
+    monkeypatch.setattr(module, "SEARCHED_WINDOWS", 8)
     monkeypatch.setattr(Field, "of", counted)
     found = search(problem, follow, lambda *_: None)
     assert len(problem.windows) > 10

@@ -10,16 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.smooth import misfit
+from auv_torchrl.diagnosis.thresholds import AGREES_BETTER, LOOKED_AT, MOSTLY_LOST
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.fit import fit_by_simulation
-from auv_torchrl.diagnosis.which.following import MOSTLY_LOST, follow_freely, follow_windows
+from auv_torchrl.diagnosis.which.following import follow_freely, follow_windows
 from auv_torchrl.diagnosis.which.hypotheses import Atom, batch
 from auv_torchrl.diagnosis.which.judged import Base
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.effects import EFFECTS, Origin
-
-LOOKED_AT = 5  # windows: contradicting sensors do so all the time
-BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must get below
 
 
 def follow_agreeing(problem: Problem) -> tuple[Problem, Base]:
@@ -47,6 +45,6 @@ def agreeing_sensor(problem: Problem) -> Explanation | None:
 
     tried = [(badness(atom), atom) for atom in atoms]
     least, best = min(tried, key=lambda entry: entry[0], default=(np.inf, None))
-    if best is None or not least < BETTER * badness(None):
+    if best is None or not least < AGREES_BETTER * badness(None):
         return None
     return Explanation().with_atom(best, problem.vehicle)

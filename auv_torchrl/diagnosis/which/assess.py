@@ -3,16 +3,14 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import KNOB_STEP, SLACK_SHARES, SLACK_STEP
 from auv_torchrl.diagnosis.which.evidence import volume
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.judged import Base, Judged, slack_now
 from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.quadratics import SLACK_STEP, mark_slack, quadratic, without_slack
+from auv_torchrl.diagnosis.which.quadratics import mark_slack, quadratic, without_slack
 from auv_torchrl.diagnosis.which.steps import bounded_step, joint_precision, take_step, value_steps
 from auv_torchrl.effects import EFFECTS
-
-SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
-KNOB_STEP = 0.004  # of the plausible range of a parameter
 
 
 def assess(

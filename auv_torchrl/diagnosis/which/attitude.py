@@ -5,12 +5,12 @@ import torch
 
 from auv_torchrl.diagnosis.motion.reduce import local_precision
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
+from auv_torchrl.diagnosis.thresholds import SMALL_SWING
 from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.vehicle import Vehicle
 
-SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
 TILT = (3, 4)  # degrees of freedom
 
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import SHOWS
 from auv_torchrl.diagnosis.verdict import Estimate
 from auv_torchrl.diagnosis.which.screen import Field
 from auv_torchrl.effects import EFFECTS
-
-SHOWS = 30.0  # chi-square that pays for an effect and its place
 
 
 def detectable_sizes(field: Field) -> dict[str, Estimate]:

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import NOT_EXCLUDED, SAME_MARK
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.which.hypotheses import Atom
 from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.screen import SAME_MARK, Field
+from auv_torchrl.diagnosis.which.screen import Field
 from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.effects import EFFECTS
-
-AS_GOOD = 9.0  # chi-square by which an explanation may be worse and still cannot be excluded
 
 
 def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], ...]:
@@ -30,7 +29,7 @@ def _rivals(found: Found) -> list[tuple[str, str]]:
     for judged in found.polished:
         other = set(judged.explanation.effects)
         mine, theirs = best - other, other - best
-        if len(mine) == len(theirs) == 1 and judged.chi2 < found.best.chi2 + AS_GOOD:
+        if len(mine) == len(theirs) == 1 and judged.chi2 < found.best.chi2 + NOT_EXCLUDED:
             pairs.append((mine.pop(), theirs.pop()))
     return pairs
 

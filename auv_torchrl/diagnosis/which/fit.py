@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.smooth import sensor_noise
+from auv_torchrl.diagnosis.thresholds import FAR_DOWN, GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SKETCHED
 from auv_torchrl.diagnosis.which.assess import assess
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.following import nudge, rebase, settle_state, some_diverged
@@ -16,12 +17,6 @@ from auv_torchrl.diagnosis.which.judged import Base, Judged
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.rough_values import search_thresholds
 from auv_torchrl.diagnosis.which.steps import even_step, take_step
-
-NOISE_MATTERS = 0.02  # relative
-REPEATS = 3  # of linearising windows again
-FAR = 0.3  # of chi-square, that a descent gains where slopes need to be taken again
-GAINS = 0.02  # of chi-square, below which doing so is not worth it
-SKETCHED = 0.02  # of chi-square: a sketch that gains less is done
 
 
 def fit_by_simulation(
@@ -38,13 +33,13 @@ def fit_by_simulation(
     if searched is not best:
         best, moving = _descend(problem, searched.base, rounds)
     moving |= problem.layout.moves_unseen  # a tilt that nobody measured bends the windows
-    for _ in range(REPEATS):  # slopes are out of date where the fit went far
+    for _ in range(RELINEARISED):  # slopes are out of date where the fit went far
         if not moving or best.nothing_left or not np.isfinite(best.chi2) or best.chi2 > enough:
             break
         again, _ = _descend(problem, rebase(problem, best.explanation, best.base), rounds)
         if not again.chi2 < best.chi2:
             break
-        moving = best.chi2 - again.chi2 > GAINS * again.chi2
+        moving = best.chi2 - again.chi2 > GAINS_AGAIN * again.chi2
         best = again
     return replace(best, slack_marks=None)
 
@@ -93,7 +88,7 @@ def _descend(problem: Problem, base: Base, rounds: int) -> tuple[Judged, bool]:
         best, step = trial, trial_step
         if settled:
             break
-    return best, not began < (1 + FAR) * best.chi2
+    return best, not began < (1 + FAR_DOWN) * best.chi2
 
 
 def measure_noise(problem: Problem, judged: Judged) -> Problem:

@@ -20,6 +20,18 @@ from auv_torchrl.diagnosis.motion.smooth import (
     sensor_noise,
 )
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import (
+    FEW_LOST,
+    FOLLOWED,
+    HEIRS,
+    LOST,
+    LOST_START,
+    MANY_OUTLIERS,
+    MOSTLY_LOST,
+    OUTLIER,
+    SETTLING,
+    STUCK,
+)
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import batch
 from auv_torchrl.diagnosis.which.judged import Base, force_of_slack, slack_now
@@ -28,17 +40,7 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
-FOLLOWED = 1.15  # misfit of a window that a free force follows
-LOST = 1.6  # misfit of one that it does not
-MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
-FEW_LOST = 0.1  # share of diverged windows below which each is an accident
-OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
-MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
-STUCK = 1.5  # chi-square per number of a window that has not found its start
-ASTRAY = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
-SETTLING = 2  # steps of the free numbers where windows begin; a small change of the vehicle needs one
 NOTHING = Explanation()
-HEIRS = 3  # rounds in which starts are handed on from window to window
 
 
 """Settle windows under the nominal vehicle and under explanations."""
@@ -127,7 +129,7 @@ def hand_on(problem: Problem, base: Base) -> Base:
     follows = (windows.episode[:, None] == windows.episode) & (windows.start[:, None] == windows.start + windows.steps)
     before = np.where(follows.any(1), follows.argmax(1), -1)
     chi2 = _chi2_by_window(problem, base.state)
-    astray = np.flatnonzero(~(chi2 < ASTRAY * np.median(chi2)))
+    astray = np.flatnonzero(~(chi2 < LOST_START * np.median(chi2)))
     if len(astray) and _stuck(problem, base).mean() <= MOSTLY_LOST:
         base = _begun_anew(problem, base, astray, problem.seen_start[astray])
     for _ in range(HEIRS):

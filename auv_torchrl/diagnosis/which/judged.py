@@ -10,14 +10,11 @@ from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Smoothed
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import MINOR, SATISFIED, STRAINED
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import batch
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.vehicle import Vehicle
-
-MINOR = 0.5  # of the force that slack makes: an effect below it is no finding
-STRAINED = 2.5  # standard deviations of slack, beyond which it may stand in for an effect
-SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
 
 
 @dataclass(frozen=True)

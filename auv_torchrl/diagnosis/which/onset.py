@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import BLOCK_S, FEWEST_BLOCKS, FEWEST_WINDOWS, LARGER, ONSET_CLEAR, SPEAKS
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.fit import fit_by_simulation
 from auv_torchrl.diagnosis.which.following import follow_windows
@@ -11,13 +12,6 @@ from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.diagnosis.which.judged import Base
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.vehicle import Vehicle
-
-BLOCK_S = 0.6  # s over which the missing force is averaged
-FEWEST_BLOCKS = 10  # on either side of an onset
-CLEAR = 40.0  # log likelihood that two levels of the missing force must gain over one
-LARGER = 20.0  # times the energy before the onset, in some degree of freedom
-FEWEST_WINDOWS = 4  # behind an onset, to be explained by themselves
-SPEAKS = 10.0  # chi-square by which the windows before an onset must fit better without the effect
 
 
 @dataclass(frozen=True)
@@ -58,7 +52,7 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     gain = 0.5 * (total * np.log(whole) - splits * np.log(before) - (total - splits) * np.log(behind))
     gain = np.where(behind > before, gain, 0.0).sum(1)
     best = int(np.argmax(gain))
-    if gain[best] < CLEAR or not (behind[best] > LARGER * before[best]).any():
+    if gain[best] < ONSET_CLEAR or not (behind[best] > LARGER * before[best]).any():
         return None
     first = order[splits[best, 0]]
     window, within = owner[first], float(time.ravel()[first])

@@ -2,13 +2,12 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import SCREENING_DOUBT, STANDS_IN
 from auv_torchrl.diagnosis.which.judged import is_minor
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.search import Found
 
 NONE, UNKNOWN = "none", "unknown"
-STANDS_IN = 0.6  # probability that a known effect found beside an unknown one only stands in for it
-SCREENING_DOUBT = 10.0  # log evidence by which a screened family is held back against a simulated one
 
 
 def effect_probabilities(problem: Problem, found: Found, unknown: float) -> dict[str, float]:

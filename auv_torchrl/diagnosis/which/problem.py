@@ -7,13 +7,12 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import NOISIER, WIDE_SHARE
 from auv_torchrl.diagnosis.which.evidence import Prior
 from auv_torchrl.diagnosis.which.hypotheses import Atom, Settings, batch, make_atoms, slack_parameters
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
-WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
-NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
 FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each holds as much as the slopes
 
 

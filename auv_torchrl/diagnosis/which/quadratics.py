@@ -9,12 +9,12 @@ from auv_torchrl.diagnosis.motion.force import force_changes, marks, reading_cha
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, pooled, reduce
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import SLACK_STEP
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import batch
 from auv_torchrl.diagnosis.which.judged import Base, slack_now
 from auv_torchrl.diagnosis.which.problem import Problem
 
-SLACK_STEP = 0.05  # relative step of slack derivatives
 MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
 
 

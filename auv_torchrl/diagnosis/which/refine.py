@@ -5,23 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import (
+    CLOSES,
+    EASED,
+    EVIDENCE_SLIP,
+    FURTHER_TRIED,
+    IDLE,
+    MISSED,
+    MOST_EFFECTS,
+    TIE,
+    WITHIN,
+    WORTH_AN_EFFECT,
+)
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.which.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.which.judged import Judged, is_minor, is_strained, leaves_much
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.screen import Field, Screened
-from auv_torchrl.diagnosis.which.sketches import CLOSES
 from auv_torchrl.effects import EFFECTS
-
-WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
-EVIDENCE_SLIP = 40.0
-MISSED = 1.0  # chi-square per number that comes back without an effect that is not needless
-IDLE = 2.0  # standard deviations, of the estimate or of slack
-TRIED = 3  # further effects that are simulated where one is needed, of those that promise about the same
-EASED = 0.2  # of what the screening says of an effect: the start of a fit that went astray from the whole of it
-WORTH = 5.0  # log evidence that one more effect must bring
-TIE = 3.0  # log evidence that does not speak for more values
-MOST_EFFECTS = 3
 
 Progress = Callable[[str, float], None]
 
@@ -49,15 +50,15 @@ def grow(
         fresh_ones = (
             s for s in field.families() if not (set(s.explanation.effects) - set(best.explanation.effects)) & twins_of
         )
-        tried = 1 if explains(problem, best) else TRIED
+        tried = 1 if explains(problem, best) else FURTHER_TRIED
         ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)[:tried]
         left = best.chi2 - best.quadratic.numbers if leaves_much(problem, best) else 0.0
-        least = max(here + WORTH, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
+        least = max(here + WORTH_AN_EFFECT, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
         trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > CLOSES * left]
         fresh = [_added(problem, best, s.explanation) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
-        if better.evidence <= best.evidence + WORTH or best.chi2 - better.chi2 < CLOSES * left:
+        if better.evidence <= best.evidence + WORTH_AN_EFFECT or best.chi2 - better.chi2 < CLOSES * left:
             return best
         best = better
         if best.nothing_left:
@@ -95,7 +96,7 @@ def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
         fewer = [_without(problem, best, effect) for effect in best.explanation.effects]
         polished += fewer
         better = max(fewer, key=lambda judged: judged.evidence)
-        if better.evidence <= best.evidence - WORTH:
+        if better.evidence <= best.evidence - WORTH_AN_EFFECT:
             return best
         best = better
     return best
@@ -125,7 +126,7 @@ def _drop_idle(problem: Problem, best: Judged, polished: list[Judged]) -> Judged
         return best
     fewer = fit_by_simulation(problem, replace(best.explanation, knobs=tuple(kept)), best.base)
     polished.append(fewer)
-    return fewer if fewer.evidence > best.evidence - WORTH else best
+    return fewer if fewer.evidence > best.evidence - WORTH_AN_EFFECT else best
 
 
 def _exchanged(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:

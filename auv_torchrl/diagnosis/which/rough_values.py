@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import SLACK_MOVED, SLACK_NEAR, SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
 from auv_torchrl.diagnosis.which.assess import assess
 from auv_torchrl.diagnosis.which.following import nudge, nudged_chi2
 from auv_torchrl.diagnosis.which.judged import Judged, leaves_much, slack_now
@@ -9,13 +10,6 @@ from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.steps import moved_along
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Valley
-
-THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
-TRIED = np.linspace(-1.0, 1.0, 9)  # of each reach
-WALKS = 3  # at most, along a valley
-SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
-SLACK_MOVED = 0.2  # ... where they moved by this much; "no gap" also within ...
-SLACK_NEAR = 0.4  # ... of the best of them
 
 
 def search_thresholds(problem: Problem, best: Judged) -> Judged:
@@ -27,15 +21,15 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
         if knob.effect in problem.settings.thresholds:
             for reach in THRESHOLD_REACH:
                 width = reach * problem.prior.width(knob.effect, knob.members[0])
-                best = _best_along(problem, best, [{len(problem.slack) + order: width * u} for u in TRIED])
+                best = _best_along(problem, best, [{len(problem.slack) + order: width * u} for u in TRIED_STEPS])
     for column, (effect, _, _, width) in enumerate(problem.slack):
         now = slack_now(problem, best.explanation)[column]
         alone = not best.explanation.effects  # "no gap" has no knob by which a threshold would be tried
         moved = abs(now) > SLACK_MOVED * width or not best.nothing_left
         if effect in problem.settings.thresholds and (moved or alone):
-            best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED])
+            best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
             if alone:
-                best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED])
+                best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
     for name, effect in EFFECTS.items() if not leaves_much(problem, best) else ():
         if effect.valley is not None:
             best = _search_valley(problem, best, name, effect.valley)
@@ -52,7 +46,7 @@ def _search_valley(problem: Problem, best: Judged, effect: str, valley: Valley) 
     for _ in range(WALKS):
         before = best
         for reach in THRESHOLD_REACH[1:]:
-            steps = reach * problem.prior.width(effect, valley.leading) * TRIED
+            steps = reach * problem.prior.width(effect, valley.leading) * TRIED_STEPS
             together = [valley.moves(best.base.vehicle, float(step)) for step in steps]
             amounts = [
                 {column[name, (member,)]: by for (name, member), by in moves.items() if (name, (member,)) in column}

@@ -8,6 +8,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_KNOBS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
 from auv_torchrl.diagnosis.which.assess import knob_changes, log_evidence
 from auv_torchrl.diagnosis.which.evidence import volume
 from auv_torchrl.diagnosis.which.explanation import Explanation
@@ -15,14 +16,8 @@ from auv_torchrl.diagnosis.which.hypotheses import Atom
 from auv_torchrl.diagnosis.which.judged import Base, slack_now
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.quadratics import quadratic, without_slack
-from auv_torchrl.diagnosis.which.steps import SLACK_LIMIT, joint_precision, value_steps
+from auv_torchrl.diagnosis.which.steps import joint_precision, value_steps
 from auv_torchrl.effects import EFFECTS
-
-ELASTIC = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
-SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
-FIXED = 1e-5  # a discrete change acts wholly
-SEEN = 1e-6  # chi-square of a whole atom
-MOST_KNOBS = 6  # of one family
 
 
 @dataclass(frozen=True)
@@ -51,7 +46,7 @@ class Field:
     @property
     def seen(self) -> np.ndarray:
         """(N,) atoms that leave any mark on this log."""
-        return np.diag(self.A) > SEEN
+        return np.diag(self.A) > SEEN_AT_ALL
 
     @staticmethod
     def of(problem: Problem, base: Base, around: Explanation | None = None) -> "Field":
@@ -63,7 +58,7 @@ class Field:
         _, b, A, _, _ = without_slack(problem, q, explanation)
         b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
         values = value_steps(problem, explanation, steps)
-        width = [FIXED if a.discrete else ELASTIC if a.elastic else 1e3 for a in problem.atoms]
+        width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.atoms]
         centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in problem.atoms])
         return Field(problem, explanation, q, values, b, A, np.array(width) ** -2.0, centre)
 

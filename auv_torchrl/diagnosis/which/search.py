@@ -2,51 +2,32 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import (
+    ADDS,
+    BROKEN_PROMISE,
+    CONTENDS,
+    FEW_VALUES,
+    FITTED_ON,
+    HOPELESS,
+    MANY_WINDOWS,
+    POLISHED,
+    REFITTED,
+    SEARCHED_WINDOWS,
+    STILL_GAINS,
+    TURNED_ROUND,
+    WORTH_AN_EFFECT,
+)
 from auv_torchrl.diagnosis.which.agreement import follow_agreeing
+from auv_torchrl.diagnosis.which.candidates import Others, candidates_of
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.fit import fit_by_simulation, measure_noise, reassess
 from auv_torchrl.diagnosis.which.judged import Base, Judged, is_minor, is_strained, leaves_much
 from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.refine import (
-    EVIDENCE_SLIP,
-    WITHIN,
-    WORTH,
-    Progress,
-    explains,
-    from_another,
-    grow,
-    tidy,
-)
+from auv_torchrl.diagnosis.which.refine import Progress, explains, from_another, grow, tidy
 from auv_torchrl.diagnosis.which.screen import Field, Screened
-from auv_torchrl.diagnosis.which.sketches import is_near, sketch_explanations
-
-POLISHED = 4  # candidates that are simulated
-AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
-ASTRAY = 10.0  # times what was promised: a fit that ends there began at wrong values
-CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best ...
-ADDS = 20.0  # ... and by which one that only adds effects to the best may be worse
-FITTED_ON = 3  # times at most, of rivals, while each gains ...
-STILL = 1.0  # ... this log evidence
-HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
-FEW = 4  # values
-# Most of the work is to look for effects, and two minutes of flight show which ones act: the sealed benchmark finds
-# them in one. Logs of the recommended two to three minutes have up to 90 windows, and all of these are searched. Of
-# more than MANY, windows spread evenly over the log are searched, and what is found there is fitted to all of them.
-MANY = 120
-SEARCHED = 60
-REFITTED = 2  # rivals that are fitted to all windows beside the best
-
-
-class Others(Enum):
-    """What a search may simulate besides its hints."""
-
-    NONE = "none"
-    SINGLE = "single"
-    ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -77,9 +58,9 @@ def search(
     by a few values, and where they promise to leave less than ``below`` of chi-square per number. Of many windows,
     some are searched, and what is found is fitted to all.
     """
-    if len(problem.windows) <= MANY:
+    if len(problem.windows) <= MANY_WINDOWS:
         return _search(problem, follow, progress, hints, others, below)
-    rows = np.linspace(0, len(problem.windows) - 1, SEARCHED).astype(int)
+    rows = np.linspace(0, len(problem.windows) - 1, SEARCHED_WINDOWS).astype(int)
     few = Problem.of(problem.given.subset(rows), problem.vehicle, problem.settings, problem.known)
     found = _search(*follow_agreeing(few), progress, hints, others, below)
     return _refit(problem, follow, found, progress)
@@ -115,7 +96,7 @@ def _search(
     promise = np.inf
     for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
         polished.append(fit_by_simulation(problem, explanation, follow))
-        few = len(explanation.knobs) <= FEW or polished[-1].nothing_left
+        few = len(explanation.knobs) <= FEW_VALUES or polished[-1].nothing_left
         if others is not Others.NONE and few and explains(problem, polished[-1]):
             break
     else:
@@ -123,10 +104,10 @@ def _search(
         if others is not Others.NONE:
             one_does = any(len(j.explanation.effects) == 1 and explains(problem, j) for j in polished[1:])
             others, below = (Others.SINGLE, np.inf) if one_does else (others, below)
-            candidates, promise = _candidates(problem, follow, field, families, others)
+            candidates, promise = candidates_of(problem, follow, field, families, others)
             candidates = [shown for shown in candidates if not any(_adds_to(hint, shown) for hint in hints)]
         for shown in candidates if promise < below else ():
-            enough = AS_GOOD * min(judged.chi2 for judged in polished)
+            enough = TURNED_ROUND * min(judged.chi2 for judged in polished)
             polished.append(_simulated(problem, shown, follow, families, enough))
             progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
     return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress)
@@ -176,7 +157,7 @@ def _simulated(
 ) -> Judged:
     """A candidate fitted; several effects that end far from what they promised, also from what each would be alone."""
     judged = fit_by_simulation(problem, shown.explanation, follow, enough=enough)
-    if len(shown.explanation.effects) == 1 or not judged.chi2 > ASTRAY * shown.chi2:
+    if len(shown.explanation.effects) == 1 or not judged.chi2 > BROKEN_PROMISE * shown.chi2:
         return judged
     again = fit_by_simulation(problem, _each_alone(shown.explanation, families), follow, enough=enough)
     return max(judged, again, key=lambda judged: judged.evidence)
@@ -210,7 +191,7 @@ def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: se
 def _until_still(problem: Problem, judged: Judged) -> Judged:
     for _ in range(FITTED_ON):
         further = fit_by_simulation(problem, judged.explanation, judged.base)
-        if not further.evidence > judged.evidence + STILL:
+        if not further.evidence > judged.evidence + STILL_GAINS:
             break
         judged = further
     return judged
@@ -218,39 +199,5 @@ def _until_still(problem: Problem, judged: Judged) -> Judged:
 
 def _best(problem: Problem, polished: list[Judged]) -> Judged:
     none = polished[0].evidence
-    pays = [j for j in polished[1:] if j.evidence > none + WORTH and not is_minor(problem, j)]
+    pays = [j for j in polished[1:] if j.evidence > none + WORTH_AN_EFFECT and not is_minor(problem, j)]
     return max(pays, key=lambda judged: judged.evidence, default=polished[0])
-
-
-def _candidates(
-    problem: Problem, follow: Base, field: Field, families: list[Screened], others: Others
-) -> tuple[Sequence[Screened | Judged], float]:
-    """What to simulate, and the chi-square per number that the best of it promises to leave.
-
-    They are single effects, or where none comes near, and other ones are asked for, what a look along the measured
-    motion shows.
-    """
-    if not families:  # no effect leaves a mark, or all are ignored
-        return [], np.inf
-    numbers = field.quadratic.numbers
-    if others is Others.SINGLE or is_near(families[0].chi2, numbers):
-        return _promising(field, families), families[0].chi2 / numbers
-    sketches = sketch_explanations(problem, follow, field, families)
-    as_good = [sketch for sketch in sketches if sketch.chi2 < AS_GOOD * sketches[0].chi2]
-    return _promising(field, as_good), sketches[0].chi2 / numbers
-
-
-def _promising(field: Field, ranked: Sequence[Screened | Judged]) -> list[Screened | Judged]:
-    """The few that may turn out best once simulated, best first."""
-    none = field.none().evidence
-    least = ranked[0].evidence - EVIDENCE_SLIP - WITHIN * max(0.0, ranked[0].evidence - none)
-    if field.problem.layout.moves_unseen:  # a large tilt that nobody measured is far from where the marks were taken
-        least = -np.inf
-    kept, seen = [], set()
-    for screened in ranked:
-        key = frozenset(screened.explanation.effects)
-        dominated = any(known < key for known in seen)  # the extra effect is added later if it pays
-        if screened.evidence > max(least, none - EVIDENCE_SLIP / 4) and key not in seen and not dominated:
-            kept.append(screened)
-            seen.add(key)
-    return kept[: POLISHED if kept and kept[0].evidence > none + WORTH else 2]

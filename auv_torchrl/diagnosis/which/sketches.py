@@ -4,17 +4,12 @@ Where two effects act, a simulation with one of them alone is far from what was 
 other. Along the measured motion the forces of all effects are exact, so that the second one shows.
 """
 
+from auv_torchrl.diagnosis.thresholds import CLOSES, GROWN, MOST_SKETCHED, NEAR
 from auv_torchrl.diagnosis.which.fit import fit_along_motion
 from auv_torchrl.diagnosis.which.judged import Base, Judged
 from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.screen import Field, Screened
 from auv_torchrl.effects import EFFECTS
-
-NEAR = 1.5  # chi-square per number above which an explanation is missing something
-MOST = (8, 12, 6)  # explanations by one, two and three effects that are sketched
-GROWN = (6, 1)  # explanations by one and by two effects that are grown
-CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close: an unknown effect is not to be
-# pieced together from many known ones
 
 
 def is_near(chi2: float, numbers: int) -> bool:
@@ -24,13 +19,13 @@ def is_near(chi2: float, numbers: int) -> bool:
 
 def sketch_explanations(problem: Problem, follow: Base, field: Field, families: list[Screened]) -> list[Judged]:
     """Explanations by one effect, by two where one is not enough, by three where two are not; the likeliest first."""
-    sketches = _sketched(problem, follow, families, field.twins, MOST[0])
-    for effects in range(1, len(MOST)):
+    sketches = _sketched(problem, follow, families, field.twins, MOST_SKETCHED[0])
+    for effects in range(1, len(MOST_SKETCHED)):
         sketches.sort(key=lambda sketch: -sketch.evidence)
         if is_near(sketches[0].chi2, sketches[0].quadratic.numbers):
             break
         starts = [s for s in sketches if len(s.explanation.effects) == effects][: GROWN[effects - 1]]
-        sketches += _sketched(problem, follow, _grown(problem, follow, starts), field.twins, MOST[effects])
+        sketches += _sketched(problem, follow, _grown(problem, follow, starts), field.twins, MOST_SKETCHED[effects])
     return sorted(sketches, key=lambda sketch: -sketch.evidence)
 
 
