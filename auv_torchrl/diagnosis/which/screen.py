@@ -166,15 +166,9 @@ class Field:
     def _grow(self, family: str, chosen: list[int]) -> Screened | None:
         """Add members of a family while that pays, at least one; None where it adds nothing to the chosen ones."""
         inside = [i for i, atom in enumerate(self.problem.atoms) if atom.effect == family and self.seen[i]]
-        alone = [i for i in inside if not self._moves_all(i)]  # once all members are moved, none is added
+        alone = [i for i in inside if not _moves_all(self.problem, i)]  # once all members are moved, none is added
         ways = [self._grown(chosen, inside), self._grown(chosen, alone) if len(alone) < len(inside) else None]
         return max((way for way in ways if way is not None), key=lambda way: way.evidence, default=None)
-
-    def _moves_all(self, i: int) -> bool:
-        """Whether an atom moves all members of a family of parameters by one value."""
-        atom = self.problem.atoms[i]
-        declared = EFFECTS[atom.effect].member_parameters(self.problem.vehicle)
-        return len(atom.values) > 1 and not atom.discrete and len({declared[name].name for name in atom.values}) == 1
 
     def _grown(self, chosen: list[int], inside: list[int]) -> Screened | None:
         best: Screened | None = None
@@ -199,6 +193,13 @@ class Field:
             if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
                 return True
         return False
+
+
+def _moves_all(problem: Problem, i: int) -> bool:
+    """Whether an atom moves all members of a family of parameters by one value."""
+    atom = problem.atoms[i]
+    declared = EFFECTS[atom.effect].member_parameters(problem.vehicle)
+    return len(atom.values) > 1 and not atom.discrete and len({declared[name].name for name in atom.values}) == 1
 
 
 def _value(explanation: Explanation, effect: str, member: str, problem: Problem) -> float:
