@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.flightlog import POSE, VELOCITY, Finding, FlightLog, FlightLogError, Severity
 from auv_torchrl.flightlog.log import with_axes
 from auv_torchrl.physics import prepare
@@ -47,16 +47,16 @@ def restricted(log: FlightLog, axes: tuple[str, ...]) -> FlightLog:
     return replace(log, axes=kept, episodes=tuple(with_axes(episode, kept) for episode in log.episodes))
 
 
-def unseen(bench: Bench) -> list[str]:
+def unseen(problem: Problem) -> list[str]:
     """Sentences about the degrees of freedom in which the vehicle moves and that the log does not measure."""
-    moves = np.flatnonzero(bench.vehicle.free.numpy() > 0)
-    hidden = [DEGREES_OF_FREEDOM[d] for d in moves if d not in bench.layout.dof]
+    moves = np.flatnonzero(problem.vehicle.free.numpy() > 0)
+    hidden = [DEGREES_OF_FREEDOM[d] for d in moves if d not in problem.layout.dof]
     if not hidden:
         return []
     remedies = dict.fromkeys(REMEDY[name] for name in hidden)
     sentence = f"{', '.join(hidden)} {'is' if len(hidden) == 1 else 'are'} not measured: no gap there can be seen"
-    push = np.abs(prepare(bench.vehicle.expand(1)).numpy().allocation[0])
-    dark = [str(i + 1) for i in np.flatnonzero(push[bench.layout.dof].max(0) < 1e-3 * push.max())]
+    push = np.abs(prepare(problem.vehicle.expand(1)).numpy().allocation[0])
+    dark = [str(i + 1) for i in np.flatnonzero(push[problem.layout.dof].max(0) < 1e-3 * push.max())]
     if dark:
         sentence += (
             f", nor what thruster{'s' if len(dark) > 1 else ''} {', '.join(dark)} {'do' if dark[1:] else 'does'}"

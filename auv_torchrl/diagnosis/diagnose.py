@@ -72,34 +72,34 @@ def diagnose(
     corrected = calibrate_coefficients(join(healthy or [training]), vehicle, uncertainty, settings)
     searched = settings if healthy else corrected.settings(settings)
     looked = look_both_ways(training, corrected.vehicle, healthy, searched, report)
-    bench, found, own = looked.bench, looked.found, looked.bench.vehicle
+    problem, found, own = looked.found.problem, looked.found, looked.found.problem.vehicle
     before = changed(vehicle, free=own.free)
     base = changed(corrected.vehicle, free=own.free)
     after = apply_values(own, found.best.explanation.values(own))
     stages = [before, base, after] if corrected.effects else [before, after]
-    predictions = predict(testing, stages, settings, bench.sigma, 4 * bench.floor)
+    predictions = predict(testing, stages, settings, problem.sigma, 4 * problem.floor)
     if vetoed := bool(found.best.explanation.effects) and is_worse(predictions, len(stages) - 2, len(stages) - 1):
         found, after = replace(found, best=found.none), base
     predictions = only(predictions, 0, len(stages) - 1 - vetoed)
     if corrected.effects and is_worse(predictions, 0, 1):
         stands = diagnose(log, vehicle, healthy, test, progress, vehicle_name, settings)
         return replace(stands, findings=(*stands.findings, calibration_vetoed()))
-    verdict = judge(bench, found, corrected=bool(corrected.effects))
+    verdict = judge(found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
-    noise = (*quiet_findings(bench), *outlier_findings(bench), noise_finding(bench))
+    noise = (*quiet_findings(problem), *outlier_findings(problem), noise_finding(problem))
     findings = (*log.findings, *corrected.findings, *rests_on(looked), *vetoes(vetoed), *shortfalls(short), *noise)
     doubted = doubts(findings)
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
-    probability = bounded(effect_probabilities(bench, found, 1.0 if vetoed or short else unknown), doubted)
-    effects = found_effects(bench, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
+    probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
+    effects = found_effects(problem, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)
-    same = indistinguishable(bench, found)
+    same = indistinguishable(problem, found)
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
-    where = locate(bench, found, effects, verdict, looked.onset)
+    where = locate(problem, found, effects, verdict, looked.onset)
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
@@ -110,11 +110,11 @@ def diagnose(
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),
         indistinguishable=same,
-        next_experiment=choose_experiment(bench, found, verdict, where),
+        next_experiment=choose_experiment(problem, found, verdict, where),
         gap=gap,
-        input_mappable=input_mappable(bench, found.follow),
+        input_mappable=input_mappable(problem, found.follow),
         detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
-        cannot_tell=cannot_tell(bench, found),
+        cannot_tell=cannot_tell(problem, found),
         findings=findings,
         windows=held_out_windows(predictions, testing),
     )
@@ -136,8 +136,12 @@ def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightL
 def rests_on(looked: Looked) -> tuple[Finding, ...]:
     """What the verdict rests on: a healthy log, or assumptions."""
     if looked.sound is None:
-        return (stated_floor(looked.bench.settings, looked.bench.layout.dof), *looked.contradiction, *looked.attitude)
-    return (*looked.sound.findings, *noise_findings(looked.bench.noisier), *looked.attitude)
+        return (
+            stated_floor(looked.found.problem.settings, looked.found.problem.layout.dof),
+            *looked.contradiction,
+            *looked.attitude,
+        )
+    return (*looked.sound.findings, *noise_findings(looked.found.problem.noisier), *looked.attitude)
 
 
 def calibration_vetoed() -> Finding:

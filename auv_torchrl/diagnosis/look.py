@@ -7,6 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.calibration.healthy import Calibration, calibrate
 from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.thresholds import NEAR, POLISHED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.diagnosis.which.agreement import follow_agreeing
 from auv_torchrl.diagnosis.which.attitude import (
@@ -16,13 +17,14 @@ from auv_torchrl.diagnosis.which.attitude import (
     level_enough,
     log_likelihood,
 )
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.candidates import Others
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import Settings
+from auv_torchrl.diagnosis.which.judged import leaves_much
 from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.refine import Progress, explains
-from auv_torchrl.diagnosis.which.search import POLISHED, Found, Others, search
-from auv_torchrl.diagnosis.which.sketches import NEAR
+from auv_torchrl.diagnosis.which.search import Found, search
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
@@ -35,7 +37,6 @@ HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt
 class Looked:
     """A log explained under one assumption about the attitude."""
 
-    bench: Bench
     found: Found
     sound: Calibration | None
     onset: Onset | None = None  # what is explained are the windows behind it
@@ -57,20 +58,22 @@ def look(
     """
     sound = calibrate(healthy, vehicle, settings) if healthy else None
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
-    bench = Bench(cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known)
+    problem = Problem.of(
+        cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known
+    )
     hints, others, below = (hints_of(seen.found), *_worth_flying(seen)) if seen else ((), Others.ALL, np.inf)
-    follow = follow_agreeing(bench)
+    problem, follow = follow_agreeing(problem)
     report("following the log", 0.2)
-    onset = seen.onset if seen else find_onset(bench, follow)
+    onset = seen.onset if seen else find_onset(problem, follow)
     if onset is not None:
-        behind = Bench(bench.windows.subset(onset.behind), own, settings, known)
-        found = search(behind, follow_agreeing(behind), report, hints, others, below)
-        if seen or is_absent(bench, onset, found.best.explanation, own, settings):
-            return Looked(behind, found, sound, onset)
+        behind = Problem.of(problem.windows.subset(onset.behind), own, settings, known)
+        found = search(*follow_agreeing(behind), report, hints, others, below)
+        if seen or is_absent(problem, onset, found.best.explanation, own, settings):
+            return Looked(found, sound, onset)
         hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]
-        whole = search(bench, follow, report, hints[:POLISHED], Others.NONE)
-        return Looked(bench, replace(whole, promise=found.promise), sound)
-    return Looked(bench, search(bench, follow, report, hints, others, below), sound)
+        whole = search(problem, follow, report, hints[:POLISHED], Others.NONE)
+        return Looked(replace(whole, promise=found.promise), sound)
+    return Looked(search(problem, follow, report, hints, others, below), sound)
 
 
 def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:
@@ -93,16 +96,16 @@ def look_both_ways(
         # Many coefficients that are a little off, or something unknown, are what calibration and floor are for. A few
         # effects that explain all of it are a fault that was there already.
         before = look_both_ways(join(healthy), vehicle, (), settings, report)
-        if judge(before.bench, before.found) is Verdict.EXPLAINED:
+        if judge(before.found) is Verdict.EXPLAINED:
             looked = look_both_ways(training, vehicle, (), settings, report)
             return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
     best = level.found.best
-    if not is_hidden(training, vehicle) or judge(level.bench, level.found) is Verdict.NO_GAP:
+    if not is_hidden(training, vehicle) or judge(level.found) is Verdict.NO_GAP:
         return level
     if best.nothing_left and len(best.explanation.knobs) <= SIMPLE:
         return replace(level, attitude=(level_enough(),))
     free = look(training, vehicle, healthy, settings, report, level)
-    odds = log_likelihood(free.bench, free.found.best) - log_likelihood(level.bench, level.found.best)
+    odds = log_likelihood(free.found) - log_likelihood(level.found)
     better = free if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
 
@@ -118,9 +121,9 @@ def hints_of(found: Found) -> list[Explanation]:
 
 def _worth_flying(level: Looked) -> tuple[Others, float]:
     """What to look for on a vehicle free to tilt, and the chi-square per number that it must promise to leave."""
-    if explains(level.bench, level.found.best):
+    if explains(level.found.problem, level.found.best):
         return Others.SINGLE, NEAR  # two effects would hardly look like others that fit
-    if not level.bench.leaves_much(level.found.best):
+    if not leaves_much(level.found.problem, level.found.best):
         return Others.ALL, np.inf
     return Others.ALL, max(NEAR, 1 + TILTS_MATTER * (level.found.promise - 1))
 
@@ -130,12 +133,12 @@ def excess(found: Found) -> float:
     return found.best.chi2 / found.best.quadratic.numbers
 
 
-def judge(bench: Bench, found: Found, corrected: bool = False) -> Verdict:
+def judge(found: Found, corrected: bool = False) -> Verdict:
     """The outcome: is there a gap, and does the best explanation leave anything?
 
     ``corrected`` tells that coefficients of the vehicle's file were corrected, so that there was a gap in any case.
     """
-    explained = excess(found) < bench.settings.excess
+    explained = excess(found) < found.problem.settings.excess
     if not found.best.explanation.effects and not corrected:
         return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED

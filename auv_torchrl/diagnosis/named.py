@@ -6,20 +6,21 @@ from auv_torchrl.diagnosis.axes import unseen
 from auv_torchrl.diagnosis.calibration.coefficients import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.assess import as_sure
 from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.effects import EFFECTS
 
 
 def found_effects(
-    bench: Bench, found: Found, probability: dict[str, float], closed: float | None
+    problem: Problem, found: Found, probability: dict[str, float], closed: float | None
 ) -> tuple[FoundEffect, ...]:
     """The effects of the best explanation with values, intervals and shares, the one that closes most first."""
     shares = leave_one_out(found)
-    explanation, covariance = bench.as_sure(found.best)
+    explanation, covariance = as_sure(problem, found.best)
     effects = [
-        _found_effect(bench, explanation, covariance, name, probability[name], (closed or 0.0) * shares[name])
+        _found_effect(problem, explanation, covariance, name, probability[name], (closed or 0.0) * shares[name])
         for name in explanation.effects
     ]
     return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
@@ -38,25 +39,25 @@ def leave_one_out(found: Found) -> dict[str, float]:
     return shares
 
 
-def cannot_tell(bench: Bench, found: Found) -> tuple[str, ...]:
+def cannot_tell(problem: Problem, found: Found) -> tuple[str, ...]:
     """What this log is silent about: effects without a mark, and values at a bound."""
-    seen = {bench.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
-    blind = sorted({atom.effect for atom in bench.atoms} - seen)
-    sentences = [*unseen(bench), *(f"{name} would leave no mark on this log" for name in blind)]
+    seen = {problem.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
+    blind = sorted({atom.effect for atom in problem.atoms} - seen)
+    sentences = [*unseen(problem), *(f"{name} would leave no mark on this log" for name in blind)]
     for knob in found.best.explanation.fitted:
-        p = EFFECTS[knob.effect].member_parameters(bench.vehicle)[knob.members[0]]
-        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]
+        nominal = EFFECTS[knob.effect].nominal(problem.vehicle)[knob.members[0]]
         if knob.value in (p.low, p.high) and knob.value != nominal:
             sentences.append(f"{knob.effect}: {', '.join(knob.members)} is at its bound {knob.value:g} {p.unit}")
     return tuple(sentences)
 
 
 def _found_effect(
-    bench: Bench, explanation: Explanation, covariance: Floats, name: str, probability: float, closed: float
+    problem: Problem, explanation: Explanation, covariance: Floats, name: str, probability: float, closed: float
 ) -> FoundEffect:
     effect = EFFECTS[name]
-    declared, nominal = effect.member_parameters(bench.vehicle), effect.nominal(bench.vehicle)
-    values = explanation.values(bench.vehicle, slack=False)[name]  # where two knobs move a member, both count
+    declared, nominal = effect.member_parameters(problem.vehicle), effect.nominal(problem.vehicle)
+    values = explanation.values(problem.vehicle, slack=False)[name]  # where two knobs move a member, both count
     parameters: dict[str, Estimate] = {}
     thrusters: set[int] = set()
     sentences = []

@@ -8,10 +8,10 @@ import torch
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
-from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.equivalence import alternatives
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.diagnosis.which.hypotheses import batch
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.simulator import simulate
@@ -45,19 +45,19 @@ def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
     return {name: np.clip(commands, -1.0, 1.0) for name, commands in found.items()}
 
 
-def choose_experiment(bench: Bench, found: Found, verdict: Verdict, where: Where) -> NextExperiment | None:
+def choose_experiment(problem: Problem, found: Found, verdict: Verdict, where: Where) -> NextExperiment | None:
     """What to fly next; None where nothing is open or nothing helps.
 
     The manoeuvre under which the two closest rivals differ most, or one that shows alone what no effect explains.
     """
-    for name, other, explanation in rivals(bench, found)[:MOST_RIVALS]:
-        separates = separate(bench, (name, found.best.explanation), (other, explanation))
+    for name, other, explanation in rivals(problem, found)[:MOST_RIVALS]:
+        separates = separate(problem, (name, found.best.explanation), (other, explanation))
         if separates is not None:
             return separates
-    return explore(bench.vehicle, where) if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED) else None
+    return explore(problem.vehicle, where) if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED) else None
 
 
-def rivals(bench: Bench, found: Found) -> list[tuple[str, str, Explanation]]:
+def rivals(problem: Problem, found: Found) -> list[tuple[str, str, Explanation]]:
     """What the best explanation could be instead: explanations that fit nearly as well, and others of the same mark."""
     best = found.best
     close = [
@@ -65,12 +65,12 @@ def rivals(bench: Bench, found: Found) -> list[tuple[str, str, Explanation]]:
         for judged in found.polished
         if judged.explanation.effects != best.explanation.effects and judged.evidence > best.evidence - OPEN
     ]
-    return [*close, *alternatives(bench, found)]
+    return [*close, *alternatives(problem, found)]
 
 
-def separate(bench: Bench, one: tuple[str, Explanation], other: tuple[str, Explanation]) -> NextExperiment | None:
+def separate(problem: Problem, one: tuple[str, Explanation], other: tuple[str, Explanation]) -> NextExperiment | None:
     """The manoeuvre under which two named explanations differ most; None where that is too little."""
-    vehicle, sigma = bench.vehicle, bench.sigma
+    vehicle, sigma = problem.vehicle, problem.sigma
     pair = batch(vehicle, [explanation.values(vehicle) for _, explanation in (one, other)])
     noise = np.array([sigma.get(axis, np.inf) for axis in ("x", "y", "z", "roll", "pitch", "yaw")])
     plans = manoeuvres(vehicle)

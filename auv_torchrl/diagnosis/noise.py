@@ -1,4 +1,4 @@
-"""White noise of the sensors: what of the effect ``sensor_noise`` a log shows.
+"""White noise of the sensors: what a log shows of the effect that is declared to be noise.
 
 Noise widens the floor of every prediction and closes no gap. So it is measured beside the explanation, from what is
 left when a free force follows everything slower, and not weighed against it.
@@ -6,7 +6,8 @@ left when a free force follows everything slower, and not weighed against it.
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.problem import Problem
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES
 
@@ -17,40 +18,41 @@ UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "ra
          "p": "rad/s", "q": "rad/s", "r": "rad/s"}  # fmt: skip
 
 
-def noise_finding(bench: Bench) -> Finding:
+def noise_finding(problem: Problem) -> Finding:
     """The noise of each channel, a warning where the vehicle states less, with the effect that reproduces it."""
-    sizes = ", ".join(f"{name} {size:.2g} {UNITS[name]}" for name, size in bench.sigma.items())
-    values = measured_noise(bench.sigma)
-    stated = {"position": float(bench.vehicle.position_noise), "attitude": float(bench.vehicle.attitude_noise)}
+    sizes = ", ".join(f"{name} {size:.2g} {UNITS[name]}" for name, size in problem.sigma.items())
+    values = measured_noise(problem.sigma)
+    stated = {"position": float(problem.vehicle.position_noise), "attitude": float(problem.vehicle.attitude_noise)}
     worse = [name for name, value in values.items() if 0 < STATED * stated[name] < value]
     simulate = ", ".join(f"{name}: {value:.2g}" for name, value in values.items())
-    remedy = f"To simulate it, add the effect sensor_noise: {{{simulate}}}" if values else ""
+    effect = next(effect.name for effect in EFFECTS.values() if effect.is_noise)
+    remedy = f"To simulate it, add the effect {effect}: {{{simulate}}}" if values else ""
     if not worse:
         sentence = f"white noise of the sensors, the floor of all predictions: {sizes}"
-        return Finding(Severity.INFO, "sensor_noise", sentence, remedy)
+        return Finding(Severity.INFO, effect, sentence, remedy)
     sentence = f"the sensors are noisier than the vehicle states ({', '.join(worse)}): {sizes}"
-    return Finding(Severity.WARNING, "sensor_noise", sentence, remedy)
+    return Finding(Severity.WARNING, effect, sentence, remedy)
 
 
-def quiet_findings(bench: Bench) -> tuple[Finding, ...]:
+def quiet_findings(problem: Problem) -> tuple[Finding, ...]:
     """A doubt about channels with next to no noise: they are no measurement, or not only one."""
-    quiet = tuple(name for name, size in bench.sigma.items() if size < LEAST_BELIEVED)
+    quiet = tuple(name for name, size in problem.sigma.items() if size < LEAST_BELIEVED)
     if not quiet:
         return ()
     sentence = f"{', '.join(quiet)} have next to no noise: they were simulated, filtered or made up, not measured"
     return (Finding(Severity.WARNING, "no_noise", sentence, "Log what the sensors say", quiet, limits=True),)
 
 
-def outlier_findings(bench: Bench) -> tuple[Finding, ...]:
+def outlier_findings(problem: Problem) -> tuple[Finding, ...]:
     """A warning about samples that were given less weight because no force on the vehicle could have reached them."""
-    if sum(bench.outlying.values()) < OUTLYING * bench.windows.numbers:
+    if sum(problem.outlying.values()) < OUTLYING * problem.windows.numbers:
         return ()
-    counts = ", ".join(f"{count} of {name}" for name, count in bench.outlying.items())
+    counts = ", ".join(f"{count} of {name}" for name, count in problem.outlying.items())
     sentence = f"some values lie off every path that forces could have made ({counts}); they count less"
-    return (Finding(Severity.WARNING, "outliers", sentence, "Check the sensor", tuple(bench.outlying)),)
+    return (Finding(Severity.WARNING, "outliers", sentence, "Check the sensor", tuple(problem.outlying)),)
 
 
 def measured_noise(sigma: dict[str, float]) -> dict[str, float]:
-    """Parameters of the effect ``sensor_noise`` from the noise of the channels of a pose."""
+    """Parameters of the effect of noise from the noise of the channels of a pose."""
     groups = {"position": [sigma[a] for a in "xyz" if a in sigma], "attitude": [sigma[a] for a in ANGLES if a in sigma]}
     return {name: float(np.sqrt(np.mean(np.square(sizes)))) for name, sizes in groups.items() if sizes}

@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, in_proportion, own, sets
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, Same, Valley, changed, in_proportion, mean, own, sets
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -96,6 +96,11 @@ thruster_misalignment = Effect(
 )
 
 
+def _dead(vehicle: Vehicle, member: str, value: float) -> Same | None:
+    """A thruster whose limit lies within its dead band gives nothing, whatever the limit."""
+    return (thruster_gain.name, member.replace("limit", "gain"), 0.0) if value < vehicle.dead_band.min() else None
+
+
 thrust_limit = Effect(
     name="thrust_limit",
     origin=Origin.ACTUATION,
@@ -105,6 +110,7 @@ thrust_limit = Effect(
         Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {value:.1f} N", "thruster"),
     ),
     change=sets(limit="limit"),
+    same_as=_dead,
 )
 
 
@@ -132,6 +138,18 @@ def _curve(vehicle: Vehicle, exponent: Tensor, asymmetry: Tensor) -> Vehicle:
     )
 
 
+def _same_commands(vehicle: Vehicle, step: float) -> dict[tuple[str, str], float]:
+    """Moves of the means, under another exponent, with which the same commands get through the dead band."""
+    fields = vehicle.exponent, vehicle.dead_band, vehicle.full_thrust, vehicle.asymmetry
+    now, width, full, weaker = (float(mean(values[0])) for values in fields)
+    power = (now + step) / now  # these commands have their thrust, over the full one, to this power
+    return {
+        ("thrust_curve", "exponent"): step,
+        ("dead_band", "width"): full * (width / full) ** power - width,
+        ("thrust_curve", "asymmetry"): (1 - weaker) - (1 - weaker) ** power,
+    }
+
+
 thrust_curve = Effect(
     name="thrust_curve",
     origin=Origin.ACTUATION,
@@ -143,6 +161,7 @@ thrust_curve = Effect(
         Parameter("asymmetry", "1", own("asymmetry"), -0.6, 0.6, "reverse thrust is weaker by {value:.0%}"),
     ),
     change=_curve,
+    valley=Valley("exponent", ("dead_band", "width"), _same_commands),
 )
 
 

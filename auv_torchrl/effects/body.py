@@ -61,6 +61,7 @@ buoyancy = Effect(
     source="Lu et al. 2023, Eq. 1, the term g",
     parameters=(Parameter("force", "N", 0.0, -60.0, 60.0, "it is {value:+.1f} N heavier in water than assumed"),),
     change=_buoyancy,
+    shows="idle",
 )
 
 

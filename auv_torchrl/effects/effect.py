@@ -59,6 +59,18 @@ class Parameter:
         return float(value)
 
 
+Same = tuple[str, str, float]  # effect, parameter, value
+
+
+@dataclass(frozen=True)
+class Valley:
+    """Numbers that a log hardly tells apart where they move together: a fit of one at a time does not get along."""
+
+    leading: str  # parameter of the effect that declares it
+    beside: tuple[str, str]  # effect and parameter without which there is no valley
+    moves: Callable[[Vehicle, float], dict[tuple[str, str], float]]  # of all, for a step of the leading one; batch (1,)
+
+
 @dataclass(frozen=True)
 class Effect:
     """A named change of a vehicle.
@@ -74,6 +86,13 @@ class Effect:
     change: Callable[..., Vehicle]
     shorthand: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]] | None = None
     odds: float = 1.0  # prior probability against that of other effects: how rare it is where a log cannot tell
+    same_as: Callable[[Vehicle, str, float], Same | None] | None = None  # what a value of a parameter is better called
+    valley: Valley | None = None
+    covers: tuple[str, ...] = ()  # effects that change what it sets, and are not looked for where it was fitted
+    shows: str = (
+        ""  # what a pilot sees of it where it is fitted: "axes", "idle" or "turning" of the answers to commands
+    )
+    is_noise: bool = False  # white noise of sensors: the floor of predictions, measured and not looked for
 
     def member_parameters(self, vehicle: Vehicle) -> dict[str, Parameter]:
         """Every full parameter name for this vehicle with its declaration."""

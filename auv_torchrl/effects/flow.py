@@ -69,6 +69,8 @@ hull = Effect(
         ),
     ),
     change=_hull,
+    covers=("linear_drag", "quadratic_drag", "added_mass"),
+    shows="axes",
 )
 
 
@@ -135,6 +137,7 @@ drag_coupling = Effect(
         ),
     ),
     change=_coupling,
+    shows="turning",
 )
 
 

@@ -95,6 +95,7 @@ sensor_noise = Effect(
         Parameter("attitude", "rad", own("attitude_noise"), 0.0, 0.5, "angles scatter by {value:.4f} rad"),
     ),
     change=sets(position="position_noise", attitude="attitude_noise"),
+    is_noise=True,
 )
 
 EFFECTS = (heading_bias, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, sensor_noise)

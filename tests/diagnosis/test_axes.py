@@ -9,8 +9,9 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis.axes import followable, restricted, unseen
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.noise import noise_finding
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.following import follow_windows
 from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLogError, Severity
 from auv_torchrl.vehicle import load_vehicle
@@ -25,9 +26,9 @@ def log():
     return fly(HELD, {}, seed=1, episodes=2, seconds=10.0)
 
 
-def bench_of(log, vehicle=HELD):
-    """A bench for a log."""
-    return Bench(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+def problem_of(log, vehicle=HELD):
+    """A problem for a log."""
+    return Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
 
 
 @pytest.mark.parametrize("axes", [("x", "y"), ("x", "y", "z"), ("x", "z", "yaw"), ("y", "yaw"), ("x", "w", "r")])
@@ -47,12 +48,12 @@ def test_positions_without_their_heading_are_left_out(log, axes):
 def test_a_full_pose_is_kept(log):
     """Nothing is left out of x, y, z, yaw."""
     assert followable(log) is log
-    assert unseen(bench_of(log)) == []
+    assert unseen(problem_of(log)) == []
 
 
 def test_unseen_degrees_of_freedom_are_named_with_their_thrusters(log):
     """Without depth heave is unseen, and with it the vertical thrusters; the remedy names the column."""
-    (sentence,) = unseen(bench_of(restricted(log, ("x", "y", "yaw"))))
+    (sentence,) = unseen(problem_of(restricted(log, ("x", "y", "yaw"))))
     for words in ("heave is not measured", "thrusters 5, 6 do", "z or w"):
         assert words in sentence
 
@@ -65,12 +66,11 @@ def test_logs_without_a_common_axis_are_refused(log):
 
 def test_the_noise_of_the_sensors_is_measured(log):
     """2 mm and 0.004 rad are measured, and a vehicle that states less noise gets a warning."""
-    bench = bench_of(log)
-    bench.follow()
-    finding = noise_finding(bench)
+    problem, _ = follow_windows(problem_of(log))
+    finding = noise_finding(problem)
     assert finding.severity is Severity.INFO
-    assert bench.sigma["x"] == pytest.approx(0.002, rel=0.15)
-    assert bench.sigma["yaw"] == pytest.approx(0.004, rel=0.15)
+    assert problem.sigma["x"] == pytest.approx(0.002, rel=0.15)
+    assert problem.sigma["yaw"] == pytest.approx(0.004, rel=0.15)
     assert "sensor_noise: {position: 0.002" in finding.remedy
-    bench.vehicle = changed(HELD, position_noise=HELD.position_noise + 0.0005)
-    assert noise_finding(bench).severity is Severity.WARNING
+    problem = replace(problem, vehicle=changed(HELD, position_noise=HELD.position_noise + 0.0005))
+    assert noise_finding(problem).severity is Severity.WARNING

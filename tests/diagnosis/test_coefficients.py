@@ -21,6 +21,7 @@ from auv_torchrl.diagnosis.how_far.veto import is_worse, only, scaled_errors
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.which.fit import fit_by_simulation
 from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import join
@@ -139,10 +140,10 @@ def test_what_predicts_worse_is_vetoed(monkeypatch):
     module = sys.modules["auv_torchrl.diagnosis.look"]
     search = module.search
 
-    def misled(bench, follow, *others):
-        found = search(bench, follow, *others)
+    def misled(*how):
+        found = search(*how)
         wrong = Explanation((Knob("buoyancy", ("force",), 20.0),))
-        judged = bench.polish(wrong, found.follow, rounds=0)
+        judged = fit_by_simulation(found.problem, wrong, found.follow, rounds=0)
         return replace(found, best=judged, polished=[judged, *found.polished])
 
     monkeypatch.setattr(module, "search", misled)

@@ -10,10 +10,11 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.next_experiment import choose_experiment, explore, manoeuvres
 from auv_torchrl.diagnosis.verdict import Verdict, Where
-from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.equivalence import alternatives, indistinguishable
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.which.following import follow_windows
 from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.screen import Field
 from auv_torchrl.vehicle import load_vehicle
 
@@ -23,10 +24,11 @@ SETTINGS = load_settings()
 
 @pytest.fixture(scope="module")
 def marked():
-    """A bench with the marks of all changes on a short log."""
+    """A problem with the marks of all changes on a short log."""
     log = fly(hold(PAPER), {}, seed=2, episodes=2, seconds=12.0)
-    bench = Bench(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), hold(PAPER), SETTINGS)
-    return bench, Field.of(bench, bench.follow())
+    problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), hold(PAPER), SETTINGS)
+    problem, follow = follow_windows(problem)
+    return problem, Field.of(problem, follow)
 
 
 def found(field, *knobs) -> Any:
@@ -37,23 +39,23 @@ def found(field, *knobs) -> Any:
 
 def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
     """A weak thruster 5 could be a weak 6 where both get the same command; turning about the long axis tells."""
-    bench, field = marked
+    problem, field = marked
     weak = found(field, Knob("thruster_gain", ("gain_5",), 0.4))
-    assert ("gain_5", "gain_6") in indistinguishable(bench, weak)
-    (mine, theirs, other), *_ = [a for a in alternatives(bench, weak) if "gain_6" in a[1]]
+    assert ("gain_5", "gain_6") in indistinguishable(problem, weak)
+    (mine, theirs, other), *_ = [a for a in alternatives(problem, weak) if "gain_6" in a[1]]
     assert (mine, theirs) == ("gain_5", "gain_6")
-    assert other.values(bench.vehicle)["thruster_gain"] == {"gain_6": pytest.approx(0.4, abs=0.02)}
-    plan = choose_experiment(bench, weak, Verdict.EXPLAINED, Where())
+    assert other.values(problem.vehicle)["thruster_gain"] == {"gain_6": pytest.approx(0.4, abs=0.02)}
+    plan = choose_experiment(problem, weak, Verdict.EXPLAINED, Where())
     assert plan is not None
     assert "thruster" in plan.why and "gain 5 from gain 6" in plan.why
 
 
 def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(marked):
     """Commands 2 and 3 exchanged look like nothing else, although 2 and 5 look like 2 and 6."""
-    bench, field = marked
+    problem, field = marked
     knobs = [Knob("thruster_swap", (f"command_{i}",), j, discrete=True) for i, j in ((2, 3.0), (3, 2.0))]
-    assert not indistinguishable(bench, found(field, *knobs))
-    assert choose_experiment(bench, found(field, *knobs), Verdict.EXPLAINED, Where()) is None
+    assert not indistinguishable(problem, found(field, *knobs))
+    assert choose_experiment(problem, found(field, *knobs), Verdict.EXPLAINED, Where()) is None
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Several effects at once, vehicles that tilt, and slack: at its limit, or smaller than it may be."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -14,12 +15,17 @@ from auv_torchrl.diagnosis.how_far.predict import predict
 from auv_torchrl.diagnosis.how_far.veto import falls_short
 from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import cut_windows
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.thresholds import NEAR, SLACK_LIMIT
+from auv_torchrl.diagnosis.which.assess import as_sure
+from auv_torchrl.diagnosis.which.candidates import Others
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.which.fit import fit_along_motion, fit_by_simulation
+from auv_torchrl.diagnosis.which.following import follow_windows, hand_on, nudge, rebase
 from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
-from auv_torchrl.diagnosis.which.search import Others, search
-from auv_torchrl.diagnosis.which.sketches import NEAR
-from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT
+from auv_torchrl.diagnosis.which.judged import slack_now
+from auv_torchrl.diagnosis.which.problem import Problem
+from auv_torchrl.diagnosis.which.screen import Field
+from auv_torchrl.diagnosis.which.search import search
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
 from benchmarks.blind.fly import fly as sealed_flights
@@ -31,15 +37,15 @@ SHORT = {"episodes": 3, "seconds": 20.0}
 TETHER = {"north": 6.0, "east": -3.0, "down": -0.5, "stiffness": 12.0, "slack": 5.7}
 
 
-def bench_of(vehicle, values, seed, nominal=HELD):
-    """A bench of a short flight of a vehicle."""
+def problem_of(vehicle, values, seed, nominal=HELD):
+    """A problem of a short flight of a vehicle."""
     log = fly(vehicle, values, seed=seed, **SHORT)
-    return Bench(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), nominal, SETTINGS)
+    return Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), nominal, SETTINGS)
 
 
-def searched(bench, **how):
+def searched(problem, **how):
     """What a search finds: values of knobs by effect and first member."""
-    found = search(bench, bench.follow(), lambda *_: None, **how)
+    found = search(*follow_windows(problem), lambda *_: None, **how)
     return {(knob.effect, knob.members[0]): knob.value for knob in found.best.explanation.knobs}
 
 
@@ -64,8 +70,8 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
 
 def test_what_promises_too_little_along_the_measured_motion_is_not_simulated():
     """A search for less than the noise leaves "no gap" alone, and says what it could have had."""
-    bench = bench_of(HELD, {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER}, seed=11)
-    found = search(bench, bench.follow(), lambda *_: None, below=0.5)
+    problem = problem_of(HELD, {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER}, seed=11)
+    found = search(*follow_windows(problem), lambda *_: None, below=0.5)
     assert {judged.explanation.effects for judged in found.polished} == {()}
     assert 0.5 < found.promise < NEAR
 
@@ -73,7 +79,7 @@ def test_what_promises_too_little_along_the_measured_motion_is_not_simulated():
 def test_two_effects_are_found_though_they_tilt_the_vehicle_far():
     """Ballast and an offset centre of mass tilt a vehicle by 70 degrees, where a look along a level motion misleads."""
     values = {"mass_offset": {"x": 0.071, "y": 0.0074}, "buoyancy": {"force": -8.7}}
-    found = searched(bench_of(PAPER, values, seed=4, nominal=PAPER))
+    found = searched(problem_of(PAPER, values, seed=4, nominal=PAPER))
     assert found == {
         ("mass_offset", "x"): pytest.approx(0.071, abs=0.002),
         ("mass_offset", "y"): pytest.approx(0.0074, abs=0.002),
@@ -85,7 +91,7 @@ def test_a_hint_that_needs_slack_at_its_limit_does_not_end_the_search():
     """A drag that fits a weak thruster only with gains at four standard deviations of slack is not taken for it."""
     values = {"quadratic_drag": {"scale_heave": 0.5}, "thruster_gain": {"gain_5": 0.55}}
     hint = Explanation((Knob("quadratic_drag", ("scale_heave",), 0.68),))
-    found = searched(bench_of(PAPER, values, seed=3, nominal=PAPER), hints=[hint])
+    found = searched(problem_of(PAPER, values, seed=3, nominal=PAPER), hints=[hint])
     assert found == {
         ("quadratic_drag", "scale_heave"): pytest.approx(0.5, abs=0.05),
         ("thruster_gain", "gain_5"): pytest.approx(0.55, abs=0.03),
@@ -102,7 +108,7 @@ def test_further_effects_are_tried_though_slack_hides_that_one_is_needed():
 def test_what_two_effects_can_say_is_said_by_the_plainer_one():
     """A payload of weight alone, found beside more inertia, is called buoyancy."""
     values = {"buoyancy": {"force": 8.97}, "added_mass": {"scale_heave": 1.62}}
-    found = searched(bench_of(HELD, values, seed=1))
+    found = searched(problem_of(HELD, values, seed=1))
     assert found == {
         ("buoyancy", "force"): pytest.approx(8.97, rel=0.01),
         ("added_mass", "scale_heave"): pytest.approx(1.62, rel=0.02),
@@ -112,11 +118,11 @@ def test_what_two_effects_can_say_is_said_by_the_plainer_one():
 def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
     """A limit below the dead band, of which no value fits better than another, is a thrust of zero with an interval."""
     values = {"thrust_limit": {"limit_1": 1.5, "limit_2": 2.7}}
-    bench = bench_of(HELD, values, seed=3)
+    problem = problem_of(HELD, values, seed=3)
     limits = Explanation(
         tuple(Knob("thrust_limit", (member,), limit) for member, limit in values["thrust_limit"].items())
     )
-    found = search(bench, bench.follow(), lambda *_: None, [limits], Others.NONE)
+    found = search(*follow_windows(problem), lambda *_: None, [limits], Others.NONE)
     dead = {(knob.effect, knob.members[0]): knob.value for knob in found.best.explanation.knobs}
     assert dead == {("thruster_gain", f"gain_{i}"): pytest.approx(0.0, abs=0.01) for i in (1, 2)}
     assert (np.sqrt(np.diag(found.best.covariance)) < 0.04).all()  # the slack of a gain, 0.03, included
@@ -130,9 +136,10 @@ def test_intervals_are_as_wide_as_the_slack_that_a_log_shows():
 
     def widths(vehicle):
         """Deviation of the coupling with slack as wide as assumed, and as wide as it shows."""
-        bench = bench_of(vehicle, values, seed=6)
-        judged = bench.polish(Explanation((knob,)), bench.follow())
-        explanation, covariance = bench.as_sure(judged)
+        problem = problem_of(vehicle, values, seed=6)
+        problem, follow = follow_windows(problem)
+        judged = fit_by_simulation(problem, Explanation((knob,)), follow)
+        explanation, covariance = as_sure(problem, judged)
         assert explanation.knobs[0].value == pytest.approx(9.9, abs=3 * np.sqrt(covariance[0, 0]))
         return np.sqrt(judged.covariance[0, 0]), np.sqrt(covariance[0, 0])
 
@@ -172,37 +179,41 @@ def test_thrusters_that_failed_in_different_ways_are_named_one_by_one():
 
 def test_an_effect_is_fitted_though_slack_is_at_its_limit():
     """What slack cannot take goes to the effect that is fitted, sketched along the measured motion or simulated."""
-    bench = bench_of(HELD, {"thruster_lag": {"time_constant": 0.2}, "payload": {"mass": 4.0, "weight": 8.0}}, seed=3)
-    follow = bench.follow()
+    problem = problem_of(
+        HELD, {"thruster_lag": {"time_constant": 0.2}, "payload": {"mass": 4.0, "weight": 8.0}}, seed=3
+    )
+    problem, follow = follow_windows(problem)
     lag = Explanation((Knob("thruster_lag", ("time_constant",), 0.1),))
-    sketch, polished = bench.sketch(lag, follow), bench.polish(lag, follow)
-    widths = np.array([width for *_, width in bench.slack])
+    sketch, polished = fit_along_motion(problem, lag, follow), fit_by_simulation(problem, lag, follow)
+    widths = np.array([width for *_, width in problem.slack])
     for judged in (sketch, polished):
-        stretch = np.abs(bench.slack_now(judged.explanation)) / widths
+        stretch = np.abs(slack_now(problem, judged.explanation)) / widths
         assert stretch.max() == pytest.approx(SLACK_LIMIT)
         assert judged.explanation.knobs[0].value == pytest.approx(0.2, rel=0.25)
 
 
 def test_a_thrust_curve_is_fitted_together_with_the_dead_band():
     """A flatter curve with a wider dead band lets the same commands through; a fit that begins there comes back."""
-    bench = bench_of(HELD, {"thrust_curve": {"exponent": 1.56}, "buoyancy": {"force": -9.5}}, seed=4)
-    ((key, width),) = (((effect, member), width) for effect, member, _, width in bench.slack if effect == "dead_band")
+    problem = problem_of(HELD, {"thrust_curve": {"exponent": 1.56}, "buoyancy": {"force": -9.5}}, seed=4)
+    ((key, width),) = (((effect, member), width) for effect, member, _, width in problem.slack if effect == "dead_band")
     knobs = Knob("thrust_curve", ("exponent",), 1.585), Knob("buoyancy", ("force",), -9.5)
-    fitted = bench.polish(Explanation(knobs, {key: -0.8 * width}), bench.follow())
+    problem, follow = follow_windows(problem)
+    fitted = fit_by_simulation(problem, Explanation(knobs, {key: -0.8 * width}), follow)
     assert fitted.nothing_left
     assert fitted.explanation.knobs[0].value == pytest.approx(1.56, abs=0.004)
 
 
 def test_a_window_that_has_lost_its_start_finds_it_again():
     """A first window that begins with a wrong spin, from which it never settles, ends like the others."""
-    bench = bench_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4)
-    sound = bench.rebase(Explanation(), bench.follow())
+    problem = problem_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4)
+    problem, follow = follow_windows(problem)
+    sound = rebase(problem, Explanation(), follow)
     start = sound.state.start.copy()
-    first = bench.windows.start == bench.windows.start.min()
+    first = problem.windows.start == problem.windows.start.min()
     start[first, 11] += 8.0
-    astray = bench.nudge(sound.explanation, replace(sound, state=replace(sound.state, start=start)))
+    astray = nudge(problem, sound.explanation, replace(sound, state=replace(sound.state, start=start)))
     assert np.abs(astray.state.start[first, 11] - sound.state.start[first, 11]).max() > 1.0
-    found = bench.handed_on(astray)
+    found = hand_on(problem, astray)
     np.testing.assert_allclose(found.state.start[:, 11], sound.state.start[:, 11], atol=0.05)
 
 
@@ -240,3 +251,26 @@ def test_a_bounded_minimum_is_where_a_solver_finds_it(count, seed):
     least = bounded_minimum(diagonal, g, -0.1 * np.ones(count), 0.2 * np.ones(count))
     solved = lsq_linear(np.sqrt(diagonal), g / np.sqrt(np.diag(H)), (-0.1, 0.2))
     np.testing.assert_allclose(least, solved.x, atol=1e-6)
+
+
+def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(monkeypatch):
+    """A long log is searched in windows spread over it; the fault found there is fitted to all of them."""
+    problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5))
+    whole = search(problem, follow, lambda *_: None)
+    screen, looked_at = Field.of, []
+
+    def counted(problem, *how):
+        looked_at.append(len(problem.windows))
+        return screen(problem, *how)
+
+    module = sys.modules[search.__module__]
+    monkeypatch.setattr(module, "MANY_WINDOWS", 10)
+    monkeypatch.setattr(module, "SEARCHED_WINDOWS", 8)
+    monkeypatch.setattr(Field, "of", counted)
+    found = search(problem, follow, lambda *_: None)
+    assert len(problem.windows) > 10
+    assert looked_at[0] == 8 and looked_at[-1] == len(problem.windows)
+    assert found.best.quadratic.numbers == found.none.quadratic.numbers == whole.best.quadratic.numbers
+    (knob,), (same,) = found.best.explanation.knobs, whole.best.explanation.knobs
+    assert knob.key == same.key == ("thruster_gain", ("gain_4",))
+    assert knob.value == pytest.approx(same.value, rel=0.01)

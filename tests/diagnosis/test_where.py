@@ -9,9 +9,10 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.where.attribute import attribute, in_turn, stuck
 from auv_torchrl.diagnosis.where.locate import gap_by_window, regimes
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.which.following import follow_windows
 from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.diagnosis.which.onset import find_onset
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))
@@ -20,9 +21,9 @@ SHORT = {"episodes": 3, "seconds": 16.0}
 
 
 def followed(log):
-    """A bench and the windows of a log under the nominal vehicle."""
-    bench = Bench(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), HELD, SETTINGS)
-    return bench, bench.follow()
+    """A problem and the windows of a log under the nominal vehicle."""
+    problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), HELD, SETTINGS)
+    return follow_windows(problem)
 
 
 def sticky(commands, position, velocity, t):
@@ -48,8 +49,8 @@ def drift(commands, position, velocity, t):
 )
 def test_a_gap_is_traced_to_its_origin(change, push, origin):
     """Without naming an effect, most of the gap goes to the kind of force that made it; shares sum to 1."""
-    bench, base = followed(fly(HELD, change, seed=3, push=push, **SHORT))
-    shares, thrusters = attribute(bench, base)
+    problem, base = followed(fly(HELD, change, seed=3, push=push, **SHORT))
+    shares, thrusters = attribute(problem, base)
     assert max(shares, key=lambda name: shares[name]) == origin
     assert shares[origin] > 0.6
     assert sum(shares.values()) == pytest.approx(1.0)
@@ -62,8 +63,8 @@ def test_a_gap_is_traced_to_its_origin(change, push, origin):
 
 def test_noise_alone_has_no_origin():
     """Where nothing but sensor noise is left, nothing is blamed."""
-    bench, base = followed(fly(HELD, {}, seed=4, **SHORT))
-    assert attribute(bench, base) == ({}, {})
+    problem, base = followed(fly(HELD, {}, seed=4, **SHORT))
+    assert attribute(problem, base) == ({}, {})
 
 
 def test_two_that_explain_the_same_share_it():
@@ -84,7 +85,7 @@ def test_sticking_commands_move_only_far_enough():
 def test_regimes_name_where_a_gap_stands_out():
     """A force that acts in the south alone stands out there, and not in the north."""
     south = 12.0 * np.array([0.0, 0.0, 1.0])
-    bench, base = followed(
+    problem, base = followed(
         fly(
             HELD,
             {},
@@ -94,7 +95,7 @@ def test_regimes_name_where_a_gap_stands_out():
             seconds=20.0,
         )
     )
-    named = [regime.when for regime in regimes(bench, base, gap_by_window(bench, base))]
+    named = [regime.when for regime in regimes(problem, base, gap_by_window(problem, base))]
     assert any(when.startswith("south of x") for when in named)
     assert not any(when.startswith("north of x") for when in named)
 
@@ -110,8 +111,8 @@ def test_an_onset_is_found_with_its_episode():
     sound = fly(HELD, {}, seed=6, episodes=1, seconds=30.0)
     ill = fly(HELD, {}, seed=7, episodes=2, seconds=30.0, push=weaken)
     second = replace(ill.episodes[1], number=5)
-    bench, base = followed(replace(sound, episodes=(sound.episodes[0], second)))
-    found = find_onset(bench, base)
+    problem, base = followed(replace(sound, episodes=(sound.episodes[0], second)))
+    found = find_onset(problem, base)
     assert found is not None
     assert found.episode == 5
     assert found.episode_s == pytest.approx(12.0, abs=1.5)
@@ -122,9 +123,9 @@ def test_an_onset_is_found_with_its_episode():
 @pytest.mark.parametrize("lost", [0, 3])
 def test_no_number_of_windows_is_too_small_to_ask(windows, lost):
     """However few windows there are, and whatever of them diverged, the search for an onset comes to an end."""
-    bench, base = followed(fly(HELD, {}, seed=6, **SHORT))
-    some = np.arange(len(bench.windows)) < windows
-    bench.windows = bench.windows.subset(some)
+    problem, base = followed(fly(HELD, {}, seed=6, **SHORT))
+    some = np.arange(len(problem.windows)) < windows
+    problem = replace(problem, windows=problem.windows.subset(some))
     bins = base.state.bins[some].copy()
     bins[:lost] = np.nan
-    assert find_onset(bench, replace(base, state=replace(base.state, bins=bins))) is None
+    assert find_onset(problem, replace(base, state=replace(base.state, bins=bins))) is None

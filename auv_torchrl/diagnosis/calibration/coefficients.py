@@ -32,7 +32,6 @@ NOTABLE = 0.25  # where it moved by this share of its uncertainty, too
 MOST_NAMED = 4  # coefficients of one effect that a sentence names
 Z95 = 1.96
 MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
-SAME_AS_HULL = ("linear_drag", "quadratic_drag", "added_mass")  # scale what the effect `hull` sets
 
 
 @dataclass(frozen=True)
@@ -46,9 +45,8 @@ class Calibrated:
 
     def settings(self, settings: Settings) -> Settings:
         """Settings of a search on the log that was calibrated on: what is fitted already is not looked for again."""
-        fitted = {effect.name for effect in self.effects}
-        same = SAME_AS_HULL if "hull" in fitted else ()
-        return replace(settings, ignored=tuple(dict.fromkeys((*settings.ignored, *fitted, *same))))
+        fitted = [name for effect in self.effects for name in (effect.name, *EFFECTS[effect.name].covers)]
+        return replace(settings, ignored=tuple(dict.fromkeys((*settings.ignored, *fitted))))
 
 
 def calibrate_coefficients(
@@ -162,7 +160,7 @@ def _effects(
             parameters[c.member] = Estimate(float(value), float(low), float(high), c.nominal, c.unit)
             if abs(value - c.nominal) > max(CLEAR * sd, NOTABLE * c.width):
                 moved.append(c)
-        extra = {"hull": said["axes"], "buoyancy": said["idle"], "drag_coupling": said["turning"]}.get(name, ())
+        extra = said.get(EFFECTS[name].shows, ())
         told = (*extra, *_sentences(held, name, moved, parameters)) if moved or not extra else extra
         sentence = "; ".join(told)
         found.append(FoundEffect(name, probability, parameters, (), share, sentence, calibrates=True))

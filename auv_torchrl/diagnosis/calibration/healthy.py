@@ -1,17 +1,19 @@
 """What a log of the sound vehicle says before its fault is looked for: its own coefficients, disturbance and noise."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME, disturbance_precision, local_precision
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, cut_windows
-from auv_torchrl.diagnosis.which.bench import Bench
 from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.ground import Judged, Known
+from auv_torchrl.diagnosis.which.fit import fit_by_simulation, measure_noise, reassess
+from auv_torchrl.diagnosis.which.following import follow_windows
 from auv_torchrl.diagnosis.which.hypotheses import Settings, apply_values
+from auv_torchrl.diagnosis.which.judged import Judged
+from auv_torchrl.diagnosis.which.problem import Known, Problem
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
@@ -41,42 +43,43 @@ def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings
         settings: widths of the slack and the floor to begin from.
     """
     log = join(healthy)
-    bench = Bench(cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s), vehicle, settings)
-    judged = bench.polish(Explanation(), bench.follow())
-    if bench.measure_noise(judged):
-        judged = bench.again(judged)
+    problem = Problem.of(cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s), vehicle, settings)
+    problem, follow = follow_windows(problem)
+    judged = fit_by_simulation(problem, Explanation(), follow)
+    if (anew := measure_noise(problem, judged)) is not problem:
+        problem, judged = anew, reassess(anew, judged)
     excess = judged.chi2 / judged.quadratic.numbers  # under the stated floor
     for _ in range(PASSES):
-        bench.floor = disturbance_floor(bench, judged)
-        judged = bench.polish(judged.explanation, judged.base)
+        problem = replace(problem, floor=disturbance_floor(problem, judged))
+        judged = fit_by_simulation(problem, judged.explanation, judged.base)
     slack = judged.explanation.slack
     floor = np.array(settings.floor_force)
-    floor[bench.layout.dof] = bench.floor
-    k = len(bench.slack)
-    nominal = np.array([value for _, _, value, _ in bench.slack])
-    covariance = np.linalg.inv(judged.quadratic.A[:k, :k] + bench.slack_precision) + np.diag((REPEATS * nominal) ** 2)
+    floor[problem.layout.dof] = problem.floor
+    k = len(problem.slack)
+    nominal = np.array([value for _, _, value, _ in problem.slack])
+    covariance = np.linalg.inv(judged.quadratic.A[:k, :k] + problem.slack_precision) + np.diag((REPEATS * nominal) ** 2)
     own = apply_values(vehicle, Explanation(slack=slack).values(vehicle))
-    known = Known(floor, bench.sigma, bench.rough_noise, covariance)
-    findings = tuple(_findings(log, bench, slack, excess, settings))
+    known = Known(floor, problem.sigma, problem.rough_noise, covariance)
+    findings = tuple(_findings(log, problem, slack, excess, settings))
     return Calibration(own, known, slack, findings, excess > settings.excess)
 
 
-def disturbance_floor(bench: Bench, judged: Judged) -> Floats:
+def disturbance_floor(problem: Problem, judged: Judged) -> Floats:
     """Standard deviation (D,) in N and N m of the force that acts on a sound vehicle.
 
     The size that makes the samples of all windows most likely (MacKay 1992, fixed point of the evidence). The stated
     floor counts as a few forces more, so that a log which determines none of them cannot claim a floor of zero.
     """
-    layout, windows, state = bench.layout, bench.windows, judged.base.state
-    used = np.isfinite(state.slope).all((1, 2)) & np.isfinite(state.residual).all(1) & bench.followed
-    weight = 1.0 / noise_per_sample(windows, bench.sigma)
+    layout, windows, state = problem.layout, problem.windows, judged.base.state
+    used = np.isfinite(state.slope).all((1, 2)) & np.isfinite(state.residual).all(1) & problem.followed
+    weight = 1.0 / noise_per_sample(windows, problem.sigma)
     slope, residual = state.slope[used] * weight[:, None], state.residual[used] * weight
     away = np.concatenate([(state.start - windows.guess)[:, layout.start], state.bins.reshape(len(windows), -1)], 1)
     away, count = away[used], int(used.sum())
     gram, pull = slope.swapaxes(1, 2) @ slope, np.einsum("wkl,wk->wl", slope, residual)
     starts, (bins, dofs) = len(layout.start), (layout.bins, len(layout.dof))
     unit = disturbance_precision(layout, windows.dt, np.ones(1))  # (B, B)
-    stated = np.array(bench.settings.floor_force)[layout.dof]
+    stated = np.array(problem.settings.floor_force)[layout.dof]
     floor = stated.copy()
     for _ in range(ROUNDS):
         precision = local_precision(layout, windows.dt, floor)
@@ -110,15 +113,15 @@ def stated_floor(settings: Settings, dof: np.ndarray) -> Finding:
 
 
 def _findings(
-    log: FlightLog, bench: Bench, slack: dict[tuple[str, str], float], excess: float, settings: Settings
+    log: FlightLog, problem: Problem, slack: dict[tuple[str, str], float], excess: float, settings: Settings
 ) -> list[Finding]:
     floor = np.array(settings.floor_force)
-    floor[bench.layout.dof] = bench.floor
-    most = max(slack, key=lambda key: abs(slack[key]) / _nominal(bench, key), default=None)
+    floor[problem.layout.dof] = problem.floor
+    most = max(slack, key=lambda key: abs(slack[key]) / _nominal(problem, key), default=None)
     largest = "" if most is None else f"; the largest correction is {' '.join(most)} {slack[most]:+.3f}"
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
-        f"{_sizes(floor, bench.layout.dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
+        f"{_sizes(floor, problem.layout.dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
     )
     found = [Finding(Severity.INFO, "floor_measured", sentence)]
     if excess > settings.excess:
@@ -130,8 +133,8 @@ def _findings(
     return found
 
 
-def _nominal(bench: Bench, key: tuple[str, str]) -> float:
-    return next(abs(nominal) for effect, member, nominal, _ in bench.slack if (effect, member) == key)
+def _nominal(problem: Problem, key: tuple[str, str]) -> float:
+    return next(abs(nominal) for effect, member, nominal, _ in problem.slack if (effect, member) == key)
 
 
 def _sizes(floor: Floats, dof: np.ndarray) -> str:

@@ -14,7 +14,7 @@ from auv_torchrl.sensors import MOTION
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
 CHANNELS = MOTION
 LEAST_SAMPLES = 6  # for a first parabola
-MAX_WINDOWS = 360  # 12 minutes of windows of 2 s: more adds time and memory, not certainty
+MAX_WINDOWS = 180  # 6 minutes of windows of 2 s: what a value is unsure by is then the model's error, not the noise
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from auv_torchrl.diagnosis.motion.force import marks
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.which.bench import Bench
-from auv_torchrl.diagnosis.which.ground import Base
+from auv_torchrl.diagnosis.which.judged import Base
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.effects import Origin
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import rotation_matrix
@@ -31,24 +31,24 @@ WIDTH = 1.0  # prior standard deviation of each force, in shares of the thruster
 
 
 @DIVERGING
-def attribute(bench: Bench, base: Base) -> tuple[dict[str, float], dict[str, float]]:
+def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str, float]]:
     """Shares of the gap by origin and by thruster, each summing to 1; both empty where nothing predicts the gap.
 
     The second is empty too unless most of the gap comes from the thrusters.
     """
-    groups = forces(bench, base)
+    groups = forces(problem, base)
     names = list(groups)
     owner = np.repeat(np.arange(len(names)), [groups[name].shape[1] for name in names])
     columns = np.concatenate([groups[name] for name in names], axis=1)
-    known = bench.followed & np.isfinite(columns).all((1, 2, 3))  # a window that diverges shows no force
+    known = problem.followed & np.isfinite(columns).all((1, 2, 3))  # a window that diverges shows no force
     if known.sum() < FOLDS:
         return {}, {}
     columns = np.where(known[:, None, None, None], columns, 0.0)
-    size = np.sqrt(((columns[..., bench.layout.dof] / bench.wide) ** 2).sum(-1).mean((0, 2)))
+    size = np.sqrt(((columns[..., problem.layout.dof] / problem.wide) ** 2).sum(-1).mean((0, 2)))
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
-    shown = marks(bench.windows, base.vehicle, bench.layout, base.state, columns)
-    parts = reduce(bench.windows, bench.layout, bench.freedom(base.state.slope), base.state, shown)
+    shown = marks(problem.windows, base.vehicle, problem.layout, base.state, columns)
+    parts = reduce(problem.windows, problem.layout, problem.freedom(base.state.slope), base.state, shown)
     folds = _folds(parts, known)
 
     def predicted(players: Sequence[int]) -> float:
@@ -70,9 +70,9 @@ def attribute(bench: Bench, base: Base) -> tuple[dict[str, float], dict[str, flo
     )
 
 
-def forces(bench: Bench, base: Base) -> dict[int | Origin, Floats]:
+def forces(problem: Problem, base: Base) -> dict[int | Origin, Floats]:
     """Forces (W, k, S, 6) in N and N m along the measured motion: by thruster (from 1), and by the other origins."""
-    windows, motion = bench.windows, base.motion
+    windows, motion = problem.windows, base.motion
     grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
     row = windows.episode[:, None]
     command = windows.commands[row, grid]  # (W, S, n)
@@ -89,7 +89,7 @@ def forces(bench: Bench, base: Base) -> dict[int | Origin, Floats]:
     rate = np.gradient(velocity, windows.dt, axis=1)
     turning = np.zeros_like(velocity)
     turning[..., 0], turning[..., 1] = -velocity[..., 1] * velocity[..., 5], velocity[..., 0] * velocity[..., 5]
-    dof = bench.layout.dof
+    dof = problem.layout.dof
     found[Origin.BODY] = np.concatenate([_by_dof(rate, dof), _by_dof(turning, np.array([0, 1]))], axis=1)
     to_body = rotation_matrix(motion[..., 3:7]).swapaxes(-1, -2)  # its columns are earth's axes seen from the body
     linear = np.diagonal(c.linear_drag[0])

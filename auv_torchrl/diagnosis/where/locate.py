@@ -5,9 +5,9 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Verdict, Where
 from auv_torchrl.diagnosis.where.attribute import attribute
-from auv_torchrl.diagnosis.which.bench import Bench
-from auv_torchrl.diagnosis.which.ground import Base
+from auv_torchrl.diagnosis.which.judged import Base
 from auv_torchrl.diagnosis.which.onset import Onset
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.physics.kinematics import rotation_matrix
@@ -20,21 +20,21 @@ MOST_REGIMES = 5
 
 
 def locate(
-    bench: Bench, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict, onset: Onset | None
+    problem: Problem, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict, onset: Onset | None
 ) -> Where:
     """Shares of the gap before anything is explained; what no effect explains is shared out by what it goes with."""
-    size = gap_by_window(bench, found.follow)
-    origin, thruster = by_origin(effects), by_thruster(bench, effects)
+    size = gap_by_window(problem, found.follow)
+    origin, thruster = by_origin(effects), by_thruster(problem, effects)
     if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED):
         base = found.best.base if effects else found.follow
         known = min(sum(effect.gap_closed or 0.0 for effect in effects), 1.0)
-        rest, rest_thruster = attribute(bench, base)
+        rest, rest_thruster = attribute(problem, base)
         origin, thruster = mixed(origin, rest, known), mixed(thruster, rest_thruster, known)
     return Where(
-        dof=by_dof(bench, found.follow),
+        dof=by_dof(problem, found.follow),
         origin=origin,
         thruster=thruster,
-        regime=regimes(bench, found.follow, size),
+        regime=regimes(problem, found.follow, size),
         onset_s=onset and onset.log_s,
         onset_episode=onset and onset.episode,
         onset_in_episode_s=onset and onset.episode_s,
@@ -48,28 +48,28 @@ def mixed(known: dict[str, float], rest: dict[str, float], share: float) -> dict
     return {name: share * known[name] + (1 - share) * rest[name] for name in known}
 
 
-def mean_force(bench: Bench, follow: Base) -> Floats:
+def mean_force(problem: Problem, follow: Base) -> Floats:
     """(W, D) missing force over each window in units of the thrusters' reach: root mean square of means over 0.6 s."""
-    bins = follow.state.bins / bench.wide
-    width = min(max(1, round(0.6 / (bench.layout.steps_per_bin * bench.windows.dt))), bench.layout.bins)
+    bins = follow.state.bins / problem.wide
+    width = min(max(1, round(0.6 / (problem.layout.steps_per_bin * problem.windows.dt))), problem.layout.bins)
     kept = bins[:, : bins.shape[1] // width * width]
     return np.sqrt((kept.reshape(len(bins), -1, width, bins.shape[2]).mean(2) ** 2).mean(1))
 
 
-def gap_by_window(bench: Bench, follow: Base) -> Floats:
+def gap_by_window(problem: Problem, follow: Base) -> Floats:
     """Size (W,) of the missing force in each window."""
-    return np.sqrt((mean_force(bench, follow) ** 2).sum(1))
+    return np.sqrt((mean_force(problem, follow) ** 2).sum(1))
 
 
-def by_dof(bench: Bench, follow: Base) -> dict[str, float]:
+def by_dof(problem: Problem, follow: Base) -> dict[str, float]:
     """Energy of the missing force, each degree of freedom in units of its thrusters' reach."""
-    known = bench.followed & np.isfinite(gap_by_window(bench, follow))
+    known = problem.followed & np.isfinite(gap_by_window(problem, follow))
     if not known.any():
         return {}
-    energy = (mean_force(bench, follow)[known] ** 2).mean(0)
+    energy = (mean_force(problem, follow)[known] ** 2).mean(0)
     if not energy.any():  # nothing moves and nothing pushes
         return {}
-    names = [DEGREES_OF_FREEDOM[d] for d in bench.layout.dof]
+    names = [DEGREES_OF_FREEDOM[d] for d in problem.layout.dof]
     return {name: float(e) for name, e in zip(names, energy / energy.sum(), strict=True)}
 
 
@@ -84,21 +84,21 @@ def by_origin(effects: tuple[FoundEffect, ...]) -> dict[str, float]:
     return shares
 
 
-def by_thruster(bench: Bench, effects: tuple[FoundEffect, ...]) -> dict[str, float]:
+def by_thruster(problem: Problem, effects: tuple[FoundEffect, ...]) -> dict[str, float]:
     """Share of each thruster in what the effects that name thrusters close."""
-    share = np.zeros(bench.vehicle.thrusters)
+    share = np.zeros(problem.vehicle.thrusters)
     for effect in effects:
         for thruster in effect.thrusters:
             share[thruster - 1] += max(effect.gap_closed or 0.0, 1e-6) / len(effect.thrusters)
     return {str(i + 1): float(s) for i, s in enumerate(share / share.sum())} if share.any() else {}
 
 
-def regimes(bench: Bench, follow: Base, size: Floats) -> tuple[Regime, ...]:
+def regimes(problem: Problem, follow: Base, size: Floats) -> tuple[Regime, ...]:
     """Circumstances in which the gap is larger than elsewhere, the worst first."""
     known = np.isfinite(size)
     whole = float(np.sqrt((size[known] ** 2).mean())) if known.any() else np.inf
     found = []
-    for when, there in circumstances(bench, follow).items():
+    for when, there in circumstances(problem, follow).items():
         inside = there & known
         if inside.sum() >= FEWEST:
             ratio = float(np.sqrt((size[inside] ** 2).mean())) / whole
@@ -107,9 +107,9 @@ def regimes(bench: Bench, follow: Base, size: Floats) -> tuple[Regime, ...]:
     return tuple(sorted(found, key=lambda regime: -regime.gap)[:MOST_REGIMES])
 
 
-def circumstances(bench: Bench, follow: Base) -> dict[str, np.ndarray]:
+def circumstances(problem: Problem, follow: Base) -> dict[str, np.ndarray]:
     """Windows (W,) in which something is small or large, by command size, speed, heading, place and time."""
-    windows, motion = bench.windows, follow.motion
+    windows, motion = problem.windows, follow.motion
     grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
     command = np.abs(windows.commands[windows.episode[:, None], grid])
     place = motion[..., :3].mean(1)

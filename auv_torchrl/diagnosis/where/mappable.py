@@ -4,15 +4,15 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.force import marks
 from auv_torchrl.diagnosis.motion.reduce import reduce
-from auv_torchrl.diagnosis.which.bench import Bench
-from auv_torchrl.diagnosis.which.ground import Base
+from auv_torchrl.diagnosis.which.judged import Base
+from auv_torchrl.diagnosis.which.problem import Problem
 
 NO_GAP = 1.05  # chi-square per number below which there is nothing to map
 
 
-def input_mappable(bench: Bench, follow: Base) -> float | None:
+def input_mappable(problem: Problem, follow: Base) -> float | None:
     """Share of the gap that a force affine in the commands closes, best fit; None without a gap."""
-    windows, layout = bench.windows, bench.layout
+    windows, layout = problem.windows, problem.layout
     grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
     commands = windows.commands[windows.episode[:, None], grid]  # (W, S, n)
     inputs = np.concatenate([commands, np.ones_like(commands[..., :1])], axis=-1)
@@ -20,7 +20,7 @@ def input_mappable(bench: Bench, follow: Base) -> float | None:
     for column, (j, d) in enumerate(np.ndindex(inputs.shape[-1], len(layout.dof))):
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
     columns = marks(windows, follow.vehicle, layout, follow.state, forces)
-    q = reduce(windows, layout, bench.freedom(follow.state.slope), follow.state, columns).windows(bench.followed)
+    q = reduce(windows, layout, problem.freedom(follow.state.slope), follow.state, columns).windows(problem.followed)
     if q.constant <= NO_GAP * q.numbers:
         return None
     best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])

@@ -10,41 +10,41 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.smooth import misfit
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.thresholds import AGREES_BETTER, LOOKED_AT, MOSTLY_LOST
 from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.following import MOSTLY_LOST
-from auv_torchrl.diagnosis.which.ground import Base
+from auv_torchrl.diagnosis.which.fit import fit_by_simulation
+from auv_torchrl.diagnosis.which.following import follow_freely, follow_windows
 from auv_torchrl.diagnosis.which.hypotheses import Atom, batch
+from auv_torchrl.diagnosis.which.judged import Base
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.effects import EFFECTS, Origin
 
-LOOKED_AT = 5  # windows: contradicting sensors do so all the time
-BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must get below
 
-
-def follow_agreeing(bench: Bench) -> Base:
+def follow_agreeing(problem: Problem) -> tuple[Problem, Base]:
     """The windows followed under the nominal vehicle, or where it cannot follow them, under one with another sensor."""
-    follow = bench.follow()
-    if bench.followed.mean() > MOSTLY_LOST:
-        return follow
-    sensor = agreeing_sensor(bench)
+    problem, follow = follow_windows(problem)
+    if problem.followed.mean() > MOSTLY_LOST:
+        return problem, follow
+    sensor = agreeing_sensor(problem)
     if sensor is None:
-        return follow
-    fitted = bench.polish(sensor, bench.follow(sensor)).explanation  # a value nearby makes outliers of good samples
-    return bench.follow(replace(fitted, slack={}))
+        return problem, follow
+    problem, follow = follow_windows(problem, sensor)
+    fitted = fit_by_simulation(problem, sensor, follow).explanation  # a value nearby makes outliers of good samples
+    return follow_windows(problem, replace(fitted, slack={}))
 
 
-def agreeing_sensor(bench: Bench) -> Explanation | None:
+def agreeing_sensor(problem: Problem) -> Explanation | None:
     """The change of one sensor under which windows are followed best; None where none helps much."""
-    rows = np.unique(np.linspace(0, len(bench.windows) - 1, LOOKED_AT).astype(int))
-    some = bench.windows.subset(rows)
-    atoms = [atom for atom in bench.atoms if EFFECTS[atom.effect].origin is Origin.SENSING]
+    rows = np.unique(np.linspace(0, len(problem.windows) - 1, LOOKED_AT).astype(int))
+    some = problem.windows.subset(rows)
+    atoms = [atom for atom in problem.atoms if EFFECTS[atom.effect].origin is Origin.SENSING]
 
     def badness(atom: Atom | None) -> float:
-        vehicle = batch(bench.vehicle, [{atom.effect: atom.values} if atom else {}])
-        return float(np.median(misfit(some, bench.followed_freely(some, vehicle).residual, bench.sigma)))
+        vehicle = batch(problem.vehicle, [{atom.effect: atom.values} if atom else {}])
+        return float(np.median(misfit(some, follow_freely(problem, some, vehicle).residual, problem.sigma)))
 
     tried = [(badness(atom), atom) for atom in atoms]
     least, best = min(tried, key=lambda entry: entry[0], default=(np.inf, None))
-    if best is None or not least < BETTER * badness(None):
+    if best is None or not least < AGREES_BETTER * badness(None):
         return None
-    return Explanation().with_atom(best, bench.vehicle)
+    return Explanation().with_atom(best, problem.vehicle)

@@ -2,22 +2,21 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.thresholds import SHOWS
 from auv_torchrl.diagnosis.verdict import Estimate
 from auv_torchrl.diagnosis.which.screen import Field
 from auv_torchrl.effects import EFFECTS
-
-SHOWS = 30.0  # chi-square that pays for an effect and its place
 
 
 def detectable_sizes(field: Field) -> dict[str, Estimate]:
     """By effect, the parameter that shows best; ``low`` and ``high`` are the sizes in either direction."""
     found: dict[str, tuple[float, Estimate]] = {}
-    for i, atom in enumerate(field.bench.atoms):
+    for i, atom in enumerate(field.problem.atoms):
         if atom.discrete or not field.seen[i]:
             continue
         name = field.moved_most(atom)
-        p = EFFECTS[atom.effect].member_parameters(field.bench.vehicle)[name]
-        nominal = EFFECTS[atom.effect].nominal(field.bench.vehicle)[name]
+        p = EFFECTS[atom.effect].member_parameters(field.problem.vehicle)[name]
+        nominal = EFFECTS[atom.effect].nominal(field.problem.vehicle)[name]
         share = np.sqrt(SHOWS / field.A[i, i])
         size = abs(atom.values[name] - nominal) * share
         relative = size / (p.high - p.low)

@@ -6,13 +6,10 @@ from math import comb, log, pi
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, RANGE_CAP, SECOND_EFFECT
 from auv_torchrl.diagnosis.which.explanation import Explanation
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
-
-SECOND_EFFECT = 0.02  # prior probability of one more effect once there is one: two faults in one log are rare
-ONE_MORE_VALUE = 0.1  # prior probability that one more parameter of an effect is away from its nominal value
-RANGE_CAP = {"m": 6.0, "N/m": 60.0, "N": 60.0}  # plausible widths where the bounds of a parameter only exclude nonsense
 
 
 @dataclass(frozen=True)

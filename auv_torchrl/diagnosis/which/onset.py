@@ -4,18 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.thresholds import BLOCK_S, FEWEST_BLOCKS, FEWEST_WINDOWS, LARGER, ONSET_CLEAR, SPEAKS
 from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.ground import Base
+from auv_torchrl.diagnosis.which.fit import fit_by_simulation
+from auv_torchrl.diagnosis.which.following import follow_windows
 from auv_torchrl.diagnosis.which.hypotheses import Settings
+from auv_torchrl.diagnosis.which.judged import Base
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.vehicle import Vehicle
-
-BLOCK_S = 0.6  # s over which the missing force is averaged
-FEWEST_BLOCKS = 10  # on either side of an onset
-CLEAR = 40.0  # log likelihood that two levels of the missing force must gain over one
-LARGER = 20.0  # times the energy before the onset, in some degree of freedom
-FEWEST_WINDOWS = 4  # behind an onset, to be explained by themselves
-SPEAKS = 10.0  # chi-square by which the windows before an onset must fit better without the effect
 
 
 @dataclass(frozen=True)
@@ -29,16 +25,16 @@ class Onset:
     behind: np.ndarray  # (W,) bool
 
 
-def find_onset(bench: Bench, follow: Base) -> Onset | None:
+def find_onset(problem: Problem, follow: Base) -> Onset | None:
     """The moment at which the missing force sets in, None where it is not small before and large behind.
 
     The force in each degree of freedom is taken as white with one size before the moment and another behind it, and
     the moment is where that is most likely.
     """
-    windows, layout = bench.windows, bench.layout
+    windows, layout = problem.windows, problem.layout
     width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt))), layout.bins)
     count = layout.bins // width
-    bins = follow.state.bins[:, : count * width] / bench.wide
+    bins = follow.state.bins[:, : count * width] / problem.wide
     force = bins.reshape(len(bins), count, width, -1).mean(2)
     time = windows.time[:, None] + np.arange(count) * width * layout.steps_per_bin * windows.dt
     owner = np.repeat(np.arange(len(windows)), count)
@@ -56,7 +52,7 @@ def find_onset(bench: Bench, follow: Base) -> Onset | None:
     gain = 0.5 * (total * np.log(whole) - splits * np.log(before) - (total - splits) * np.log(behind))
     gain = np.where(behind > before, gain, 0.0).sum(1)
     best = int(np.argmax(gain))
-    if gain[best] < CLEAR or not (behind[best] > LARGER * before[best]).any():
+    if gain[best] < ONSET_CLEAR or not (behind[best] > LARGER * before[best]).any():
         return None
     first = order[splits[best, 0]]
     window, within = owner[first], float(time.ravel()[first])
@@ -71,10 +67,10 @@ def find_onset(bench: Bench, follow: Base) -> Onset | None:
     return Onset(float(passed) + within, int(windows.number[window]), within, early, late)
 
 
-def is_absent(bench: Bench, onset: Onset, explanation: Explanation, vehicle: Vehicle, settings: Settings) -> bool:
+def is_absent(problem: Problem, onset: Onset, explanation: Explanation, vehicle: Vehicle, settings: Settings) -> bool:
     """Whether an explanation of what lies behind an onset is wrong before it: then the vehicle did change."""
-    early = Bench(bench.windows.subset(onset.before), vehicle, settings, bench.known)
-    follow = early.follow()
-    without = early.polish(Explanation(slack=explanation.slack), follow, rounds=0)
-    with_it = early.polish(explanation, follow, rounds=0)
+    early = Problem.of(problem.windows.subset(onset.before), vehicle, settings, problem.known)
+    early, follow = follow_windows(early)
+    without = fit_by_simulation(early, Explanation(slack=explanation.slack), follow, rounds=0)
+    with_it = fit_by_simulation(early, explanation, follow, rounds=0)
     return without.chi2 + SPEAKS < with_it.chi2

@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.thresholds import SCREENING_DOUBT, STANDS_IN
+from auv_torchrl.diagnosis.which.judged import is_minor
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.search import Found
 
 NONE, UNKNOWN = "none", "unknown"
-STANDS_IN = 0.6  # probability that a known effect found beside an unknown one only stands in for it
-SCREENING_DOUBT = 10.0  # log evidence by which a screened family is held back against a simulated one
 
 
-def effect_probabilities(bench: Bench, found: Found, unknown: float) -> dict[str, float]:
+def effect_probabilities(problem: Problem, found: Found, unknown: float) -> dict[str, float]:
     """Probability that each effect acts, and of "none" and "unknown".
 
     Each explanation gets its evidence, tempered because neither the model of the noise nor the physics is exact; an
@@ -19,7 +19,7 @@ def effect_probabilities(bench: Bench, found: Found, unknown: float) -> dict[str
     """
     weights: list[tuple[tuple[str, ...], float]] = []
     for judged in found.polished:
-        if np.isfinite(judged.evidence) and not bench.minor(judged):
+        if np.isfinite(judged.evidence) and not is_minor(problem, judged):
             weights.append((judged.explanation.effects, judged.evidence))
     tried = {effects for effects, _ in weights}
     top = max((s.evidence for s in found.screened), default=0.0)
@@ -28,7 +28,7 @@ def effect_probabilities(bench: Bench, found: Found, unknown: float) -> dict[str
         if screened.explanation.effects not in tried:
             lag = min(0.0, screened.evidence - top) - SCREENING_DOUBT
             weights.append((screened.explanation.effects, best + lag))
-    evidence = np.array([weight for _, weight in weights]) * bench.settings.tempering
+    evidence = np.array([weight for _, weight in weights]) * problem.settings.tempering
     share = np.exp(evidence - evidence.max())
     share /= share.sum()
     probability = {NONE: 0.0}

@@ -5,56 +5,60 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.thresholds import (
+    CLOSES,
+    EASED,
+    EVIDENCE_SLIP,
+    FURTHER_TRIED,
+    IDLE,
+    MISSED,
+    MOST_EFFECTS,
+    TIE,
+    WITHIN,
+    WORTH_AN_EFFECT,
+)
 from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
-from auv_torchrl.diagnosis.which.ground import Judged
+from auv_torchrl.diagnosis.which.fit import fit_along_motion, fit_by_simulation
+from auv_torchrl.diagnosis.which.judged import Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.screen import Field, Screened
-from auv_torchrl.diagnosis.which.sketches import CLOSES
 from auv_torchrl.effects import EFFECTS
-
-WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
-EVIDENCE_SLIP = 40.0
-MISSED = 1.0  # chi-square per number that comes back without an effect that is not needless
-IDLE = 2.0  # standard deviations, of the estimate or of slack
-TRIED = 3  # further effects that are simulated where one is needed, of those that promise about the same
-EASED = 0.2  # of what the screening says of an effect: the start of a fit that went astray from the whole of it
-WORTH = 5.0  # log evidence that one more effect must bring
-TIE = 3.0  # log evidence that does not speak for more values
-MOST_EFFECTS = 3
 
 Progress = Callable[[str, float], None]
 
 
-def explains(bench: Bench, judged: Judged) -> bool:
+def explains(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation leaves little, and not because slack makes up for what it lacks."""
-    return not bench.leaves_much(judged) and not bench.is_strained(judged)
+    return not leaves_much(problem, judged) and not is_strained(problem, judged)
 
 
-def from_another(bench: Bench, judged: Judged, other: Judged) -> Judged:
+def from_another(problem: Problem, judged: Judged, other: Judged) -> Judged:
     """An explanation, or its fit from the slack and shared values of another where that is better: it may be stuck."""
-    trial = bench.polish(judged.explanation.starting_from(other.explanation), other.base)
+    trial = fit_by_simulation(problem, judged.explanation.starting_from(other.explanation), other.base)
     return trial if trial.evidence > judged.evidence else judged
 
 
-def grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozenset[str]], progress: Progress) -> Judged:
+def grow(
+    problem: Problem, best: Judged, polished: list[Judged], twins: set[frozenset[str]], progress: Progress
+) -> Judged:
     """Add effects while the log pays; those that are the same by another name (``twins``) stay out."""
     while len(best.explanation.effects) < MOST_EFFECTS:
         progress("looking for further effects", 0.7 + 0.05 * len(best.explanation.effects))
-        field = Field.of(bench, best.base)
+        field = Field.of(problem, best.base)
         here = field.none().evidence
         twins_of = {name for pair in twins for name in pair if pair & set(best.explanation.effects)}
         fresh_ones = (
             s for s in field.families() if not (set(s.explanation.effects) - set(best.explanation.effects)) & twins_of
         )
-        tried = 1 if explains(bench, best) else TRIED
+        tried = 1 if explains(problem, best) else FURTHER_TRIED
         ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)[:tried]
-        left = best.chi2 - best.quadratic.numbers if bench.leaves_much(best) else 0.0
-        least = max(here + WORTH, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
+        left = best.chi2 - best.quadratic.numbers if leaves_much(problem, best) else 0.0
+        least = max(here + WORTH_AN_EFFECT, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
         trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > CLOSES * left]
-        fresh = [_added(bench, best, s.explanation) for s in trials]
+        fresh = [_added(problem, best, s.explanation) for s in trials]
         polished += fresh
-        better = max((j for j in fresh if not bench.minor(j)), key=lambda judged: judged.evidence, default=best)
-        if better.evidence <= best.evidence + WORTH or best.chi2 - better.chi2 < CLOSES * left:
+        better = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
+        if better.evidence <= best.evidence + WORTH_AN_EFFECT or best.chi2 - better.chi2 < CLOSES * left:
             return best
         best = better
         if best.nothing_left:
@@ -62,88 +66,88 @@ def grow(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozense
     return best
 
 
-def _added(bench: Bench, best: Judged, explanation: Explanation) -> Judged:
+def _added(problem: Problem, best: Judged, explanation: Explanation) -> Judged:
     """An explanation that adds an effect to the best; where that made it worse, from a small amount of the effect."""
-    judged = bench.polish(explanation, best.base)
+    judged = fit_by_simulation(problem, explanation, best.base)
     if judged.chi2 <= best.chi2:
         return judged
     eased = {}
     for place, knob in enumerate(explanation.knobs):
-        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        nominal = EFFECTS[knob.effect].nominal(problem.vehicle)[knob.members[0]]
         if not knob.discrete:
             eased[place] = nominal + EASED * (knob.value - nominal)
-    again = bench.polish(explanation.moved(eased).starting_from(best.explanation), best.base)
+    again = fit_by_simulation(problem, explanation.moved(eased).starting_from(best.explanation), best.base)
     return max(judged, again, key=lambda judged: judged.evidence)
 
 
-def tidy(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+def tidy(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     """Take out what the log does not need, and name what is left as simply as it allows; adds what was simulated."""
-    best = _prune(bench, best, polished)
-    best = _drop_idle(bench, best, polished)
+    best = _prune(problem, best, polished)
+    best = _drop_idle(problem, best, polished)
     if not best.nothing_left:
-        polished.append(bench.polish(best.explanation, best.base))
+        polished.append(fit_by_simulation(problem, best.explanation, best.base))
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
-    best = _exchanged(bench, best, polished)
-    return _said_as_dead(bench, _simplest(bench, best, polished), polished)
+    best = _exchanged(problem, best, polished)
+    return _said_otherwise(problem, _simplest(problem, best, polished), polished)
 
 
-def _prune(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     while len(best.explanation.effects) > 1:
-        fewer = [_without(bench, best, effect) for effect in best.explanation.effects]
+        fewer = [_without(problem, best, effect) for effect in best.explanation.effects]
         polished += fewer
         better = max(fewer, key=lambda judged: judged.evidence)
-        if better.evidence <= best.evidence - WORTH:
+        if better.evidence <= best.evidence - WORTH_AN_EFFECT:
             return best
         best = better
     return best
 
 
-def _without(bench: Bench, best: Judged, effect: str) -> Judged:
+def _without(problem: Problem, best: Judged, effect: str) -> Judged:
     """The explanation without an effect, simulated where a sketch does not show that it is far worse."""
-    sketch = bench.sketch(best.explanation.without(effect), best.base)
+    sketch = fit_along_motion(problem, best.explanation.without(effect), best.base)
     far = sketch.chi2 > best.chi2 + MISSED * sketch.quadratic.numbers
-    return sketch if far else bench.polish(sketch.explanation, best.base)
+    return sketch if far else fit_by_simulation(problem, sketch.explanation, best.base)
 
 
-def _drop_idle(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+def _drop_idle(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     """Take out values that stand where they would without the effect."""
-    slack = {(effect, member): width for effect, member, _, width in bench.slack}
+    slack = {(effect, member): width for effect, member, _, width in problem.slack}
     deviation = iter(np.sqrt(np.diag(best.covariance)))
     kept = []
     for knob in best.explanation.knobs:
         if knob.discrete:
             kept.append(knob)
             continue
-        nominal = EFFECTS[knob.effect].nominal(bench.vehicle)[knob.members[0]]
+        nominal = EFFECTS[knob.effect].nominal(problem.vehicle)[knob.members[0]]
         doubt = max(float(next(deviation)), slack.get((knob.effect, knob.members[0]), 0.0))
         if abs(knob.value - nominal) > IDLE * doubt:
             kept.append(knob)
     if not kept or len(kept) == len(best.explanation.knobs):
         return best
-    fewer = bench.polish(replace(best.explanation, knobs=tuple(kept)), best.base)
+    fewer = fit_by_simulation(problem, replace(best.explanation, knobs=tuple(kept)), best.base)
     polished.append(fewer)
-    return fewer if fewer.evidence > best.evidence - WORTH else best
+    return fewer if fewer.evidence > best.evidence - WORTH_AN_EFFECT else best
 
 
-def _exchanged(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+def _exchanged(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     """Try in place of each of several effects the one that is the likeliest beside the others."""
-    if len(best.explanation.effects) < 2 or bench.leaves_much(best):
+    if len(best.explanation.effects) < 2 or leaves_much(problem, best):
         return best
     tried = {frozenset(judged.explanation.effects) for judged in polished}
-    others = (_likeliest_instead(bench, best, effect, tried) for effect in best.explanation.effects)
+    others = (_likeliest_instead(problem, best, effect, tried) for effect in best.explanation.effects)
     likely = [other for other in others if other and other.evidence > best.evidence - EVIDENCE_SLIP]
-    fresh = [bench.polish(other.explanation, best.base) for other in likely]
+    fresh = [fit_by_simulation(problem, other.explanation, best.base) for other in likely]
     polished += fresh
-    winner = max((j for j in fresh if not bench.minor(j)), key=lambda judged: judged.evidence, default=best)
+    winner = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
     if winner.evidence <= best.evidence:
         return best
-    polished.append(from_another(bench, best, winner))
-    return max(polished[-1], _drop_idle(bench, winner, polished), key=lambda judged: judged.evidence)
+    polished.append(from_another(problem, best, winner))
+    return max(polished[-1], _drop_idle(problem, winner, polished), key=lambda judged: judged.evidence)
 
 
-def _likeliest_instead(bench: Bench, best: Judged, effect: str, tried: set[frozenset[str]]) -> Screened | None:
+def _likeliest_instead(problem: Problem, best: Judged, effect: str, tried: set[frozenset[str]]) -> Screened | None:
     """The explanation with another effect in place of one, of those that were not tried; None where there is none."""
-    field = Field.of(bench, best.base, best.explanation.without(effect))
+    field = Field.of(problem, best.base, best.explanation.without(effect))
     for screened in field.families():
         effects = frozenset(screened.explanation.effects)
         added = effects - set(best.explanation.effects)
@@ -152,9 +156,11 @@ def _likeliest_instead(bench: Bench, best: Judged, effect: str, tried: set[froze
     return None
 
 
-def _simplest(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
+def _simplest(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     """Of what fits about as well as the best, the one with the fewest values, by effects that have the fewest."""
-    close = [j for j in polished if j.explanation.effects and j.evidence > best.evidence - TIE and not bench.minor(j)]
+    close = [
+        j for j in polished if j.explanation.effects and j.evidence > best.evidence - TIE and not is_minor(problem, j)
+    ]
     if not best.explanation.effects:
         return best
 
@@ -165,23 +171,24 @@ def _simplest(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
     return min([best, *close], key=size)
 
 
-def _said_as_dead(bench: Bench, best: Judged, polished: list[Judged]) -> Judged:
-    """Where a thruster's limit lies within its dead band, say that it gives nothing: that is the same vehicle.
+def _said_otherwise(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
+    """Where a value makes the same vehicle as a plainer one of another effect, say that.
 
-    No slope tells one such limit from another, so that its evidence pays for no value, and its interval is of no use.
+    No slope tells one such value from another, so that its evidence pays for no value, and its interval is of no use.
     """
-    dead_band = float(best.base.vehicle.dead_band.min())
+    looked_for = {atom.effect for atom in problem.atoms}
 
-    def is_dead(knob: Knob) -> bool:
-        return knob.effect == "thrust_limit" and knob.value < dead_band
+    def plainer(knob: Knob) -> Knob | None:
+        same_as = EFFECTS[knob.effect].same_as
+        told = [same_as(best.base.vehicle, member, knob.value) if same_as else None for member in knob.members]
+        known = [same for same in told if same is not None and same[0] in looked_for]
+        if len(known) < len(told):
+            return None
+        return Knob(known[0][0], tuple(member for _, member, _ in known), known[0][2])
 
-    may_be_said = any(atom.effect == "thruster_gain" for atom in bench.atoms)  # else it is ignored
-    if not may_be_said or not any(is_dead(knob) for knob in best.explanation.knobs):
+    if not any(plainer(knob) for knob in best.explanation.knobs):
         return best
-    knobs = tuple(
-        Knob("thruster_gain", tuple(name.replace("limit", "gain") for name in k.members), 0.0) if is_dead(k) else k
-        for k in best.explanation.knobs
-    )
-    said = bench.polish(replace(best.explanation, knobs=knobs), best.base)
-    polished[:] = [said, *(j for j in polished if not any(is_dead(knob) for knob in j.explanation.knobs))]
+    knobs = tuple(plainer(knob) or knob for knob in best.explanation.knobs)
+    said = fit_by_simulation(problem, replace(best.explanation, knobs=knobs), best.base)
+    polished[:] = [said, *(j for j in polished if not any(plainer(knob) for knob in j.explanation.knobs))]
     return said

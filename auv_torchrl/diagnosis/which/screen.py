@@ -8,19 +8,16 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.which.bench import Bench
+from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_KNOBS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
+from auv_torchrl.diagnosis.which.assess import knob_changes, log_evidence
 from auv_torchrl.diagnosis.which.evidence import volume
 from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.ground import Base
 from auv_torchrl.diagnosis.which.hypotheses import Atom
-from auv_torchrl.diagnosis.which.weighing import SLACK_LIMIT, joint_precision
+from auv_torchrl.diagnosis.which.judged import Base, slack_now
+from auv_torchrl.diagnosis.which.problem import Problem
+from auv_torchrl.diagnosis.which.quadratics import quadratic, without_slack
+from auv_torchrl.diagnosis.which.steps import joint_precision, value_steps
 from auv_torchrl.effects import EFFECTS
-
-ELASTIC = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
-SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
-FIXED = 1e-5  # a discrete change acts wholly
-SEEN = 1e-6  # chi-square of a whole atom
-MOST_KNOBS = 6  # of one family
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ class Screened:
 class Field:
     """The quadratic of all atoms at a base, slack and the values of its explanation fitted."""
 
-    bench: Bench
+    problem: Problem
     explanation: Explanation  # on top of which the atoms act
     quadratic: Quadratic  # of slack, the values of the explanation, and atoms
     values: tuple[Floats, Floats, Floats]  # (m,) prior precision of steps of these values, and their bounds in steps
@@ -49,21 +46,21 @@ class Field:
     @property
     def seen(self) -> np.ndarray:
         """(N,) atoms that leave any mark on this log."""
-        return np.diag(self.A) > SEEN
+        return np.diag(self.A) > SEEN_AT_ALL
 
     @staticmethod
-    def of(bench: Bench, base: Base, around: Explanation | None = None) -> "Field":
+    def of(problem: Problem, base: Base, around: Explanation | None = None) -> "Field":
         """Mark every atom on the windows of ``base``, on top of its explanation or of another one."""
         explanation = base.explanation if around is None else around
-        moved, steps = bench.knob_changes(explanation)
-        atoms = [explanation.with_atom(atom, bench.vehicle) for atom in bench.atoms]
-        q = bench.quadratic(base, [*moved, *atoms], around, chosen=bench.followed)
-        _, b, A, _, _ = bench.without_slack(q, explanation)
+        moved, steps = knob_changes(problem, explanation)
+        atoms = [explanation.with_atom(atom, problem.vehicle) for atom in problem.atoms]
+        q = quadratic(problem, base, [*moved, *atoms], around, chosen=problem.followed)
+        _, b, A, _, _ = without_slack(problem, q, explanation)
         b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
-        values = bench.value_steps(explanation, steps)
-        width = [FIXED if a.discrete else ELASTIC if a.elastic else 1e3 for a in bench.atoms]
-        centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in bench.atoms])
-        return Field(bench, explanation, q, values, b, A, np.array(width) ** -2.0, centre)
+        values = value_steps(problem, explanation, steps)
+        width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.atoms]
+        centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in problem.atoms])
+        return Field(problem, explanation, q, values, b, A, np.array(width) ** -2.0, centre)
 
     @property
     def constant(self) -> float:
@@ -76,17 +73,17 @@ class Field:
         Slack is fitted too, but no further than slack goes: what lies beyond must be an effect. So are the values that
         the explanation has already, because what is added may take over a part of what they do.
         """
-        bench, q = self.bench, self.quadratic
+        problem, q = self.problem, self.quadratic
         stiffness, least, most = self.values
-        first = len(bench.slack) + len(stiffness)
-        at, precision = bench.slack_now(self.explanation), bench.slack_precision
+        first = len(problem.slack) + len(stiffness)
+        at, precision = slack_now(problem, self.explanation), problem.slack_precision
         columns = [*range(first), *(first + i for i in chosen)]
         of_atoms = self.pull[chosen] if amounts is None else np.zeros(len(chosen))
         pull = joint_precision(precision, np.concatenate([stiffness, of_atoms]))
         toward = np.concatenate([-at, np.zeros(len(stiffness)), self.centre[chosen]])
         H = q.A[np.ix_(columns, columns)] + pull
         g = q.b[columns] + pull @ toward
-        reach = SLACK_LIMIT * np.sqrt(np.diag(bench.slack_covariance))
+        reach = SLACK_LIMIT * np.sqrt(np.diag(problem.slack_covariance))
         low = np.concatenate([-reach - at, least, np.full(len(chosen), -np.inf)])
         high = np.concatenate([reach - at, most, np.full(len(chosen), np.inf)])
         x, free = np.zeros(len(columns)), np.ones(len(columns), bool)
@@ -99,12 +96,12 @@ class Field:
     def judge(self, chosen: list[int]) -> Screened:
         """Weigh some atoms together, on top of the explanation of the base."""
         amounts = self.fit(chosen)[1]
-        bench, explanation = self.bench, self.explanation
+        problem, explanation = self.problem, self.explanation
         units, widths, fitted, reached = [], [], [], []
         for i, amount in zip(chosen, amounts, strict=True):
-            atom = bench.atoms[i]
+            atom = problem.atoms[i]
             before = explanation
-            explanation = explanation.with_atom(atom, bench.vehicle, float(amount))
+            explanation = explanation.with_atom(atom, problem.vehicle, float(amount))
             if not atom.discrete:
                 unit, width = self._unit(atom)
                 units.append(unit)
@@ -115,32 +112,32 @@ class Field:
                 reached.append(1.0)
         curvature = self.A[np.ix_(fitted, fitted)] / np.outer(units, units)
         chi2 = self.fit(chosen, np.array(reached))[0]
-        evidence = bench.weigh(chi2, explanation) + volume(curvature, np.array(widths))
+        evidence = log_evidence(problem, chi2, explanation) + volume(curvature, np.array(widths))
         return Screened(explanation, chi2, evidence, tuple(chosen))
 
     def _unit(self, atom: Atom) -> tuple[float, float]:
         """Change of the parameter that an atom moves most, and the plausible range of that parameter."""
         most = self.moved_most(atom)
-        nominal = EFFECTS[atom.effect].nominal(self.bench.vehicle)[most]
-        return atom.values[most] - nominal, self.bench.prior.width(atom.effect, most)
+        nominal = EFFECTS[atom.effect].nominal(self.problem.vehicle)[most]
+        return atom.values[most] - nominal, self.problem.prior.width(atom.effect, most)
 
     def moved_most(self, atom: Atom) -> str:
         """The parameter that an atom moves most, for its plausible range."""
-        nominal = EFFECTS[atom.effect].nominal(self.bench.vehicle)
-        width = self.bench.prior.width
+        nominal = EFFECTS[atom.effect].nominal(self.problem.vehicle)
+        width = self.problem.prior.width
         return max(atom.values, key=lambda name: abs(atom.values[name] - nominal[name]) / width(atom.effect, name))
 
     def _reached(self, atom: Atom, before: Explanation, after: Explanation, amount: float) -> float:
         """The amount that the bounds of the parameters leave, of the ``amount`` asked for."""
         unbound = amount * self._unit(atom)[0]
         name = self.moved_most(atom)
-        moved = _value(after, atom.effect, name, self.bench) - _value(before, atom.effect, name, self.bench)
+        moved = _value(after, atom.effect, name, self.problem) - _value(before, atom.effect, name, self.problem)
         return amount * moved / unbound if unbound else 0.0
 
     def none(self) -> Screened:
         """The explanation of the base alone."""
         constant = self.constant
-        return Screened(self.explanation, constant, self.bench.weigh(constant, self.explanation))
+        return Screened(self.explanation, constant, log_evidence(self.problem, constant, self.explanation))
 
     def families(self) -> list[Screened]:
         """The best explanation of each family alone, members added while that pays."""
@@ -153,7 +150,7 @@ class Field:
         size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
         same = np.abs(self.A) > SAME_MARK * np.outer(size, size)
         rows = {
-            name: [i for i, a in enumerate(self.bench.atoms) if a.effect == name and self.seen[i]]
+            name: [i for i, a in enumerate(self.problem.atoms) if a.effect == name and self.seen[i]]
             for name in self._names
         }
         return {
@@ -164,20 +161,14 @@ class Field:
 
     @property
     def _names(self) -> list[str]:
-        return list(dict.fromkeys(self.bench.atoms[i].effect for i in np.flatnonzero(self.seen)))
+        return list(dict.fromkeys(self.problem.atoms[i].effect for i in np.flatnonzero(self.seen)))
 
     def _grow(self, family: str, chosen: list[int]) -> Screened | None:
         """Add members of a family while that pays, at least one; None where it adds nothing to the chosen ones."""
-        inside = [i for i, atom in enumerate(self.bench.atoms) if atom.effect == family and self.seen[i]]
-        alone = [i for i in inside if not self._moves_all(i)]  # once all members are moved, none is added
+        inside = [i for i, atom in enumerate(self.problem.atoms) if atom.effect == family and self.seen[i]]
+        alone = [i for i in inside if not _moves_all(self.problem, i)]  # once all members are moved, none is added
         ways = [self._grown(chosen, inside), self._grown(chosen, alone) if len(alone) < len(inside) else None]
         return max((way for way in ways if way is not None), key=lambda way: way.evidence, default=None)
-
-    def _moves_all(self, i: int) -> bool:
-        """Whether an atom moves all members of a family of parameters by one value."""
-        atom = self.bench.atoms[i]
-        declared = EFFECTS[atom.effect].member_parameters(self.bench.vehicle)
-        return len(atom.values) > 1 and not atom.discrete and len({declared[name].name for name in atom.values}) == 1
 
     def _grown(self, chosen: list[int], inside: list[int]) -> Screened | None:
         best: Screened | None = None
@@ -194,9 +185,9 @@ class Field:
 
     def _overlaps(self, i: int, chosen: list[int]) -> bool:
         """Whether an atom says the same as chosen ones, or moves what they move."""
-        mine = self.bench.atoms[i]
+        mine = self.problem.atoms[i]
         for j in chosen:
-            other = self.bench.atoms[j]
+            other = self.problem.atoms[j]
             if abs(self.A[i, j]) > SAME_MARK * np.sqrt(self.A[i, i] * self.A[j, j]):
                 return True
             if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
@@ -204,6 +195,13 @@ class Field:
         return False
 
 
-def _value(explanation: Explanation, effect: str, member: str, bench: Bench) -> float:
-    values = explanation.values(bench.vehicle, slack=False).get(effect, {})
-    return values.get(member, EFFECTS[effect].nominal(bench.vehicle)[member])
+def _moves_all(problem: Problem, i: int) -> bool:
+    """Whether an atom moves all members of a family of parameters by one value."""
+    atom = problem.atoms[i]
+    declared = EFFECTS[atom.effect].member_parameters(problem.vehicle)
+    return len(atom.values) > 1 and not atom.discrete and len({declared[name].name for name in atom.values}) == 1
+
+
+def _value(explanation: Explanation, effect: str, member: str, problem: Problem) -> float:
+    values = explanation.values(problem.vehicle, slack=False).get(effect, {})
+    return values.get(member, EFFECTS[effect].nominal(problem.vehicle)[member])

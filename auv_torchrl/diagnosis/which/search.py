@@ -2,49 +2,39 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.bench import Bench
-from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.ground import Base, Judged
-from auv_torchrl.diagnosis.which.refine import (
-    EVIDENCE_SLIP,
-    WITHIN,
-    WORTH,
-    Progress,
-    explains,
-    from_another,
-    grow,
-    tidy,
+from auv_torchrl.diagnosis.thresholds import (
+    ADDS,
+    BROKEN_PROMISE,
+    CONTENDS,
+    FEW_VALUES,
+    FITTED_ON,
+    HOPELESS,
+    MANY_WINDOWS,
+    POLISHED,
+    REFITTED,
+    SEARCHED_WINDOWS,
+    STILL_GAINS,
+    TURNED_ROUND,
+    WORTH_AN_EFFECT,
 )
+from auv_torchrl.diagnosis.which.agreement import follow_agreeing
+from auv_torchrl.diagnosis.which.candidates import Others, candidates_of
+from auv_torchrl.diagnosis.which.explanation import Explanation
+from auv_torchrl.diagnosis.which.fit import fit_by_simulation, measure_noise, reassess
+from auv_torchrl.diagnosis.which.judged import Base, Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.which.problem import Problem
+from auv_torchrl.diagnosis.which.refine import Progress, explains, from_another, grow, tidy
 from auv_torchrl.diagnosis.which.screen import Field, Screened
-from auv_torchrl.diagnosis.which.sketches import is_near, sketch_explanations
-
-POLISHED = 4  # candidates that are simulated
-AS_GOOD = 2.0  # times the chi-square of the best sketch: what simulation may turn round
-ASTRAY = 10.0  # times what was promised: a fit that ends there began at wrong values
-CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best ...
-ADDS = 20.0  # ... and by which one that only adds effects to the best may be worse
-FITTED_ON = 3  # times at most, of rivals, while each gains ...
-STILL = 1.0  # ... this log evidence
-HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
-FEW = 4  # values
-
-
-class Others(Enum):
-    """What a search may simulate besides its hints."""
-
-    NONE = "none"
-    SINGLE = "single"
-    ALL = "all"
 
 
 @dataclass(frozen=True)
 class Found:
     """What the search leaves behind."""
 
+    problem: Problem  # with the sensor noise that was found
     follow: Base  # nominal vehicle, the gap in a free force
     none: Judged
     best: Judged
@@ -55,57 +45,101 @@ class Found:
 
 
 def search(
-    bench: Bench,
+    problem: Problem,
     follow: Base,
     progress: Progress,
     hints: Sequence[Explanation] = (),
     others: Others = Others.ALL,
     below: float = np.inf,
 ) -> Found:
-    """Explain the windows of a bench that ``follow`` has followed.
+    """Explain the windows of a problem that ``follow`` has followed.
 
     ``hints`` are simulated first, and ``others`` that the screening finds only where none of the hints explains the log
-    by a few values, and where they promise to leave less than ``below`` of chi-square per number.
+    by a few values, and where they promise to leave less than ``below`` of chi-square per number. Of many windows,
+    some are searched, and what is found is fitted to all.
     """
-    field = Field.of(bench, follow)
+    if len(problem.windows) <= MANY_WINDOWS:
+        return _search(problem, follow, progress, hints, others, below)
+    rows = np.linspace(0, len(problem.windows) - 1, SEARCHED_WINDOWS).astype(int)
+    few = Problem.of(problem.given.subset(rows), problem.vehicle, problem.settings, problem.known)
+    found = _search(*follow_agreeing(few), progress, hints, others, below)
+    return _refit(problem, follow, found, progress)
+
+
+def _refit(problem: Problem, follow: Base, found: Found, progress: Progress) -> Found:
+    """What was ``found`` among some windows, fitted to all of them; effects are added where these show more."""
+    field = Field.of(problem, follow)
+    hopeless = found.none.evidence < found.best.evidence - HOPELESS
+    polished = [fit_by_simulation(problem, found.none.explanation, follow, rounds=0 if hopeless else 4)]
+    problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
+    others = [judged for judged in found.polished if judged.explanation.effects and judged is not found.best]
+    chosen = [found.best, *others] if found.best.explanation.effects else others
+    polished += [fit_by_simulation(problem, judged.explanation, follow) for judged in chosen[: 1 + REFITTED]]
+    few_left_much = leaves_much(found.problem, found.best)
+    return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress)
+
+
+def _search(
+    problem: Problem,
+    follow: Base,
+    progress: Progress,
+    hints: Sequence[Explanation],
+    others: Others,
+    below: float,
+) -> Found:
+    field = Field.of(problem, follow)
     families = field.families()
     progress("screening effects", 0.4)
     hopeless = bool(families) and field.none().evidence < families[0].evidence - HOPELESS
-    polished = [bench.polish(Explanation(), follow, rounds=0 if hopeless else 4)]  # without any effect, then with some
-    bench.slack_suffices = not bench.leaves_much(polished[0])
+    polished = [fit_by_simulation(problem, Explanation(), follow, rounds=0 if hopeless else 4)]  # then with effects
+    problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
     promise = np.inf
     for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
-        polished.append(bench.polish(explanation, follow))
-        few = len(explanation.knobs) <= FEW or polished[-1].nothing_left
-        if others is not Others.NONE and few and explains(bench, polished[-1]):
+        polished.append(fit_by_simulation(problem, explanation, follow))
+        few = len(explanation.knobs) <= FEW_VALUES or polished[-1].nothing_left
+        if others is not Others.NONE and few and explains(problem, polished[-1]):
             break
     else:
         candidates: Sequence[Screened | Judged] = ()
         if others is not Others.NONE:
-            one_does = any(len(j.explanation.effects) == 1 and explains(bench, j) for j in polished[1:])
+            one_does = any(len(j.explanation.effects) == 1 and explains(problem, j) for j in polished[1:])
             others, below = (Others.SINGLE, np.inf) if one_does else (others, below)
-            candidates, promise = _candidates(bench, follow, field, families, others)
+            candidates, promise = candidates_of(problem, follow, field, families, others)
             candidates = [shown for shown in candidates if not any(_adds_to(hint, shown) for hint in hints)]
         for shown in candidates if promise < below else ():
-            enough = AS_GOOD * min(judged.chi2 for judged in polished)
-            polished.append(_simulated(bench, shown, follow, families, enough))
+            enough = TURNED_ROUND * min(judged.chi2 for judged in polished)
+            polished.append(_simulated(problem, shown, follow, families, enough))
             progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
-    best = _best(bench, polished)
-    if bench.measure_noise(best):
-        polished = [bench.again(judged) if np.isfinite(judged.chi2) else judged for judged in polished]
-        best = _best(bench, polished)
-    if not bench.leaves_much(best):
-        polished = _fitted_on(bench, best, polished, field.twins)
-        best = _best(bench, polished)
-    given_up = below <= promise < np.inf
-    if not given_up and (not best.nothing_left or bench.is_strained(best)):
-        best = grow(bench, best, polished, field.twins, progress)
-    best = tidy(bench, best, polished)
-    bench.forget()
+    return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress)
+
+
+def _finish(
+    problem: Problem,
+    follow: Base,
+    field: Field,
+    families: list[Screened],
+    polished: list[Judged],
+    promise: float,
+    given_up: bool,
+    progress: Progress,
+) -> Found:
+    """The best of what was simulated, with effects added, unless that is ``given_up``, and taken out."""
+    best = _best(problem, polished)
+    if (anew := measure_noise(problem, best)) is not problem:
+        problem = anew
+        polished = [reassess(problem, judged) if np.isfinite(judged.chi2) else judged for judged in polished]
+        best = _best(problem, polished)
+    if not leaves_much(problem, best):
+        polished = _fitted_on(problem, best, polished, field.twins)
+        best = _best(problem, polished)
+    if not given_up and (not best.nothing_left or is_strained(problem, best)):
+        best = grow(problem, best, polished, field.twins, progress)
+    best = tidy(problem, best, polished)
+    problem.freedoms.clear()
     none = polished[0]
     kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
     ranked = sorted(kept, key=lambda judged: -judged.evidence)
-    return Found(follow, none, best, ranked, families, field, promise)
+    return Found(problem, follow, none, best, ranked, families, field, promise)
 
 
 def _set_aside(judged: Judged) -> Judged:
@@ -118,12 +152,14 @@ def _adds_to(hint: Explanation, shown: Screened | Judged) -> bool:
     return len(hint.effects) > 1 and set(hint.effects) < set(shown.explanation.effects)
 
 
-def _simulated(bench: Bench, shown: Screened | Judged, follow: Base, families: list[Screened], enough: float) -> Judged:
+def _simulated(
+    problem: Problem, shown: Screened | Judged, follow: Base, families: list[Screened], enough: float
+) -> Judged:
     """A candidate fitted; several effects that end far from what they promised, also from what each would be alone."""
-    judged = bench.polish(shown.explanation, follow, enough=enough)
-    if len(shown.explanation.effects) == 1 or not judged.chi2 > ASTRAY * shown.chi2:
+    judged = fit_by_simulation(problem, shown.explanation, follow, enough=enough)
+    if len(shown.explanation.effects) == 1 or not judged.chi2 > BROKEN_PROMISE * shown.chi2:
         return judged
-    again = bench.polish(_each_alone(shown.explanation, families), follow, enough=enough)
+    again = fit_by_simulation(problem, _each_alone(shown.explanation, families), follow, enough=enough)
     return max(judged, again, key=lambda judged: judged.evidence)
 
 
@@ -133,7 +169,7 @@ def _each_alone(explanation: Explanation, families: list[Screened]) -> Explanati
     return Explanation(tuple(knob for single in alone for knob in single.knobs))
 
 
-def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
+def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
     """What may still win is fitted until nothing moves: a fit that leaves nothing is good, but not yet the best."""
 
     def contends(judged: Judged) -> bool:
@@ -146,56 +182,22 @@ def _fitted_on(bench: Bench, best: Judged, polished: list[Judged], twins: set[fr
     rivals = [judged for judged in polished if contends(judged)]
     if not rivals or not best.explanation.effects:
         return polished
-    fitted = {id(best): _until_still(bench, best)}
+    fitted = {id(best): _until_still(problem, best)}
     for rival in rivals:
-        fitted[id(rival)] = _until_still(bench, from_another(bench, rival, fitted[id(best)]))
+        fitted[id(rival)] = _until_still(problem, from_another(problem, rival, fitted[id(best)]))
     return [fitted.get(id(judged), judged) for judged in polished]
 
 
-def _until_still(bench: Bench, judged: Judged) -> Judged:
+def _until_still(problem: Problem, judged: Judged) -> Judged:
     for _ in range(FITTED_ON):
-        further = bench.polish(judged.explanation, judged.base)
-        if not further.evidence > judged.evidence + STILL:
+        further = fit_by_simulation(problem, judged.explanation, judged.base)
+        if not further.evidence > judged.evidence + STILL_GAINS:
             break
         judged = further
     return judged
 
 
-def _best(bench: Bench, polished: list[Judged]) -> Judged:
+def _best(problem: Problem, polished: list[Judged]) -> Judged:
     none = polished[0].evidence
-    pays = [j for j in polished[1:] if j.evidence > none + WORTH and not bench.minor(j)]
+    pays = [j for j in polished[1:] if j.evidence > none + WORTH_AN_EFFECT and not is_minor(problem, j)]
     return max(pays, key=lambda judged: judged.evidence, default=polished[0])
-
-
-def _candidates(
-    bench: Bench, follow: Base, field: Field, families: list[Screened], others: Others
-) -> tuple[Sequence[Screened | Judged], float]:
-    """What to simulate, and the chi-square per number that the best of it promises to leave.
-
-    They are single effects, or where none comes near, and other ones are asked for, what a look along the measured
-    motion shows.
-    """
-    if not families:  # no effect leaves a mark, or all are ignored
-        return [], np.inf
-    numbers = field.quadratic.numbers
-    if others is Others.SINGLE or is_near(families[0].chi2, numbers):
-        return _promising(field, families), families[0].chi2 / numbers
-    sketches = sketch_explanations(bench, follow, field, families)
-    as_good = [sketch for sketch in sketches if sketch.chi2 < AS_GOOD * sketches[0].chi2]
-    return _promising(field, as_good), sketches[0].chi2 / numbers
-
-
-def _promising(field: Field, ranked: Sequence[Screened | Judged]) -> list[Screened | Judged]:
-    """The few that may turn out best once simulated, best first."""
-    none = field.none().evidence
-    least = ranked[0].evidence - EVIDENCE_SLIP - WITHIN * max(0.0, ranked[0].evidence - none)
-    if field.bench.layout.moves_unseen:  # a large tilt that nobody measured is far from where the marks were taken
-        least = -np.inf
-    kept, seen = [], set()
-    for screened in ranked:
-        key = frozenset(screened.explanation.effects)
-        dominated = any(known < key for known in seen)  # the extra effect is added later if it pays
-        if screened.evidence > max(least, none - EVIDENCE_SLIP / 4) and key not in seen and not dominated:
-            kept.append(screened)
-            seen.add(key)
-    return kept[: POLISHED if kept and kept[0].evidence > none + WORTH else 2]

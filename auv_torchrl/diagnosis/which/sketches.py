@@ -4,16 +4,12 @@ Where two effects act, a simulation with one of them alone is far from what was 
 other. Along the measured motion the forces of all effects are exact, so that the second one shows.
 """
 
-from auv_torchrl.diagnosis.which.bench import Bench
-from auv_torchrl.diagnosis.which.ground import Base, Judged
+from auv_torchrl.diagnosis.thresholds import CLOSES, GROWN, MOST_SKETCHED, NEAR
+from auv_torchrl.diagnosis.which.fit import fit_along_motion
+from auv_torchrl.diagnosis.which.judged import Base, Judged
+from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.diagnosis.which.screen import Field, Screened
 from auv_torchrl.effects import EFFECTS
-
-NEAR = 1.5  # chi-square per number above which an explanation is missing something
-MOST = (8, 12, 6)  # explanations by one, two and three effects that are sketched
-GROWN = (6, 1)  # explanations by one and by two effects that are grown
-CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close: an unknown effect is not to be
-# pieced together from many known ones
 
 
 def is_near(chi2: float, numbers: int) -> bool:
@@ -21,24 +17,24 @@ def is_near(chi2: float, numbers: int) -> bool:
     return chi2 < NEAR * numbers
 
 
-def sketch_explanations(bench: Bench, follow: Base, field: Field, families: list[Screened]) -> list[Judged]:
+def sketch_explanations(problem: Problem, follow: Base, field: Field, families: list[Screened]) -> list[Judged]:
     """Explanations by one effect, by two where one is not enough, by three where two are not; the likeliest first."""
-    sketches = _sketched(bench, follow, families, field.twins, MOST[0])
-    for effects in range(1, len(MOST)):
+    sketches = _sketched(problem, follow, families, field.twins, MOST_SKETCHED[0])
+    for effects in range(1, len(MOST_SKETCHED)):
         sketches.sort(key=lambda sketch: -sketch.evidence)
         if is_near(sketches[0].chi2, sketches[0].quadratic.numbers):
             break
         starts = [s for s in sketches if len(s.explanation.effects) == effects][: GROWN[effects - 1]]
-        sketches += _sketched(bench, follow, _grown(bench, follow, starts), field.twins, MOST[effects])
+        sketches += _sketched(problem, follow, _grown(problem, follow, starts), field.twins, MOST_SKETCHED[effects])
     return sorted(sketches, key=lambda sketch: -sketch.evidence)
 
 
-def _grown(bench: Bench, follow: Base, starts: list[Judged]) -> list[Screened]:
+def _grown(problem: Problem, follow: Base, starts: list[Judged]) -> list[Screened]:
     """Explanations with one effect more that promise to close much of what is left, each set of effects once."""
     grown: dict[frozenset[str], Screened] = {}
     for start in starts:
         enough = start.chi2 - CLOSES * (start.chi2 - start.quadratic.numbers)
-        for screened in Field.of(bench, follow, start.explanation).families():
+        for screened in Field.of(problem, follow, start.explanation).families():
             effects = frozenset(screened.explanation.effects)
             better = effects not in grown or screened.evidence > grown[effects].evidence
             if len(effects) > len(start.explanation.effects) and screened.chi2 < enough and better:
@@ -47,7 +43,7 @@ def _grown(bench: Bench, follow: Base, starts: list[Judged]) -> list[Screened]:
 
 
 def _sketched(
-    bench: Bench, follow: Base, screened: list[Screened], twins: set[frozenset[str]], most: int
+    problem: Problem, follow: Base, screened: list[Screened], twins: set[frozenset[str]], most: int
 ) -> list[Judged]:
     """The first of these; of effects that are the same by another name the one that the library names first."""
     names = [candidate.explanation.effects[-1] for candidate in screened]
@@ -59,4 +55,4 @@ def _sketched(
 
     chosen = [s.explanation for s, name in zip(screened, names, strict=True)
               if not is_needless(name, s.explanation.effects[:-1])]  # fmt: skip
-    return [bench.sketch(explanation, follow) for explanation in chosen[:most]]
+    return [fit_along_motion(problem, explanation, follow) for explanation in chosen[:most]]

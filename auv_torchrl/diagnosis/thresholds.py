@@ -1,0 +1,117 @@
+"""Every threshold by which explanations are looked for and judged: one meaning per name, each with its reason.
+
+Units: chi-square and log evidence are natural; "per number" is per measured number, of which noise alone leaves 1.
+"""
+
+import numpy as np
+from scipy.special import chdtri
+
+# What the simulator and the sensors may be wrong by
+WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
+NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
+
+# What an explanation leaves
+MINOR = 0.5  # of the force that slack makes: an effect below it is no finding
+STRAINED = 2.5  # standard deviations of slack, beyond which it may stand in for an effect
+SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
+
+# Windows that are followed, and those that are not
+FOLLOWED = 1.15  # misfit of a window that a free force follows
+LOST = 1.6  # misfit of one that it does not
+MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
+FEW_LOST = 0.1  # share of diverged windows below which each is an accident
+OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
+MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
+STUCK = 1.5  # chi-square per number of a window that has not found its start
+LOST_START = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
+SETTLING = 2  # steps of the free numbers where windows begin; a small change of the vehicle needs one
+HEIRS = 3  # rounds in which starts are handed on from window to window
+
+# Sensors that contradict each other
+LOOKED_AT = 5  # windows: contradicting sensors do so all the time
+AGREES_BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must get below
+
+# Roll and pitch
+SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
+
+# Priors
+SECOND_EFFECT = 0.02  # prior probability of one more effect once there is one: two faults in one log are rare
+ONE_MORE_VALUE = 0.1  # prior probability that one more parameter of an effect is away from its nominal value
+RANGE_CAP = {"m": 6.0, "N/m": 60.0, "N": 60.0}  # plausible widths where the bounds of a parameter only exclude nonsense
+
+# Fitting: slopes and slack
+SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
+KNOB_STEP = 0.004  # of the plausible range of a parameter
+SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
+SLACK_STEP = 0.05  # relative step of slack derivatives
+NOISE_MATTERS = 0.02  # relative change of the sensor noise from which explanations are weighed again
+RELINEARISED = 3  # times at most that windows are linearised again
+FAR_DOWN = 0.3  # of chi-square, that a descent gains where slopes need to be taken again
+GAINS_AGAIN = 0.02  # of chi-square, below which doing so is not worth it
+SKETCHED = 0.02  # of chi-square: a sketch that gains less is done
+
+# Fitting: values that are tried one by one
+THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
+TRIED_STEPS = np.linspace(-1.0, 1.0, 9)  # of each reach
+WALKS = 3  # at most, along a valley
+SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
+SLACK_MOVED = 0.2  # ... where they moved by this much; "no gap" also within ...
+SLACK_NEAR = 0.4  # ... of the best of them
+
+# Screening by marks
+ELASTIC_WIDTH = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
+SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
+FIXED_WIDTH = 1e-5  # a discrete change acts wholly
+SEEN_AT_ALL = 1e-6  # chi-square of a whole atom
+MOST_KNOBS = 6  # of one family
+
+# Several effects along the measured motion
+NEAR = 1.5  # chi-square per number above which an explanation is missing something
+MOST_SKETCHED = (8, 12, 6)  # explanations by one, two and three effects that are sketched
+GROWN = (6, 1)  # explanations by one and by two effects that are grown
+# An unknown effect is not to be pieced together from many known ones.
+CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close
+
+# What is simulated
+POLISHED = 4  # candidates that are simulated
+TURNED_ROUND = 2.0  # times the chi-square of the best sketch: what simulation may turn round
+BROKEN_PROMISE = 10.0  # times what was promised: a fit that ends there began at wrong values
+CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best ...
+ADDS = 20.0  # ... and by which one that only adds effects to the best may be worse
+FITTED_ON = 3  # times at most, of rivals, while each gains ...
+STILL_GAINS = 1.0  # ... this log evidence
+HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
+FEW_VALUES = 4  # of an explanation that is taken without a look at others, where it leaves little
+# Most of the work is to look for effects, and two minutes of flight show which ones act. Logs of the recommended two to
+# three minutes have up to 90 windows, and all of these are searched. Of more than MANY_WINDOWS, some that are spread
+# evenly over the log are searched, and what is found there is fitted to all.
+MANY_WINDOWS = 120
+SEARCHED_WINDOWS = 60
+REFITTED = 2  # rivals that are fitted to all windows beside the best
+
+# Adding and taking out effects
+WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
+EVIDENCE_SLIP = 40.0  # log evidence, likewise
+MISSED = 1.0  # chi-square per number that comes back without an effect that is not needless
+IDLE = 2.0  # standard deviations, of the estimate or of slack
+FURTHER_TRIED = 3  # further effects that are simulated where one is needed, of those that promise about the same
+EASED = 0.2  # of what the screening says of an effect: the start of a fit that went astray from the whole of it
+WORTH_AN_EFFECT = 5.0  # log evidence that one more effect must bring
+TIE = 3.0  # log evidence that does not speak for more values
+MOST_EFFECTS = 3  # of an explanation: the prior makes four faults at once one in 125,000
+
+# A moment at which the vehicle changes
+BLOCK_S = 0.6  # s over which the missing force is averaged
+FEWEST_BLOCKS = 10  # on either side of an onset
+ONSET_CLEAR = 40.0  # log likelihood that two levels of the missing force must gain over one
+LARGER = 20.0  # times the energy before the onset, in some degree of freedom
+FEWEST_WINDOWS = 4  # behind an onset, to be explained by themselves
+SPEAKS = 10.0  # chi-square by which the windows before an onset must fit better without the effect
+
+# What a log cannot tell
+NOT_EXCLUDED = float(
+    chdtri(1, 0.0027)
+)  # chi-square by which an explanation may be worse: 99.73 % quantile of one value
+STANDS_IN = 0.6  # probability that a known effect found beside an unknown one only stands in for it
+SCREENING_DOUBT = 10.0  # log evidence by which a screened family is held back against a simulated one
+SHOWS = 30.0  # chi-square that pays for an effect and its place
