@@ -108,12 +108,13 @@ def spans_of(changes: list[tuple[float, bool]], end: float) -> Spans | None:
     """From when to when a state held that was told when it changed; None if it never was told."""
     if not changes:
         return None
-    spans, since = [], None if changes[0][1] else 0.0
+    spans: list[tuple[float, float]] = []
+    since = None if changes[0][1] else 0.0
     for t, on in changes:
         if on and since is None:
             since = t
         elif not on and since is not None:
-            spans.append((since, t))
+            spans += [(since, t)] if t > since else []
             since = None
     return tuple(spans) if since is None else (*spans, (since, max(end, since)))
 

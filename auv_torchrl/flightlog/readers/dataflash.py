@@ -41,12 +41,21 @@ class Form(NamedTuple):
     scales: Mapping[str, float]
 
 
+def _form_of(name: str, fields: list[str], types: str) -> Form:
+    each = list(zip(fields, types, strict=True))
+    layout = np.dtype([("-", "V3"), *((f, _TYPES[c][0], (_TYPES[c][1],) * (_TYPES[c][1] > 1)) for f, c in each)])
+    return Form(name, layout, {f: _SCALE[c] for f, c in each if c in _SCALE})
+
+
+_OF_FORMS = _form_of("FMT", ["Type", "Length", "Name", "Format", "Columns"], "BBnNZ")
+
+
 @dataclass
 class _Found:
     """What was read so far."""
 
     wanted: Mapping[str, tuple[str, ...]]
-    forms: dict[int, Form] = field(default_factory=dict)
+    forms: dict[int, Form] = field(default_factory=lambda: {FMT: _OF_FORMS})
     parts: dict[str, list[dict[str, np.ndarray]]] = field(default_factory=dict)
     lost: int = 0  # bytes that belong to no record
 
@@ -72,7 +81,7 @@ def read_messages(path: Path, wanted: Mapping[str, tuple[str, ...]]) -> Messages
             used = _read_block(np.frombuffer(data, np.uint8), begin, found)
             begin, rest = begin + used, data[used:]
     found.lost += len(rest)
-    if not found.forms or not any(found.parts.values()):
+    if not found.parts:
         raise FlightLogError(
             f"{path.name} begins like an ArduPilot log and holds no record that can be read: copy it from the vehicle "
             "again"
@@ -135,15 +144,9 @@ def _learn_forms(data: np.ndarray, heads: np.ndarray, found: _Found) -> None:
         fields = columns.rstrip(b"\0").decode().split(",")
         if len(fields) != len(types) or len(set(fields)) != len(fields) or "" in fields:
             continue
-        layout = np.dtype([("-", "V3"), *((f, *_form(c)) for f, c in zip(fields, types, strict=True))])
-        if layout.itemsize == size:
-            scales = {f: _SCALE[c] for f, c in zip(fields, types, strict=True) if c in _SCALE}
-            found.forms[kind] = Form(name.rstrip(b"\0").decode(), layout, scales)
-
-
-def _form(character: str) -> tuple[str, tuple[int, ...]]:
-    kind, number = _TYPES[character]
-    return kind, () if number == 1 else (number,)
+        form = _form_of(name.rstrip(b"\0").decode(), fields, types)
+        if form.layout.itemsize == size and kind != FMT:
+            found.forms[kind] = form
 
 
 def _chain(heads: np.ndarray, ends: np.ndarray, size: int) -> tuple[np.ndarray, int]:

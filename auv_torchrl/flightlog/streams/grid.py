@@ -24,6 +24,7 @@ SOURCES = {  # of each column, the best first: raw sensors before the estimates 
     "p": ("gyro",), "q": ("gyro",), "r": ("gyro",),
 }  # fmt: skip
 _FASTER = 0.6  # of the interval of the rows: streams whose interval is shorter are averaged
+_ROUNDING_S = 1e-6  # s, of times in a file: what lies on the edge of a window is left out on both sides
 _MOMENT_S = 0.5  # s, within which the streams of a log begin and end
 _MOST_PARTS = 20  # rows into which the time of one command is divided
 
@@ -103,7 +104,8 @@ def sampled(stream: Stream, channel: str, t: Floats, interval: float) -> Floats:
     near = (t >= times[0]) & (t <= times[-1]) & (times[after] - times[after - 1] <= stream.pause)
     result = np.interp(t, times, values)
     if stream.interval < _FASTER * interval:
-        low, high = np.searchsorted(times, t - interval / 2), np.searchsorted(times, t + interval / 2)
+        edge = interval / 2 - _ROUNDING_S
+        low, high = np.searchsorted(times, t - edge), np.searchsorted(times, t + edge, side="right")
         some = high > low
         level = values.mean()  # off, so that the sums stay exact
         total = np.concatenate(([0.0], np.cumsum(values - level)))
