@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from auv_torchrl.flightlog.readers import ardupilot, dataflash, dataflash_text
+from auv_torchrl.flightlog.readers import ardupilot, dataflash, dataflash_text, mcap, ros, tlog, ulog
 from auv_torchrl.flightlog.readers.registry import Reader, Registry, choose_reader
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
@@ -21,6 +21,10 @@ READERS = Registry(
     (
         Reader("ArduPilot DataFlash log", (".bin",), lambda head: head.startswith(dataflash.MAGIC), _read_dataflash),
         Reader("ArduPilot DataFlash log as text", (".log",), dataflash_text.recognizes, _read_dataflash_text),
+        Reader("PX4 log", (".ulg",), lambda head: head.startswith(ulog.MAGIC), ulog.read),
+        Reader("MCAP recording", (".mcap",), lambda head: head.startswith(mcap.MAGIC), mcap.read),
+        Reader("ROS bag", (".bag", ".db3"), ros.recognizes, ros.read, ros.is_bag),
+        Reader("MAVLink telemetry", (".tlog",), tlog.recognizes, tlog.read),
     )
 )
 

@@ -104,12 +104,15 @@ def _armed(messages: Messages, end: float) -> Spans | None:
     return spans_of(sorted(changes), end)
 
 
-def spans_of(changes: list[tuple[float, bool]], end: float) -> Spans | None:
-    """From when to when a state held that was told when it changed; None if it never was told."""
+def spans_of(changes: list[tuple[float, bool]], end: float, events: bool = True) -> Spans | None:
+    """From when to when a state held, which was told when it changed; None if it never was told.
+
+    Where ``events`` are told, a first one that ends the state says that it held before.
+    """
     if not changes:
         return None
     spans: list[tuple[float, float]] = []
-    since = None if changes[0][1] else 0.0
+    since = 0.0 if events and not changes[0][1] else None
     for t, on in changes:
         if on and since is None:
             since = t
