@@ -98,11 +98,14 @@ def _convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> N
         )
     if not output.absolute().parent.is_dir():
         raise FlightLogError(f"there is no folder {output.parent}: make it, or write elsewhere")
+    replace = keys.get("replace", "").lower() == "true"
+    if output.exists() and not replace:
+        raise FileExistsError(f"{output} exists: choose another name, or give replace=true")
     streams = read_streams(files[0], options)
     table = read_table(files[0]) if streams is None else tabulate(streams, options)
     for finding in table.findings:
         print(finding, file=sys.stderr)
-    write_columns(table.columns, output, replace=keys.get("replace", "").lower() == "true")
+    write_columns(table.columns, output, replace)
     print(f"{output}: {len(table.row)} rows of {' '.join(table.columns)}")
 
 

@@ -65,8 +65,10 @@ def streams_of(name: str, kind: str, messages: Messages) -> Streams:
         on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
         changes = [(float(beat["t"][i]), bool(on[i])) for i in _changes(on)]
         armed = spans_of(changes, end, events=False)
-        numbers = beat["custom_mode"].astype(np.int64)
-        modes = tuple((float(beat["t"][i]), mode_name(vehicle.firmware, numbers[i])) for i in _changes(numbers))
+        numbers = beat["custom_mode"].astype(np.int64).tolist()
+        modes = tuple(
+            (float(beat["t"][i]), mode_name(vehicle.firmware, numbers[i])) for i in _changes(beat["custom_mode"])
+        )
     sounding, findings = _depth(messages, vehicle)
     found = (_outputs(messages), *_attitude(messages), _accelerometer(messages), sounding, *_filtered(messages),
              _battery(messages))  # fmt: skip
