@@ -4,6 +4,8 @@ https://ardupilot.org/sub/docs/logmessages.html lists the messages. Raw sensors 
 filter it is the lane in use. Position and horizontal velocity are taken where the filter says that it has them.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from auv_torchrl.flightlog.readers.barometer import depth
@@ -101,7 +103,12 @@ def _armed(messages: Messages, end: float) -> Spans | None:
     if not changes and event is not None:
         known = [(float(t), int(i)) for t, i in zip(event["t"], event["Id"], strict=True)]
         changes = [(t, i == _ARMED) for t, i in known if i in (_ARMED, _DISARMED)]
-    return spans_of(sorted(changes), end)
+    spans: list[tuple[float, float]] = []
+    for begin, stop in pairwise((-np.inf, *messages.starts, np.inf)):  # each start of the vehicle by itself
+        within = [(t - max(begin, 0.0), on) for t, on in sorted(changes) if begin <= t < stop]
+        found = spans_of(within, min(stop, end) - max(begin, 0.0)) or ()
+        spans += [(a + max(begin, 0.0), b + max(begin, 0.0)) for a, b in found]
+    return tuple(spans) if changes else None
 
 
 def spans_of(changes: list[tuple[float, bool]], end: float, events: bool = True) -> Spans | None:

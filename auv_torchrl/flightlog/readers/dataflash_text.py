@@ -1,6 +1,7 @@
 """ArduPilot's DataFlash log as text, ``.log``: the same messages, one a line, described by FMT lines."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def read_messages(path: Path, wanted: Mapping[str, tuple[str, ...]]) -> Messages
     if lost:
         sentence = f"{lost} of {lines} lines do not hold what their type has and are left out"
         findings.insert(0, Finding(Severity.WARNING, "damaged_file", sentence, "Copy the file again"))
-    return Messages(messages.types, tuple(findings))
+    return replace(messages, findings=tuple(findings))
 
 
 def _row(rest: str, names: list[str]) -> list | None:

@@ -7,6 +7,7 @@ BlueOS records what goes over its bus under the same names: a message is at ``ma
 import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers import mavlink, ros
 from auv_torchrl.flightlog.readers.library import library
 from auv_torchrl.flightlog.readers.mavlink_table import MavlinkTable
-from auv_torchrl.flightlog.readers.messages import Messages
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
 MAGIC = b"\x89MCAP"
@@ -62,7 +62,7 @@ def read(path: Path, options: ReadOptions) -> Streams:
     if cut or broken:
         sentence = f"the file is cut or damaged: {cut[0] if cut else f'{broken} messages cannot be read'}"
         findings.insert(0, Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again"))
-    return mavlink.streams_of(path.name, "MAVLink in MCAP", Messages(messages.types, tuple(findings)))
+    return mavlink.streams_of(path.name, "MAVLink in MCAP", replace(messages, findings=tuple(findings)))
 
 
 def _messages(path: Path, cut: list[str]) -> Iterator[tuple[str, str, int, bytes]]:

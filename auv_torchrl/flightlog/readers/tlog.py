@@ -6,13 +6,13 @@ Packets that are not needed are skipped by their length; pymavlink decodes the o
 import struct
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.readers import mavlink
 from auv_torchrl.flightlog.readers.library import library
 from auv_torchrl.flightlog.readers.mavlink_table import MavlinkTable
-from auv_torchrl.flightlog.readers.messages import Messages
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
 _V1, _V2 = 0xFE, 0xFD  # how a packet begins
@@ -59,7 +59,7 @@ def read(path: Path, options: ReadOptions) -> Streams:
     vehicle = mavlink.choose_vehicle(path.name, heard, options.system)
     messages = tables[vehicle].messages()
     findings = (*_damage(lost), *messages.findings)
-    return mavlink.streams_of(path.name, "MAVLink telemetry", Messages(messages.types, findings))
+    return mavlink.streams_of(path.name, "MAVLink telemetry", replace(messages, findings=findings))
 
 
 def _name(kind) -> str:
