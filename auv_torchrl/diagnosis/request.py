@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient, read_unce
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, join, read_flightlog
+from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.paths import EXAMPLE_LOG
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
@@ -32,6 +33,9 @@ class DiagnoseSchema:
     healthy: Any = MISSING
     test: Any = MISSING
     extra: Any = MISSING
+    modes: Any = MISSING
+    params: Any = MISSING
+    system: Any = MISSING
     trust_log: bool = MISSING
     output: str = MISSING
 
@@ -66,9 +70,10 @@ def read_request(config: DictConfig) -> Request:
     settings = read_settings(_plain(config.diagnosis), vehicle)
     uncertainty = read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle)
     extra = _names(config, "extra")
+    options = read_options(_names(config, "modes"), _plain(config.params), config.system)
     kinds = {}
     for kind in ("log", "healthy", "test"):
-        kinds[kind] = tuple(read_flightlog(_shipped(path), vehicle, extra) for path in _names(config, kind))
+        kinds[kind] = tuple(read_flightlog(_shipped(path), vehicle, extra, options) for path in _names(config, kind))
     if not kinds["log"]:
         raise ValueError(NO_LOG)
     logs = [flight for group in kinds.values() for flight in group]

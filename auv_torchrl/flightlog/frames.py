@@ -27,11 +27,12 @@ _NED = "Give x north, y east, z down, yaw clockwise from north seen from above, 
 
 
 def check_frames(
-    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle
+    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle, units_known: bool = False
 ) -> tuple[tuple[Episode, ...], tuple[str, ...], list[Finding]]:
     """The episodes and axes that can be used, in the units of the format, and what was found about frames and units.
 
-    No finding where the log keeps to the format, one of little weight where it is too short to tell.
+    Where the units are known, a motion that does not fit the thrusters is not taken for one in other units. No finding
+    where the log keeps to the format, one of little weight where it is too short to tell.
     """
     b = blocks(episodes, vehicle)
     if len(b.length) < _FEWEST_BLOCKS:
@@ -41,7 +42,7 @@ def check_frames(
     if found := _kinematics(b, axes):
         return episodes, axes, found
     episodes, axes, disagreeing = reconcile(episodes, axes, vehicle)
-    episodes, converted = convert_units(episodes, axes, vehicle)
+    episodes, converted = (episodes, []) if units_known else convert_units(episodes, axes, vehicle)
     return episodes, axes, [*disagreeing, *converted, *_dynamics(blocks(episodes, vehicle), axes, vehicle)]
 
 

@@ -13,25 +13,33 @@ from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
 from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.information import Checked, check_information
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, Floats
+from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
+from auv_torchrl.flightlog.streams import ReadOptions, tabulate
+from auv_torchrl.flightlog.streams.vehicle_file import check_frame
 from auv_torchrl.flightlog.table import Table, read_table
 from auv_torchrl.flightlog.units import check_commands, check_time_unit, convert_degrees
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.vehicle import Vehicle
 
 
-def read_flightlog(path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterable[str] = ()) -> FlightLog:
-    """Read a CSV or Parquet log of this vehicle; what cannot be used is left out, and the findings say so.
+def read_flightlog(
+    path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterable[str] = (), options: ReadOptions | None = None
+) -> FlightLog:
+    """Read a log of this vehicle; what cannot be used is left out, and the findings say so.
+
+    CSV and Parquet are the simple form; other formats are those of :data:`auv_torchrl.flightlog.readers.READERS`.
 
     Args:
         path: the file.
         vehicle: nominal vehicle, empty batch; its mixer turns demands per degree of freedom into thruster commands.
         extra: columns to ignore.
+        options: what people add to the log of a vehicle: modes, parameters that it lacks.
 
     Raises:
         FlightLogError: if nothing of the file can be used.
     """
-    table = read_table(path)
+    table = _table(path, vehicle, options)
     columns = choose_columns(table.name, table.columns, vehicle.thrusters, extra)
     check_time_unit(table.name, table.columns["t"])
     sent = np.stack([table.columns[name] for name in columns.commands], axis=-1)
@@ -54,18 +62,26 @@ def read_flightlog(path: str | os.PathLike[str], vehicle: Vehicle, extra: Iterab
         numbers = list(range(len(stretches)))
     numbered = zip(numbers, stretches, strict=True)
     episodes = tuple(_episode(table, axes, number, stretch, checked.filled) for number, stretch in numbered)
-    clock = check_clock(episodes, vehicle)
+    clock = [] if table.units_known else check_clock(episodes, vehicle)
     findings += clock
     seconds = not any(finding.severity is Severity.ERROR for finding in clock)  # rates in another unit show nothing
-    if seconds:
+    if seconds and not table.units_known:
         episodes, more = convert_degrees(episodes, axes, vehicle)
         findings += more
     episodes = tuple(_wrapped(episode) for episode in episodes)
     if seconds:
-        episodes, axes, more = check_frames(episodes, axes, vehicle)
+        episodes, axes, more = check_frames(episodes, axes, vehicle, table.units_known)
         findings += more
     findings += check_excitation(episodes)
     return FlightLog(table.name, episodes, axes, tuple(condensed(findings)), checked.resolution)
+
+
+def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions | None) -> Table:
+    streams = read_streams(path, options)
+    if streams is None:
+        return read_table(path)
+    table = tabulate(streams, options)
+    return replace(table, findings=(*table.findings, *check_frame(streams, table, vehicle)))
 
 
 def thruster_commands(sent: Floats, columns: Columns, vehicle: Vehicle) -> Floats:

@@ -36,6 +36,7 @@ class Table:
     columns: dict[str, Floats]
     row: np.ndarray
     findings: tuple[Finding, ...]
+    units_known: bool = False  # the format of the file says in which units it is written
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:

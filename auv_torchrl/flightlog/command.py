@@ -1,0 +1,118 @@
+"""The command ``auv-log``: say what is in a log, or convert it to the simple form."""
+
+import io
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.info import info_lines, table_lines
+from auv_torchrl.flightlog.readers import READERS, read_streams
+from auv_torchrl.flightlog.streams import ReadOptions, tabulate
+from auv_torchrl.flightlog.streams.options import read_options
+from auv_torchrl.flightlog.table import read_table
+from auv_torchrl.flightlog.writer import write_columns
+
+_BAD_INPUT = 2  # exit code, as for a wrong command line
+_KEYS = ("output", "modes", "params", "system", "replace")
+_TABLES = (".csv", ".parquet", ".pq")
+HELP = """What is in a log of a vehicle, and the same in the simple form that diagnose.py reads too.
+
+  auv-log info FILE [FILE ...]           streams, rates and gaps, frame, motors, modes, arming, what can be diagnosed
+  auv-log convert FILE output=log.csv    one table with commands, pose and rates; also output=log.parquet
+
+  params=FILE       parameters that the log lacks, as a ground station saves them; or params={MOT_1_DIRECTION: -1}
+  modes=[MANUAL]    take these modes alone
+  system=1          which vehicle, where a file has several
+  replace=true      write over the output
+
+Formats: """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command; ends with one line and exit code 2 on bad input."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files on a terminal without Unicode
+    if not given or given[0] in ("-h", "--help", "help"):
+        print(f"{HELP}{', '.join(READERS)}; CSV and Parquet")
+        return
+    try:
+        action, files, keys = _parsed(given)
+        modes = [mode.strip() for mode in keys.get("modes", "").strip("[]").split(",") if mode.strip()]
+        options = read_options(modes, keys.get("params"), keys.get("system"))
+        if action == "info":
+            _info(files, options)
+        else:
+            _convert(files, options, keys)
+    except (FlightLogError, FileExistsError) as error:
+        _fail(str(error))
+    except OSError as error:
+        _fail(f"{error.filename or 'the output'}: {error.strerror or error}")
+    except KeyboardInterrupt:
+        _fail("interrupted; nothing was written")
+
+
+def _parsed(given: list[str]) -> tuple[str, list[Path], dict[str, str]]:
+    action, *rest = given
+    if action not in ("info", "convert"):
+        raise FlightLogError(f"{action!r} is none of info, convert: see auv-log --help")
+    keys = {}
+    files = []
+    for word in rest:
+        key, sign, value = word.partition("=")
+        if sign and key in _KEYS:
+            keys[key] = value
+        elif sign and not Path(word).exists():
+            raise FlightLogError(
+                f"{word!r}: there is no file of that name and no key {key!r}: keys are {', '.join(_KEYS)}"
+            )
+        else:
+            files.append(Path(word))
+    if not files:
+        raise FlightLogError(f"give a log: auv-log {action} FILE")
+    return action, files, keys
+
+
+def _info(files: list[Path], options: ReadOptions) -> None:
+    failed = []
+    for file in files:
+        try:
+            streams = read_streams(file, options)
+            lines = table_lines(read_table(file)) if streams is None else info_lines(streams, options)
+            print("\n".join(lines))
+        except FlightLogError as error:
+            failed.append(str(error))
+    if failed:
+        _fail("; ".join(failed))
+
+
+def _convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> None:
+    if len(files) > 1:
+        raise FlightLogError(f"convert takes one log, these are {len(files)}: convert them one by one")
+    output = Path(keys.get("output", ""))
+    if output.suffix.lower() not in _TABLES:
+        raise FlightLogError(
+            f"output={keys.get('output', '')} says no format: give output=log.csv or output=log.parquet"
+        )
+    if not output.absolute().parent.is_dir():
+        raise FlightLogError(f"there is no folder {output.parent}: make it, or write elsewhere")
+    replace = keys.get("replace", "").lower() == "true"
+    if output.exists() and not replace:
+        raise FileExistsError(f"{output} exists: choose another name, or give replace=true")
+    streams = read_streams(files[0], options)
+    table = read_table(files[0]) if streams is None else tabulate(streams, options)
+    for finding in table.findings:
+        print(finding, file=sys.stderr)
+    write_columns(table.columns, output, replace)
+    print(f"{output}: {len(table.row)} rows of {' '.join(table.columns)}")
+
+
+def _fail(message: str) -> NoReturn:
+    sys.stderr.write(f"auv-log: {' '.join(message.split())}\n")
+    sys.exit(_BAD_INPUT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""What is in a log of a vehicle, and what could be diagnosed with it, in lines for people."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.log import POSE, VELOCITY
+from auv_torchrl.flightlog.streams.grid import choose, tabulate
+from auv_torchrl.flightlog.streams.motors import commands_of, listed, motors_of
+from auv_torchrl.flightlog.streams.stream import ReadOptions, Stream, Streams
+from auv_torchrl.flightlog.table import Table
+
+_LISTED = 8  # stretches that are listed one by one
+
+
+def info_lines(streams: Streams, options: ReadOptions | None = None) -> Iterator[str]:
+    """The lines of ``auv-log info`` for the log of a vehicle."""
+    options = options or ReadOptions()
+    yield f"{streams.name}: {streams.format}, {streams.end - streams.start:.1f} s"
+    yield from (f"  {key:<10} {text}" for key, text in _facts(streams, options))
+    yield "  streams"
+    yield from (f"    {_stream_line(stream)}" for stream in streams.streams.values())
+    for finding in streams.findings:
+        yield f"  {finding}"
+    yield from (f"  {line}" for line in _diagnosable(streams, options))
+
+
+def table_lines(table: Table) -> Iterator[str]:
+    """The same for a CSV or Parquet file."""
+    t = table.columns.get("t")
+    length = f", {np.nanmax(t) - np.nanmin(t):.1f} s" if t is not None and np.isfinite(t).any() else ", no time t"
+    yield f"{table.name}: table of {len(table.row)} rows{length}"
+    yield f"  columns    {', '.join(table.columns)}"
+    for finding in table.findings:
+        yield f"  {finding}"
+    yield f"  diagnosis  python diagnose.py log={table.name} vehicle=..."
+
+
+def _facts(streams: Streams, options: ReadOptions) -> Iterator[tuple[str, str]]:
+    vehicle = streams.vehicle
+    yield "firmware", vehicle.firmware or "not said"
+    yield "frame", (vehicle.frame or "not said") + (f", {vehicle.motors} motors" if vehicle.motors else "")
+    yield "motors", _motors(streams, options)
+    yield "parameters", str(len(vehicle.parameters))
+    if streams.armed is None:
+        yield "armed", "not said"
+    else:
+        total = sum(end - begin for begin, end in streams.armed)
+        yield "armed", f"{total:.1f} s: {_spans(streams.armed)}" if streams.armed else "never"
+    modes = [f"{mode} {begin:.1f} to {end:.1f} s" for begin, end, mode in streams.mode_spans()]
+    yield "modes", (", ".join(modes[:_LISTED]) + (" ..." if len(modes) > _LISTED else "")) or "not said"
+    power = streams.streams.get("battery")
+    if power is not None:
+        volts = power.values[:, 0]
+        yield "battery", f"{np.nanmax(volts):.2f} to {np.nanmin(volts):.2f} V" if np.isfinite(volts).any() else "none"
+
+
+def _motors(streams: Streams, options: ReadOptions) -> str:
+    if "commands" in streams.streams:
+        return f"{len(streams.streams['commands'].channels)}, given as commands"
+    if "outputs" not in streams.streams:
+        return "no outputs"
+    try:
+        motors, missing = motors_of({**options.parameters, **streams.vehicle.parameters}, streams.vehicle.motors)
+    except FlightLogError as error:
+        return str(error)
+    if motors is None:
+        return f"not said: {listed(missing)}"
+    reverse = [str(n + 1) for n, direction in enumerate(motors.direction) if direction < 0]
+    where = ", ".join(f"{n + 1} on output {k}" for n, k in enumerate(motors.output))
+    return f"{where}; MOT_n_DIRECTION -1: {', '.join(reverse) or 'none'}; {motors.low:g} to {motors.high:g} us"
+
+
+def _spans(spans: tuple[tuple[float, float], ...]) -> str:
+    text = ", ".join(f"{begin:.1f} to {end:.1f} s" for begin, end in spans[:_LISTED])
+    return text + (f" and {len(spans) - _LISTED} more" if len(spans) > _LISTED else "")
+
+
+def _stream_line(stream: Stream) -> str:
+    gaps = stream.gaps
+    longest = max((end - begin for begin, end in gaps), default=0.0)
+    without = f", {len(gaps)} gaps, the longest of {longest:.1f} s" if gaps else ""
+    told = [name for i, name in enumerate(stream.channels) if np.isfinite(stream.values[:, i]).any()]
+    span = told if len(told) < 5 else [told[0], "...", told[-1]]
+    units = "/".join(dict.fromkeys(stream.units))
+    return (
+        f"{stream.name:<14} {' '.join(span)} [{units}], {stream.rate}, {len(stream)} samples{without}, "
+        f"{stream.sampling}: {stream.source}"
+    )
+
+
+def _diagnosable(streams: Streams, options: ReadOptions) -> Iterator[str]:
+    try:
+        commands_of(streams, options.parameters)
+        table = tabulate(streams, options)
+    except FlightLogError as error:
+        yield f"diagnosis  not yet: {error}"
+        return
+    axes = [axis for axis in POSE + VELOCITY if axis in table.columns]
+    sources = choose(streams)
+    yield f"diagnosis  {len(table.row)} rows of {' '.join(axes)}"
+    horizontal = {"x", "y"} <= set(axes) or {"u", "v"} <= set(axes)
+    if not horizontal:
+        yield "           no position and no velocity: surge, sway and currents cannot be seen; horizontal thrusters"
+        yield "           only by the turning that they make"
+    if "z" not in axes and "w" not in axes:
+        yield "           no depth: heave, buoyancy and load cannot be seen"
+    if not {"roll", "pitch"} <= set(axes):
+        yield "           no roll and pitch: the vehicle is taken to be level, or not, as the motion shows"
+    if horizontal and sources.get("x") is not None and "u" not in axes:
+        yield "           position is an estimate of a filter: small effects hide in its errors"

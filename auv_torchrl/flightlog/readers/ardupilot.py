@@ -1,0 +1,233 @@
+"""What the messages of an ArduPilot log mean: the streams, the vehicle, arming and modes.
+
+https://ardupilot.org/sub/docs/logmessages.html lists the messages. Raw sensors come before the filter (EKF); of the
+filter it is the lane in use. Position and horizontal velocity are taken where the filter says that it has them.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from auv_torchrl.flightlog.readers.barometer import depth
+from auv_torchrl.flightlog.readers.firmware import frame_of, mode_name
+from auv_torchrl.flightlog.readers.lanes import latest, of_lane, primary_lane, rows
+from auv_torchrl.flightlog.readers.messages import Columns, Messages
+from auv_torchrl.flightlog.streams.attitude import euler_angles
+from auv_torchrl.flightlog.streams.stream import (
+    Sampling,
+    Spans,
+    Stream,
+    Streams,
+    VehicleFacts,
+    by_name,
+    stream,
+)
+
+WANTED = {
+    "PARM": ("TimeUS", "Name", "Value"),
+    "MSG": ("TimeUS", "Message"),
+    "MODE": ("TimeUS", "ModeNum", "Mode"),
+    "ARM": ("TimeUS", "ArmState"),
+    "EV": ("TimeUS", "Id"),
+    "RCOU": ("TimeUS", *(f"C{i}" for i in range(1, 15))),
+    "RCO2": ("TimeUS", *(f"C{i}" for i in range(15, 19))),
+    "IMU": ("TimeUS", "I", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"),
+    "ATT": ("TimeUS", "Roll", "Pitch", "Yaw"),
+    "XKQ": ("TimeUS", "C", "Q1", "Q2", "Q3", "Q4"),
+    "XKF1": ("TimeUS", "C", "PN", "PE", "PD", "VN", "VE", "VD", "GX", "GY", "GZ"),
+    "XKF4": ("TimeUS", "C", "SS", "PI"),
+    "XKFS": ("TimeUS", "C", "GI"),
+    "BARO": ("TimeUS", "I", "Alt"),
+    "CTUN": ("TimeUS", "BAlt"),
+    "VISO": ("TimeUS", "dt", "PosDX", "PosDY", "PosDZ"),
+    "BAT": ("TimeUS", "I", "Inst", "Instance", "Volt", "Curr"),
+}
+_VELOCITY_KNOWN = 1 << 1  # of XKF4.SS: horizontal velocity; https://mavlink.io/en/messages/ardupilotmega.html
+_POSITION_KNOWN = (1 << 3) | (1 << 4)  # relative, absolute
+_STANDS_STILL = 1 << 7  # constant position mode: the filter has no position and says 0
+_ARMED, _DISARMED = 10, 11  # EV.Id
+
+
+def streams_of(name: str, kind: str, messages: Messages) -> Streams:
+    """The streams of a log whose messages have the fields of :data:`WANTED`, times in s."""
+    primary, lane, findings = primary_lane(messages)
+    vehicle = _vehicle(messages)
+    sounding, more = depth(messages, primary)
+    modes = _modes(messages, vehicle)
+    end = max((float(c["t"].max()) for c in messages.types.values() if len(c.get("t", ()))), default=0.0)
+    found = (
+        _outputs(messages), _attitude(messages, primary, lane), *_imu(messages, primary, lane), sounding,
+        *_filtered(messages, primary, lane), _doppler(messages), _battery(messages),
+    )  # fmt: skip
+    return Streams(
+        name=name,
+        format=kind,
+        streams=by_name(found),
+        vehicle=vehicle,
+        armed=_armed(messages, end),
+        modes=modes,
+        findings=(*messages.findings, *findings, *more),
+    )
+
+
+def _vehicle(messages: Messages) -> VehicleFacts:
+    given = messages.get("PARM", "Name", "Value")
+    parameters = {}
+    if given is not None:
+        parameters = {_text(n): float(v) for n, v in zip(given["Name"], given["Value"], strict=True)}
+    said = messages.get("MSG", "Message")
+    texts = [] if said is None else [_text(message) for message in said["Message"]]
+    firmware = next((text for text in texts if text.startswith("Ardu")), "")
+    frame, motors = frame_of(firmware, parameters)
+    return VehicleFacts(firmware, frame, motors, parameters)
+
+
+def _text(value: bytes | str) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _modes(messages: Messages, vehicle: VehicleFacts) -> tuple[tuple[float, str], ...]:
+    mode = messages.get("MODE")
+    if mode is None:
+        return ()
+    numbers = mode["ModeNum"] if "ModeNum" in mode else mode.get("Mode")
+    if numbers is None:
+        return ()
+    return tuple((float(t), mode_name(vehicle.firmware, n)) for t, n in zip(mode["t"], numbers, strict=True))
+
+
+def _armed(messages: Messages, end: float) -> Spans | None:
+    """When the vehicle was armed. If the first that is told is the disarming, it was armed before."""
+    arm, event = messages.get("ARM", "ArmState"), messages.get("EV", "Id")
+    changes = [] if arm is None else [(float(t), bool(s)) for t, s in zip(arm["t"], arm["ArmState"], strict=True)]
+    if not changes and event is not None:
+        known = [(float(t), int(i)) for t, i in zip(event["t"], event["Id"], strict=True)]
+        changes = [(t, i == _ARMED) for t, i in known if i in (_ARMED, _DISARMED)]
+    spans: list[tuple[float, float]] = []
+    for begin, stop in pairwise((-np.inf, *messages.starts, np.inf)):  # each start of the vehicle by itself
+        within = [(t - max(begin, 0.0), on) for t, on in sorted(changes) if begin <= t < stop]
+        found = spans_of(within, min(stop, end) - max(begin, 0.0)) or ()
+        spans += [(a + max(begin, 0.0), b + max(begin, 0.0)) for a, b in found]
+    return tuple(spans) if changes else None
+
+
+def spans_of(changes: list[tuple[float, bool]], end: float, events: bool = True) -> Spans | None:
+    """From when to when a state held, which was told when it changed; None if it never was told.
+
+    Where ``events`` are told, a first one that ends the state says that it held before.
+    """
+    if not changes:
+        return None
+    spans: list[tuple[float, float]] = []
+    since = 0.0 if events and not changes[0][1] else None
+    for t, on in changes:
+        if on and since is None:
+            since = t
+        elif not on and since is not None:
+            spans += [(since, t)] if t > since else []
+            since = None
+    return tuple(spans) if since is None else (*spans, (since, max(end, since)))
+
+
+def _outputs(messages: Messages) -> Stream | None:
+    sent = messages.get("RCOU")
+    if sent is None:
+        return None
+    names = [name for name in WANTED["RCOU"][1:] if name in sent]
+    values = [sent[name].astype(np.float64) for name in names]
+    more = messages.get("RCO2")
+    if more is not None and len(more["t"]):
+        near = latest(more["t"], sent["t"] + 5e-3)  # written right after RCOU
+        late = np.abs(more["t"][near] - sent["t"]) > 0.05
+        names += (extra := [name for name in WANTED["RCO2"][1:] if name in more])
+        values += [np.where(late, np.nan, more[name][near]) for name in extra]
+    return (
+        stream("outputs", names, "us", sent["t"], np.stack(values, -1), Sampling.SNAPSHOT, "RCOU") if values else None
+    )
+
+
+def _attitude(messages: Messages, primary: Columns | None, lane: int) -> Stream | None:
+    channels = ("roll", "pitch", "yaw")
+    quaternion = messages.get("XKQ", "Q1", "Q2", "Q3", "Q4")
+    if quaternion is not None:
+        kept = of_lane(quaternion, primary, lane)
+        angles = euler_angles(np.stack([kept[f"Q{i}"].astype(np.float64) for i in (1, 2, 3, 4)], -1))
+        found = stream("attitude", channels, "rad", kept["t"], angles, Sampling.ESTIMATED, f"XKQ, lane {lane}")
+        if found is not None:
+            return found
+    angles = messages.get("ATT", "Roll", "Pitch", "Yaw")
+    if angles is None:
+        return None
+    degrees = np.stack([angles[name].astype(np.float64) for name in ("Roll", "Pitch", "Yaw")], -1)
+    return stream("attitude", channels, "rad", angles["t"], np.deg2rad(degrees), Sampling.ESTIMATED, "ATT")
+
+
+def _imu(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream | None, Stream | None]:
+    """Gyro, less the bias that the filter found, and accelerometer, of the unit that the lane in use listens to."""
+    imu = messages.get("IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
+    if imu is None:
+        return None, None
+    unit, source = lane, messages.get("XKFS", "GI")
+    if source is not None and len(source["t"]):
+        used = of_lane(source, primary, lane)["GI"].astype(np.int64).clip(0, 255)
+        unit = int(np.bincount(used).argmax()) if len(used) else lane
+    if "I" in imu:
+        imu = rows(imu, imu["I"] == unit)
+    turning = np.stack([imu[f"Gyr{axis}"].astype(np.float64) for axis in "XYZ"], -1)
+    pushing = np.stack([imu[f"Acc{axis}"].astype(np.float64) for axis in "XYZ"], -1)
+    what = f"IMU {unit}"
+    drift = messages.get("XKF1", "GX", "GY", "GZ")
+    if drift is not None and len((drift := of_lane(drift, primary, lane))["t"]):
+        bias = np.stack([drift[f"G{axis}"].astype(np.float64) for axis in "XYZ"], -1)  # degree/s
+        turning = turning - np.deg2rad(bias[latest(drift["t"], imu["t"])])
+        what += " less the bias of XKF1"
+    gyro = stream("gyro", "pqr", "rad/s", imu["t"], turning, Sampling.MEASURED, what)
+    return gyro, stream(
+        "accelerometer", ("ax", "ay", "az"), "m/s^2", imu["t"], pushing, Sampling.MEASURED, f"IMU {unit}"
+    )
+
+
+def _filtered(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream | None, Stream | None]:
+    """Position and velocity in NED as the filter has them."""
+    estimate = messages.get("XKF1", "PN", "PE", "PD", "VN", "VE", "VD")
+    if estimate is None:
+        return None, None
+    estimate = of_lane(estimate, primary, lane)
+    t = estimate["t"]
+    place = np.stack([estimate[name].astype(np.float64) for name in ("PN", "PE", "PD")], -1)
+    speed = np.stack([estimate[name].astype(np.float64) for name in ("VN", "VE", "VD")], -1)
+    if primary is None or not len(primary["t"]):  # it does not say what it knows
+        place[:, :2] = speed[:, :2] = np.nan
+    else:
+        status = primary["SS"].astype(np.int64)[latest(primary["t"], t)]
+        moves = (status & _STANDS_STILL) == 0
+        place[~(((status & _POSITION_KNOWN) != 0) & moves), :2] = np.nan
+        speed[~(((status & _VELOCITY_KNOWN) != 0) & moves), :2] = np.nan
+    what = f"XKF1, lane {lane}"
+    position = stream("position", "xyz", "m", t, place, Sampling.ESTIMATED, what)
+    return position, stream("velocity", ("north", "east", "down"), "m/s", t, speed, Sampling.ESTIMATED, what)
+
+
+def _doppler(messages: Messages) -> Stream | None:
+    """Body velocity from the distances that a Doppler log gives, at the middle of the time in which it went them."""
+    steps = messages.get("VISO", "dt", "PosDX", "PosDY", "PosDZ")
+    if steps is None:
+        return None
+    during = steps["dt"].astype(np.float64)
+    during = np.where((during > 1e-3) & (during < 5.0), during, np.nan)  # s
+    way = np.stack([steps[f"PosD{axis}"].astype(np.float64) for axis in "XYZ"], -1)
+    speed = way / during[:, None]
+    return stream("dvl", "uvw", "m/s", steps["t"] - during / 2, speed, Sampling.MEASURED, "VISO")
+
+
+def _battery(messages: Messages) -> Stream | None:
+    power = messages.get("BAT", "Volt")
+    if power is None:
+        return None
+    number = next((power[name] for name in ("Inst", "Instance", "I") if name in power), None)
+    if number is not None and len(number):
+        power = rows(power, number == number.min())
+    volts = power["Volt"].astype(np.float64)
+    current = power["Curr"].astype(np.float64) if "Curr" in power else np.full(len(volts), np.nan)
+    both = np.stack((volts, current), -1)
+    return stream("battery", ("voltage", "current"), ("V", "A"), power["t"], both, Sampling.MEASURED, "BAT")

@@ -1,0 +1,29 @@
+"""Names that ArduPilot gives by number: modes and frames of ArduSub, and what a motor output is."""
+
+from collections.abc import Mapping
+
+_MODES = {  # https://ardupilot.org/sub/docs/ardusub-flight-modes.html
+    0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 7: "CIRCLE", 9: "SURFACE", 16: "POSHOLD",
+    19: "MANUAL", 20: "MOTOR_DETECT", 21: "SURFTRAK",
+}  # fmt: skip
+_FRAMES = {  # FRAME_CONFIG of ArduSub: name and number of motors; a custom frame (7) may have any
+    0: ("bluerov1", 6), 1: ("vectored", 6), 2: ("vectored_6dof", 8), 3: ("vectored_6dof_90deg", 8),
+    4: ("simplerov_3", 3), 5: ("simplerov_4", 4), 6: ("simplerov_5", 5), 7: ("custom", None),
+}  # fmt: skip
+SUB = "ArduSub"
+
+
+def mode_name(firmware: str, number: float) -> str:
+    """The name of a mode, or its number where the firmware is no ArduSub that says so."""
+    number = int(number)
+    if firmware and not firmware.startswith(SUB):
+        return f"MODE_{number}"  # numbers mean other modes there
+    return _MODES.get(number, f"MODE_{number}")
+
+
+def frame_of(firmware: str, parameters: Mapping[str, float]) -> tuple[str, int | None]:
+    """Name and number of motors of the frame; empty and None where the log does not say."""
+    number = parameters.get("FRAME_CONFIG")
+    if number is None or (firmware and not firmware.startswith(SUB)):
+        return "", None
+    return _FRAMES.get(int(number), (f"frame {int(number)}", None))

@@ -1,0 +1,181 @@
+"""What MAVLink messages of an ArduPilot vehicle mean, wherever they were recorded: https://mavlink.io/en/messages/."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.flightlog.readers.ardupilot import spans_of
+from auv_torchrl.flightlog.readers.firmware import frame_of, mode_name
+from auv_torchrl.flightlog.readers.lanes import latest
+from auv_torchrl.flightlog.readers.messages import Columns, Messages
+from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, stream
+
+_SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
+_PRESSURES = ("SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3")
+WANTED = {
+    "HEARTBEAT": ("type", "autopilot", "base_mode", "custom_mode"),
+    "PARAM_VALUE": ("param_id", "param_value"),
+    "STATUSTEXT": ("text",),
+    "SERVO_OUTPUT_RAW": ("time_usec", "port", *_SERVOS),
+    "ATTITUDE": ("time_boot_ms", "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"),
+    "RAW_IMU": ("time_usec", "xacc", "yacc", "zacc"),
+    "LOCAL_POSITION_NED": ("time_boot_ms", "x", "y", "z", "vx", "vy", "vz"),
+    "GLOBAL_POSITION_INT": ("time_boot_ms", "relative_alt"),
+    "EKF_STATUS_REPORT": ("flags",),
+    "SYS_STATUS": ("voltage_battery", "current_battery"),
+    **{name: ("time_boot_ms", "press_abs") for name in _PRESSURES},
+}
+TEXTS = ("param_id", "text")  # fields that are no number
+AUTOPILOT = 1  # number of the component that flies
+_NO_AUTOPILOT, _GROUND_STATION = 8, 6  # HEARTBEAT.autopilot, .type
+_ARMED = 128  # of HEARTBEAT.base_mode
+_G = 9.80665e-3  # m/s^2 for each mG of RAW_IMU
+_PA_A_METRE = 9800.0  # Pa/m, by which AP_Baro makes a depth of a pressure in water of specific gravity 1
+_SAME_M = 0.25  # m, median by which a barometer outside differs from the depth in use
+_VELOCITY_KNOWN, _POSITION_KNOWN, _STANDS_STILL = 1 << 1, (1 << 3) | (1 << 4), 1 << 7  # EKF_STATUS_REPORT.flags
+
+
+def choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: int | None) -> int:
+    """The number of the vehicle, out of heartbeats (system, type, autopilot).
+
+    Raises:
+        FlightLogError: if there are several and none was chosen, or none of that number.
+    """
+    vehicles = sorted({s for s, kind, pilot in heard if pilot != _NO_AUTOPILOT and kind != _GROUND_STATION})
+    listed = ", ".join(map(str, vehicles)) or "none"
+    if system is not None:
+        if system not in vehicles:
+            raise FlightLogError(f"{name} has no vehicle {system}: there are {listed}")
+        return system
+    if not vehicles:
+        raise FlightLogError(f"{name} has no heartbeat of a vehicle: record on the link to its autopilot")
+    if len(vehicles) > 1:
+        raise FlightLogError(f"{name} has several vehicles, {listed}: choose one, such as system={vehicles[0]}")
+    return vehicles[0]
+
+
+def streams_of(name: str, kind: str, messages: Messages) -> Streams:
+    """The streams of one vehicle whose messages have the fields of :data:`WANTED`, times in s."""
+    vehicle = _vehicle(messages)
+    beat = messages.get("HEARTBEAT", "base_mode", "custom_mode")
+    armed, modes = None, ()
+    end = max((float(c["t"].max()) for c in messages.types.values() if len(c.get("t", ()))), default=0.0)
+    if beat is not None:
+        on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
+        changes = [(float(beat["t"][i]), bool(on[i])) for i in _changes(on)]
+        armed = spans_of(changes, end, events=False)
+        numbers = beat["custom_mode"].astype(np.int64).tolist()
+        modes = tuple(
+            (float(beat["t"][i]), mode_name(vehicle.firmware, numbers[i])) for i in _changes(beat["custom_mode"])
+        )
+    sounding, findings = _depth(messages, vehicle)
+    found = (_outputs(messages), *_attitude(messages), _accelerometer(messages), sounding, *_filtered(messages),
+             _battery(messages))  # fmt: skip
+    return Streams(name, kind, by_name(found), vehicle, armed, modes, findings=(*messages.findings, *findings))
+
+
+def _changes(values: np.ndarray) -> np.ndarray:
+    return np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1]))) if len(values) else np.zeros(0, int)
+
+
+def _vehicle(messages: Messages) -> VehicleFacts:
+    given, said = messages.get("PARAM_VALUE", "param_id", "param_value"), messages.get("STATUSTEXT", "text")
+    parameters = {}
+    if given is not None:
+        parameters = {str(n): float(v) for n, v in zip(given["param_id"], given["param_value"], strict=True)}
+    texts = [] if said is None else [str(text) for text in said["text"]]
+    firmware = next((text for text in texts if text.startswith("Ardu")), "")
+    frame, motors = frame_of(firmware, parameters)
+    return VehicleFacts(firmware, frame, motors, parameters)
+
+
+def _stacked(columns: Columns, names: Iterable[str]) -> np.ndarray:
+    return np.stack([columns[name].astype(np.float64) for name in names], axis=-1)
+
+
+def _outputs(messages: Messages) -> Stream | None:
+    sent = messages.get("SERVO_OUTPUT_RAW", *_SERVOS[:8])
+    if sent is None:
+        return None
+    names = [servo for servo in _SERVOS if servo in sent]
+    main = sent["port"] == 0 if "port" in sent else slice(None)
+    channels = (f"C{n + 1}" for n in range(len(names)))
+    values = _stacked(sent, names)[main]
+    return stream("outputs", channels, "us", sent["t"][main], values, Sampling.SNAPSHOT, "SERVO_OUTPUT_RAW")
+
+
+def _attitude(messages: Messages) -> tuple[Stream | None, Stream | None]:
+    """Angles, and rates less the bias that the filter found."""
+    told = messages.get("ATTITUDE", "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed")
+    if told is None:
+        return None, None
+    axes = ("roll", "pitch", "yaw")
+    angles = stream("attitude", axes, "rad", told["t"], _stacked(told, axes), Sampling.ESTIMATED, "ATTITUDE")
+    rates = _stacked(told, (f"{axis}speed" for axis in axes))
+    return angles, stream("gyro", "pqr", "rad/s", told["t"], rates, Sampling.MEASURED, "ATTITUDE")
+
+
+def _accelerometer(messages: Messages) -> Stream | None:
+    felt = messages.get("RAW_IMU", "xacc", "yacc", "zacc")
+    if felt is None:
+        return None
+    values = _stacked(felt, ("xacc", "yacc", "zacc")) * _G
+    return stream("accelerometer", ("ax", "ay", "az"), "m/s^2", felt["t"], values, Sampling.MEASURED, "RAW_IMU")
+
+
+def _depth(messages: Messages, vehicle: VehicleFacts) -> tuple[Stream | None, list[Finding]]:
+    """Depth from the barometer that agrees with the altitude in use, as AP_Baro works it out."""
+    use = messages.get("GLOBAL_POSITION_INT", "relative_alt")
+    gravity = vehicle.parameters.get("BARO_SPEC_GRAV")
+    found = {}
+    for n, name in enumerate(_PRESSURES):
+        told, ground = messages.get(name, "press_abs"), vehicle.parameters.get(f"BARO{n + 1}_GND_PRESS")
+        if told is not None and len(told["t"]) and ground and gravity:
+            pressure = told["press_abs"].astype(np.float64) * 100.0  # hPa
+            found[name] = told["t"], np.where(pressure > 0, (pressure - ground) / (_PA_A_METRE * gravity), np.nan)
+    if not found:
+        return None, []
+    if use is None or not len(use["t"]):
+        sentence = "nothing tells which barometer is outside: depth is taken from the filter, if at all"
+        return None, [Finding(Severity.WARNING, "which_barometer", sentence, "Record GLOBAL_POSITION_INT", ("z",))]
+    used = -use["relative_alt"].astype(np.float64) * 1e-3
+    off = {}
+    for name, (t, z) in found.items():
+        difference = np.abs(z - np.interp(t, use["t"], used))
+        off[name] = float(np.median(difference[np.isfinite(difference)])) if np.isfinite(difference).any() else np.inf
+    best = min(off, key=lambda name: off[name])
+    if not off[best] < _SAME_M:
+        sentence = (
+            f"no barometer follows the depth in use (nearest by {off[best]:.2f} m): depth is taken from the filter"
+        )
+        return None, [Finding(Severity.WARNING, "which_barometer", sentence, "Look at SCALED_PRESSURE", ("z",))]
+    t, z = found[best]
+    return stream("depth", "z", "m", t, z, Sampling.MEASURED, best), []
+
+
+def _filtered(messages: Messages) -> tuple[Stream | None, Stream | None]:
+    told = messages.get("LOCAL_POSITION_NED", "x", "y", "z", "vx", "vy", "vz")
+    if told is None:
+        return None, None
+    place, speed = _stacked(told, ("x", "y", "z")), _stacked(told, ("vx", "vy", "vz"))
+    status = messages.get("EKF_STATUS_REPORT", "flags")
+    if status is None or not len(status["t"]):
+        place[:, :2] = speed[:, :2] = np.nan
+    else:
+        flags = status["flags"].astype(np.int64)[latest(status["t"], told["t"])]
+        moves = (flags & _STANDS_STILL) == 0
+        place[~(((flags & _POSITION_KNOWN) != 0) & moves), :2] = np.nan
+        speed[~(((flags & _VELOCITY_KNOWN) != 0) & moves), :2] = np.nan
+    what = "LOCAL_POSITION_NED"
+    position = stream("position", "xyz", "m", told["t"], place, Sampling.ESTIMATED, what)
+    return position, stream("velocity", ("north", "east", "down"), "m/s", told["t"], speed, Sampling.ESTIMATED, what)
+
+
+def _battery(messages: Messages) -> Stream | None:
+    power = messages.get("SYS_STATUS", "voltage_battery", "current_battery")
+    if power is None:
+        return None
+    raw = _stacked(power, ("voltage_battery", "current_battery"))
+    values = np.where((raw == [65535, -1]) | (raw == [0, -1]), np.nan, raw * [1e-3, 1e-2])  # 65535, -1: not known
+    return stream("battery", ("voltage", "current"), ("V", "A"), power["t"], values, Sampling.MEASURED, "SYS_STATUS")

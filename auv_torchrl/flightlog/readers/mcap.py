@@ -1,0 +1,105 @@
+"""MCAP recordings: MAVLink as JSON, as the recorder of BlueOS writes it, or a ROS 2 bag.
+
+BlueOS records what goes over its bus under the same names: a message is at ``mavlink/SYSTEM/COMPONENT/NAME`` and reads
+``{"header": {...}, "message": {"type": "ATTITUDE", "roll": ...}}``, with enumerations by name.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.flightlog.readers import mavlink, ros
+from auv_torchrl.flightlog.readers.library import library
+from auv_torchrl.flightlog.readers.mavlink_table import MavlinkTable
+from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
+
+MAGIC = b"\x89MCAP"
+_TOPIC = re.compile(r"/?mavlink/(\d+)/(\d+)/(?:in/|out/)?([A-Z0-9_]+)")
+_FLAGS = (  # EKF_STATUS_REPORT.flags from the lowest bit
+    "EKF_ATTITUDE", "EKF_VELOCITY_HORIZ", "EKF_VELOCITY_VERT", "EKF_POS_HORIZ_REL", "EKF_POS_HORIZ_ABS",
+    "EKF_POS_VERT_ABS", "EKF_POS_VERT_AGL", "EKF_CONST_POS_MODE",
+)  # fmt: skip
+_BITS = {**{name: 1 << i for i, name in enumerate(_FLAGS)}, "MAV_MODE_FLAG_SAFETY_ARMED": 128}
+_NUMBERS = {"MAV_AUTOPILOT_INVALID": 8, "MAV_AUTOPILOT_ARDUPILOTMEGA": 3, "MAV_TYPE_GCS": 6, "MAV_TYPE_SUBMARINE": 12}
+
+
+def read(path: Path, options: ReadOptions) -> Streams:
+    """The streams of an MCAP file.
+
+    Raises:
+        FlightLogError: if it holds neither MAVLink nor ROS messages, or a library is missing.
+    """
+    cut: list[str] = []
+    tables: dict[int, MavlinkTable] = {}
+    heard: set[tuple[int, int, int]] = set()
+    encodings: set[str] = set()
+    topics = broken = 0
+    for topic, encoding, time_ns, data in _messages(path, cut):
+        encodings.add(encoding)
+        place = _TOPIC.fullmatch(topic) if encoding == "json" else None
+        if place is None or int(place[2]) != mavlink.AUTOPILOT or place[3] not in mavlink.WANTED:
+            topics += place is not None
+            continue
+        try:
+            fields = _fields(json.loads(data)["message"])
+        except (ValueError, KeyError, TypeError, AttributeError):
+            broken += 1
+            continue
+        system, name = int(place[1]), place[3]
+        if name == "HEARTBEAT" and {"type", "autopilot"} <= fields.keys():
+            heard.add((system, int(fields["type"]), int(fields["autopilot"])))
+        tables.setdefault(system, MavlinkTable()).add(name, time_ns * 1e-9, fields)
+    if not tables:
+        if encodings - {"json"}:
+            return ros.read(path, options)
+        raise FlightLogError(f"{path.name} holds no MAVLink and no ROS messages: record mavlink/** of the vehicle")
+    messages = tables[mavlink.choose_vehicle(path.name, heard, options.system)].messages()
+    findings = list(messages.findings)
+    if cut or broken:
+        sentence = f"the file is cut or damaged: {cut[0] if cut else f'{broken} messages cannot be read'}"
+        findings.insert(0, Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again"))
+    return mavlink.streams_of(path.name, "MAVLink in MCAP", replace(messages, findings=tuple(findings)))
+
+
+def _messages(path: Path, cut: list[str]) -> Iterator[tuple[str, str, int, bytes]]:
+    """Topic, encoding, time and content, as far as the file can be read."""
+    reader = library("mcap.stream_reader", f"an MCAP recording ({path.name})")
+    records = library("mcap.records", f"an MCAP recording ({path.name})")
+    channels: dict[int, tuple[str, str]] = {}
+    with path.open("rb") as file:
+        stream = iter(reader.StreamReader(file).records)
+        while True:
+            try:
+                record = next(stream)
+            except StopIteration:
+                return
+            except Exception as error:  # of a file that is cut or damaged: whatever lies in it
+                cut.append(" ".join(f"{type(error).__name__} {error}".split())[:100])
+                return
+            if isinstance(record, records.Channel):
+                channels[record.id] = (record.topic, record.message_encoding)
+            elif isinstance(record, records.Message) and record.channel_id in channels:
+                yield (*channels[record.channel_id], record.log_time, record.data)
+
+
+def _fields(message: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields as MAVLink has them: numbers and texts."""
+    found = {"type" if name == "mavtype" else name: value for name, value in message.items() if name != "type"}
+    return {name: _value(name, value) for name, value in found.items()}
+
+
+def _value(name: str, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        value = value.get("bits", value.get("type", 0))
+    if name in mavlink.TEXTS:
+        letters = value if isinstance(value, str) else "".join(chr(c) if isinstance(c, int) else str(c) for c in value)
+        return letters.partition("\0")[0]
+    if isinstance(value, str):
+        return _NUMBERS.get(value, sum(_BITS.get(word.strip(), 0) for word in value.split("|")))
+    if not isinstance(value, int | float):
+        raise TypeError(name)
+    return value

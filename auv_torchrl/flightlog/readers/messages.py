@@ -1,0 +1,87 @@
+"""Messages of a log by type, as columns, and a clock that was reset put in order."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.flightlog.findings import Finding, Severity
+
+Columns = Mapping[str, np.ndarray]  # by field; all of one length
+AT = "at"  # the column that says where in the file a message was: a byte, a line or a number
+_JUMP_S = 1.0  # messages are written up to some tenths of a second late; what steps back further is another clock
+_TAIL_S = 600.0  # s, for which single messages may follow the last one of the most frequent type
+_NEIGHBOURS = 5  # whose median a time must agree with
+
+
+@dataclass(frozen=True)
+class Messages:
+    """What was read, times in seconds under ``t``."""
+
+    types: Mapping[str, Columns]
+    findings: tuple[Finding, ...] = ()
+    starts: tuple[float, ...] = ()  # s, when the clock started over
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.types
+
+    def get(self, name: str, *fields: str) -> Columns | None:
+        """The messages of a type; None if there are none or they lack one of the fields."""
+        found = self.types.get(name)
+        return found if found is not None and all(field in found for field in ("t", *fields)) else None
+
+
+def in_order(types: dict[str, dict[str, np.ndarray]]) -> Messages:
+    """Times ``t`` that start at 0 and never go back; each start over is put a second behind what was before.
+
+    The messages of the most frequent type are the clock. One whose time is not between those of its neighbours in the
+    file is left out. ``types`` is empty afterwards.
+    """
+    timed = [name for name, columns in types.items() if "t" in columns]
+    if not timed:
+        return Messages(dict(types))
+    clock = types[max(timed, key=lambda name: len(types[name]["t"]))]
+    at, usual = clock[AT], _running_median(clock["t"])
+    back = np.flatnonzero(np.diff(usual) < -_JUMP_S) + 1
+    shifts = np.concatenate(([0.0], np.cumsum(usual[back - 1] - usual[back] + _JUMP_S)))
+    begins = at[back - 1] + 1
+    usual = usual + shifts[np.searchsorted(back, np.arange(len(usual)), side="right")]
+    kept: dict[str, Columns] = {}
+    lost, first = 0, np.inf
+    for name in list(types):
+        columns = types.pop(name)  # so that what is put in order is not held twice
+        if name not in timed:
+            kept[name] = columns
+            continue
+        t = columns["t"] + shifts[np.searchsorted(begins, columns[AT], side="right")]
+        after = np.searchsorted(at, columns[AT])
+        low = np.where(after > 0, usual[np.maximum(after - 1, 0)], -np.inf)
+        high = usual[np.minimum(after, len(usual) - 1)] + np.where(after < len(usual), 0.0, _TAIL_S)
+        good = ((t >= low - _JUMP_S) & (t <= high + _JUMP_S)) | (np.isin(after, back) & np.isfinite(t))
+        if not good.all():
+            lost += int((~good).sum())
+            columns, t = {field: values[good] for field, values in columns.items()}, t[good]
+        kept[name] = {**columns, "t": t}
+        first = min(first, float(t.min())) if len(t) else first
+    for name in timed:
+        kept[name]["t"][:] -= first if np.isfinite(first) else 0.0
+    starts = tuple(float(usual[i]) - first for i in back)
+    return Messages(kept, tuple(_said(len(back), lost)), starts)
+
+
+def _said(restarts: int, lost: int) -> Iterator[Finding]:
+    if restarts:
+        sentence = f"the clock of the log starts over {restarts} times; each start is read as a second after the rest"
+        yield Finding(Severity.WARNING, "clock_reset", sentence, "Give logs of one start each")
+    if lost:
+        sentence = f"{lost} messages bear a time that none of their neighbours has and are left out"
+        yield Finding(Severity.WARNING, "odd_times", sentence)
+
+
+def _running_median(t: np.ndarray) -> np.ndarray:
+    if len(t) < _NEIGHBOURS:
+        return t
+    half = _NEIGHBOURS // 2
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(t, half, mode="reflect"), _NEIGHBOURS)
+    parts = np.array_split(windows, 1 + (len(t) >> 20))  # each is copied
+    return np.concatenate([np.partition(part, half, axis=-1)[:, half] for part in parts])

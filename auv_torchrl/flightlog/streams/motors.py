@@ -1,0 +1,120 @@
+"""From the pulses of the outputs to the commands of the thrusters, by the parameters of the vehicle.
+
+ArduSub sends a motor ``1500 + command * MOT_n_DIRECTION * 400`` µs (with the usual limits) through the output whose
+SERVOk_FUNCTION is 32 + n. What it wanted of the motor, along the direction that the frame gives it, is the command:
+a wrong MOT_n_DIRECTION then shows as a thruster that pushes backwards, which is what it makes of the vehicle.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.streams.stream import Stream, Streams, stream
+
+NEUTRAL = 1500.0  # us, at which a motor stands; fixed in ArduSub
+_FIRST_MOTOR = 33  # value of SERVOk_FUNCTION for motor 1, up to 40 for motor 8
+_NINTH_MOTOR = 82  # for motor 9, up to 85 for motor 12
+_OUTPUTS = 32
+
+
+class Motors(NamedTuple):
+    """Where each motor is plugged in and what its pulses mean; motor n is entry n - 1."""
+
+    output: tuple[int, ...]  # from 1
+    direction: tuple[float, ...]  # 1 or -1
+    low: float  # us, full command backwards
+    high: float  # us, full command
+
+
+def motors_of(parameters: Mapping[str, float], frame_motors: int | None) -> tuple[Motors | None, tuple[str, ...]]:
+    """The motors, or None and the names of the parameters that are not known."""
+    functions = {k: parameters.get(f"SERVO{k}_FUNCTION") for k in range(1, _OUTPUTS + 1)}
+    output = {_motor(value): k for k, value in functions.items() if value is not None and _motor(value)}
+    number = frame_motors or max(output, default=0)
+    missing = [f"SERVO{n}_FUNCTION" for n in range(1, (number or 8) + 1)] if not output else []
+    if not number:
+        missing.insert(0, "FRAME_CONFIG")
+    directions = [f"MOT_{n}_DIRECTION" for n in range(1, (number or 8) + 1)]
+    missing += [name for name in directions if name not in parameters]
+    low, high = (_limit(parameters, end) for end in ("MIN", "MAX"))
+    missing += [f"MOT_PWM_{end}" for end, value in (("MIN", low), ("MAX", high)) if value is None]
+    if missing or low is None or high is None:
+        return None, tuple(missing)
+    if unplugged := [n for n in range(1, number + 1) if n not in output]:
+        which = ", ".join(f"motor {n} (no SERVO_FUNCTION is {_function(n)})" for n in unplugged)
+        raise FlightLogError(f"{which} is on no output: set the function of the output that it is plugged into")
+    if not low < NEUTRAL < high:
+        raise FlightLogError(f"MOT_PWM_MIN {low:g} and MOT_PWM_MAX {high:g} do not enclose {NEUTRAL:g}: correct them")
+    signs = tuple(parameters[name] for name in directions)
+    if any(abs(sign) != 1 for sign in signs):
+        raise FlightLogError(f"MOT_n_DIRECTION are {', '.join(f'{s:g}' for s in signs)}: each is 1 or -1")
+    return Motors(tuple(output[n] for n in range(1, number + 1)), signs, low, high), ()
+
+
+def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
+    """The commands of the thrusters in [-1, 1], as the file has them or by the ``parameters`` of the vehicle.
+
+    Raises:
+        FlightLogError: if the file has none, naming what is missing and how to give it.
+    """
+    if "commands" in streams.streams:
+        return streams.streams["commands"]
+    outputs = streams.streams.get("outputs")
+    if outputs is None:
+        there = ", ".join(streams.streams) or "nothing"
+        raise FlightLogError(
+            f"{streams.name} does not say what the thrusters were told (it has {there}): log the outputs (RCOU, "
+            "SERVO_OUTPUT_RAW, actuator_motors, RCOut)"
+        )
+    motors, missing = motors_of({**parameters, **streams.vehicle.parameters}, streams.vehicle.motors)
+    if motors is None:
+        raise FlightLogError(f"{streams.name} has pulses of its outputs, and lacks {listed(missing)}: {HOW_TO_GIVE}")
+    pulse = np.stack([_channel(outputs, k, streams.name) for k in motors.output], axis=-1)
+    pulse = np.where(pulse > 0, pulse, np.nan) - NEUTRAL  # 0 is an output that is off
+    reach = np.where(pulse > 0, motors.high - NEUTRAL, NEUTRAL - motors.low)
+    values = np.array(motors.direction) * pulse / reach
+    channels = (f"cmd_{n + 1}" for n in range(len(motors.output)))
+    sent = stream("commands", channels, "1", outputs.t, values, outputs.sampling, outputs.source)
+    if sent is None:
+        raise FlightLogError(f"{streams.name}: the outputs of the motors are off all along: give a log of a dive")
+    return sent
+
+
+HOW_TO_GIVE = (
+    "save all parameters of the vehicle (in QGroundControl: Vehicle Setup, Parameters, Tools, Save to file) and give "
+    "params=FILE, or the values: params={MOT_1_DIRECTION: 1, ...}"
+)
+
+
+def listed(names: tuple[str, ...]) -> str:
+    """Names of parameters, runs of numbers shortened."""
+    kinds: dict[str, list[str]] = {}
+    for name in names:
+        kinds.setdefault("".join(c for c in name if not c.isdigit()), []).append(name)
+    return ", ".join(group[0] if len(group) == 1 else f"{group[0]} to {group[-1]}" for group in kinds.values())
+
+
+def _motor(function: float) -> int:
+    """The motor that an output of this function drives; 0 for none."""
+    if _FIRST_MOTOR <= function < _FIRST_MOTOR + 8:
+        return int(function) - _FIRST_MOTOR + 1
+    return int(function) - _NINTH_MOTOR + 9 if _NINTH_MOTOR <= function < _NINTH_MOTOR + 4 else 0
+
+
+def _function(motor: int) -> int:
+    return _FIRST_MOTOR + motor - 1 if motor <= 8 else _NINTH_MOTOR + motor - 9
+
+
+def _limit(parameters: Mapping[str, float], end: str) -> float | None:
+    value = parameters.get(f"MOT_PWM_{end}")
+    return parameters.get(f"RC3_{end}") if value == 0 else value  # 0: the range of the throttle
+
+
+def _channel(outputs: Stream, number: int, name: str) -> np.ndarray:
+    wanted = f"C{number}"
+    if wanted not in outputs.channels:
+        has = f"{outputs.channels[0]} to {outputs.channels[-1]}"
+        raise FlightLogError(f"{name} has outputs {has}, and a motor is on output {number}: log that one too")
+    return outputs.values[:, outputs.channels.index(wanted)]

@@ -1,0 +1,151 @@
+"""A flight log as streams: what was commanded and what each sensor said, each at the times at which it was taken.
+
+Frames: earth NED, body FRD, SI units, angles in radians (ZYX). Times are seconds since the start of the log.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from auv_torchrl.flightlog.findings import Finding
+
+Floats = NDArray[np.float64]
+Spans = tuple[tuple[float, float], ...]  # s, from and to
+
+LONG_PAUSE = 5.0  # usual sampling intervals; what is longer is a gap,
+LONG_PAUSE_S = 0.3  # if it is also longer than this
+
+
+class Sampling(StrEnum):
+    """How the samples of a stream stand for what was between them."""
+
+    MEASURED = "measured"  # by a sensor, at that moment
+    ESTIMATED = "estimated"  # by a filter, whose errors are coloured and agree with those of its other estimates
+    HELD = "held"  # a command that stays as it is until the next sample
+    SNAPSHOT = "snapshot"  # of a command that changes faster than it is logged: held, it would be half a step late
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Samples of one source. Times rise strictly; a value that was not given is NaN."""
+
+    name: str
+    channels: tuple[str, ...]
+    units: tuple[str, ...]  # of the channels
+    t: Floats  # (T,) s
+    values: Floats  # (T, channels)
+    sampling: Sampling
+    source: str  # where in the file, for people
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def interval(self) -> float:
+        """The usual time between samples in s; NaN for fewer than two."""
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.nan
+
+    @property
+    def rate(self) -> str:
+        """How often there is a sample, for people."""
+        return f"{1 / self.interval:.3g} Hz" if len(self.t) > 1 else "once"
+
+    @property
+    def pause(self) -> float:
+        """The time in s beyond which samples are no neighbours; NaN for fewer than two."""
+        return max(LONG_PAUSE * self.interval, LONG_PAUSE_S) if len(self.t) > 1 else np.nan
+
+    @property
+    def gaps(self) -> Spans:
+        """Where samples are missing."""
+        wide = np.flatnonzero(np.diff(self.t) > self.pause) if len(self.t) > 1 else ()
+        return tuple((float(self.t[i]), float(self.t[i + 1])) for i in wide)
+
+
+def stream(
+    name: str,
+    channels: Iterable[str],
+    units: str | tuple[str, ...],
+    t: ArrayLike,
+    values: ArrayLike,
+    sampling: Sampling,
+    source: str,
+) -> Stream | None:
+    """A stream from samples in any order; None if nothing of them can be used.
+
+    Args:
+        name: of the stream.
+        channels: names of what is sampled.
+        units: of the channels, or the one that all have.
+        t: (T,) s; samples without a time, and all but the first of one time, are left out.
+        values: (T, channels), NaN where nothing was given.
+        sampling: how samples stand for what was between them.
+        source: where in the file, for people.
+    """
+    channels = tuple(channels)
+    units = (units,) * len(channels) if isinstance(units, str) else units
+    t = np.asarray(t, np.float64)
+    values = np.asarray(values, np.float64).reshape(len(t), len(channels))
+    told = np.isfinite(t) & np.isfinite(values).any(axis=-1)
+    t, values = t[told], values[told]
+    if np.any(np.diff(t) <= 0):
+        t, first = np.unique(t, return_index=True)
+        values = values[first]
+    return Stream(name, channels, units, t, values, sampling, source) if len(t) else None
+
+
+@dataclass(frozen=True)
+class VehicleFacts:
+    """What a log says about the vehicle; empty or None where it says nothing."""
+
+    firmware: str = ""
+    frame: str = ""
+    motors: int | None = None  # thrusters of the frame
+    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Everything that was read from one file."""
+
+    name: str
+    format: str
+    streams: Mapping[str, Stream]
+    vehicle: VehicleFacts = VehicleFacts()
+    armed: Spans | None = None  # None where the file does not say
+    modes: tuple[tuple[float, str], ...] = ()  # since when which; what is before the first is not known
+    missing: tuple[str, ...] = ()  # what the file lacks and a diagnosis cannot do without: names and remedies
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def start(self) -> float:
+        """The first sample of any stream, s."""
+        return min((float(s.t[0]) for s in self.streams.values()), default=0.0)
+
+    @property
+    def end(self) -> float:
+        """The last sample of any stream, s."""
+        return max((float(s.t[-1]) for s in self.streams.values()), default=0.0)
+
+    def mode_spans(self) -> tuple[tuple[float, float, str], ...]:
+        """From when to when which mode was flown."""
+        ends = [t for t, _ in self.modes[1:]] + [max(self.end, self.modes[-1][0])] if self.modes else []
+        return tuple((t, end, mode) for (t, mode), end in zip(self.modes, ends, strict=True))
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What people add to a file."""
+
+    modes: tuple[str, ...] = ()  # to take alone; empty takes all
+    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # that the file lacks
+    system: int | None = None  # which vehicle of several
+
+
+def by_name(found: Iterable[Stream | None]) -> dict[str, Stream]:
+    """Streams that are there, by name."""
+    return {stream.name: stream for stream in found if stream is not None}

@@ -1,0 +1,156 @@
+"""The command auv-log, and what holds for every reader."""
+
+import importlib.metadata
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auv_torchrl.flightlog import FlightLogError, read_flightlog
+from auv_torchrl.flightlog.command import main
+from auv_torchrl.flightlog.readers import READERS, Reader, registry
+from auv_torchrl.flightlog.streams.grid import row_times, sampled
+from auv_torchrl.flightlog.streams.options import read_options
+from auv_torchrl.flightlog.streams.stream import Sampling, stream
+from auv_torchrl.paths import EXAMPLE_LOG, PROJECT
+from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.dataflash_writer import dive
+from tests.flightlog.shared_data import EXCERPTS
+
+EXCERPT = EXCERPTS / "ardusub.BIN"
+
+
+def refused(capsys, *arguments: str) -> str:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    said = capsys.readouterr().err
+    assert ended.value.code == 2 and said.startswith("auv-log: ") and said.count("\n") == 1
+    return said
+
+
+def test_info_says_what_is_in_a_log(capsys):
+    """Frame, motors, modes, arming, streams with their rates, and what could be diagnosed."""
+    main(["info", str(EXCERPT), str(EXAMPLE_LOG)])
+    said = capsys.readouterr().out
+    for part in (
+        "vectored_6dof, 8 motors", "MOT_n_DIRECTION -1: 1;", "MANUAL 0.0 to 93.1 s", "armed      218.4 s",
+        "p q r [rad/s], 25 Hz, 300 samples, measured: IMU 0", "rows of x y z roll pitch yaw p q r", "flight.csv: table",
+    ):  # fmt: skip
+        assert part in said, part
+
+
+def test_convert_writes_what_the_diagnosis_reads(tmp_path, capsys):
+    """The table reads back as the log itself does, in both formats; what is there is not overwritten."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    direct = read_flightlog(EXCERPT, vehicle).episodes[0]
+    for suffix in ("csv", "parquet"):
+        path = tmp_path / f"log.{suffix}"
+        main(["convert", str(EXCERPT), f"output={path}"])
+        again = read_flightlog(path, vehicle).episodes[0]
+        assert again.pose == pytest.approx(direct.pose, abs=1e-5)
+        assert again.commands == pytest.approx(direct.commands, abs=1e-5)
+    capsys.readouterr()
+    assert "exists" in refused(capsys, "convert", str(EXCERPT), f"output={tmp_path / 'log.csv'}")
+
+
+def test_what_the_command_cannot_do_is_one_line(tmp_path, capsys):
+    """No file, no format, no such action, no such key."""
+    assert "none of info, convert" in refused(capsys, "show", str(EXCERPT))
+    assert "give a log" in refused(capsys, "info")
+    assert "says no format" in refused(capsys, "convert", str(EXCERPT), "output=log")
+    assert "no key 'outpt'" in refused(capsys, "convert", str(EXCERPT), "outpt=log.csv")
+    assert "No such file" in refused(capsys, "info", str(tmp_path / "none.BIN"))
+
+
+@pytest.mark.parametrize(
+    "text", ["MOT_1_DIRECTION,-1\n", "# saved\nMOT_1_DIRECTION -1.0\n", "# x\n1\t1\tMOT_1_DIRECTION\t-1\t6\n"]
+)
+def test_parameters_are_read_as_ground_stations_save_them(tmp_path, text):
+    """Mission Planner, MAVProxy, QGroundControl; and as a mapping on the command line."""
+    path = tmp_path / "vehicle.param"
+    path.write_text(text)
+    for given_ in (str(path), "{MOT_1_DIRECTION: -1}", {"MOT_1_DIRECTION": -1}):
+        assert read_options(params=given_).parameters == {"MOT_1_DIRECTION": -1.0}
+    with pytest.raises(FlightLogError, match="which is no number"):
+        read_options(params="{MOT_1_DIRECTION: left}")
+
+
+def test_every_reader_stands_in_the_documents_and_takes_other_files_for_none():
+    """docs/logs.md names the suffixes; no reader recognizes a table or nothing at all."""
+    page = (PROJECT / "docs" / "logs.md").read_text()
+    table = Path(EXAMPLE_LOG).read_bytes()[:4096]
+    for reader in READERS.values():
+        assert all(f"`{suffix}`" in page for suffix in reader.suffixes if suffix != ".bin"), reader.name
+        assert not reader.recognizes(table) and not reader.recognizes(b"") and not reader.recognizes(b"PAR1")
+
+
+def test_a_package_brings_a_reader_by_an_entry_point(monkeypatch, tmp_path):
+    """It takes the files that it recognizes; one whose name is taken is refused."""
+    mine = Reader("my log", (".mine",), lambda head: head.startswith(b"MINE"), lambda path, options: None)
+    entry = importlib.metadata.EntryPoint("mine", "tests.nowhere:READER", registry.GROUP)
+    monkeypatch.setattr(type(entry), "load", lambda self: mine)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
+    known = registry.Registry(READERS.values())
+    (tmp_path / "a.log").write_bytes(b"MINE")
+    assert registry.choose_reader(tmp_path / "a.log", known) is mine
+    with pytest.raises(ValueError, match="there is one of that name already"):
+        list(registry.Registry([mine]))
+
+
+times = st.lists(st.floats(0.02, 0.2), min_size=3, max_size=60).map(lambda steps: np.cumsum([0.0, *steps]))
+
+
+@given(times, times, st.floats(-2, 2), st.floats(-2, 2))
+def test_a_straight_line_stays_one_at_any_times(taken, rows, offset, slope):
+    """Interpolated or not, whatever the clocks; nothing is told outside of what was measured."""
+    line = stream("depth", "z", "m", taken, (offset + slope * taken)[:, None], Sampling.MEASURED, "")
+    assert line is not None
+    told = sampled(line, "z", rows, 1e-9)  # rows closer than any samples: no averages
+    inside = np.isfinite(told)
+    assert told[inside] == pytest.approx((offset + slope * rows)[inside], abs=1e-9)
+    assert not inside[rows > taken[-1]].any()
+
+
+@given(times, st.floats(0.01, 0.3))
+def test_rows_follow_the_commands(taken, interval):
+    """Every command acts, in order; snapshots from before their time on, held ones from their time on."""
+    for sampling in (Sampling.HELD, Sampling.SNAPSHOT):
+        sent = stream("commands", ["cmd_1"], "1", taken, np.arange(len(taken))[:, None], sampling, "")
+        assert sent is not None
+        t, row = row_times(sent, interval)
+        assert (np.diff(t) > 0).all() and set(row) == set(range(len(taken))) and (np.diff(row) >= 0).all()
+        first = t[np.searchsorted(row, np.arange(len(taken)))]
+        assert (first <= taken).all() if sampling is Sampling.SNAPSHOT else first == pytest.approx(taken)
+
+
+def test_a_pause_is_not_filled(tmp_path):
+    """Between samples that are seconds apart nothing was measured."""
+    t = np.concatenate((np.arange(0, 2, 0.1), np.arange(6, 8, 0.1)))
+    told = stream("depth", "z", "m", t, t[:, None], Sampling.MEASURED, "")
+    assert told is not None and len(told.gaps) == 1
+    assert np.isnan(sampled(told, "z", np.arange(2.0, 5.9, 0.1), 0.1)).all()
+
+
+def test_the_heading_is_not_averaged_across_north():
+    """Between 359 and 1 degrees lies 0."""
+    yaw = np.deg2rad(np.tile([359.0, 1.0], 20))[:, None]
+    told = stream("attitude", ["yaw"], "rad", np.arange(40) / 20, yaw, Sampling.ESTIMATED, "")
+    assert told is not None
+    assert np.abs(sampled(told, "yaw", np.arange(0.1, 1.8, 0.2), 0.2)).max() < np.deg2rad(1.1)
+
+
+def test_diagnose_takes_the_options_of_a_log():
+    """modes, params and system stand in its configuration and its help."""
+    text = (PROJECT / "conf" / "diagnose.yaml").read_text()
+    assert all(re.search(rf"^{key}:", text, re.M) for key in ("modes", "params", "system"))
+
+
+def test_other_units_are_not_looked_for_where_the_format_says_them(tmp_path):
+    """Thrusters that are three times too strong in the vehicle file make no feet of a vehicle's metres."""
+    path = tmp_path / "00000001.BIN"
+    path.write_bytes(dive())
+    codes = {finding.code for finding in read_flightlog(path, load_vehicle("bluerov2_heavy")).findings}
+    assert not codes & {"length_unit", "speed_unit", "time_unit", "degrees", "sample_numbers"}

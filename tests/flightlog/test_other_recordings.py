@@ -1,0 +1,213 @@
+"""PX4 logs, ROS bags and MCAP: written here by their own libraries, or byte by byte, of a motion that is known."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from auv_torchrl.flightlog import FlightLogError
+from auv_torchrl.flightlog.readers import read_streams
+from auv_torchrl.flightlog.streams import tabulate
+from tests.flightlog.dataflash_writer import ALL
+
+LEVEL_NORTH_ENU = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # w x y z of a body that looks north: 90 degrees from east
+
+
+def ulog_file() -> bytes:
+    """A PX4 log: armed after 1 s, motor 2 at 0.5, motor 3 not there, rolled by 0.2 rad."""
+
+    def message(kind: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    topics = {
+        "actuator_motors": "uint64_t timestamp;float[12] control;",
+        "vehicle_attitude": "uint64_t timestamp;float[4] q;",
+        "vehicle_status": "uint64_t timestamp;uint8_t arming_state;uint8_t nav_state;",
+        "vehicle_local_position": "uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz;bool xy_valid;"
+        "bool z_valid;bool v_xy_valid;bool v_z_valid;",
+    }
+    data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1_000_000) + message("B", bytes(40))
+    for name, fields in topics.items():
+        data += message("F", f"{name}:{fields}".encode())
+    key = b"float CA_ROTOR_COUNT"
+    data += message("P", bytes([len(key)]) + key + struct.pack("<f", 2.0))
+    for number, name in enumerate(topics):
+        data += message("A", struct.pack("<BH", 0, number) + name.encode())
+    roll = (np.cos(0.1), np.sin(0.1), 0.0, 0.0)
+    for k in range(200):
+        stamp = struct.pack("<Q", 1_000_000 + k * 50_000)
+        motors = struct.pack("<12f", 0.0, 0.5, *[np.nan] * 10)
+        data += message("D", struct.pack("<H", 0) + stamp + motors)
+        data += message("D", struct.pack("<H", 1) + stamp + struct.pack("<4f", *roll))
+        data += message("D", struct.pack("<H", 2) + stamp + struct.pack("<2B", 2 if k >= 20 else 1, 0))
+        data += message("D", struct.pack("<H", 3) + stamp + struct.pack("<6f4B", k, 0, 1, 0, 0, 0, 0, 1, 0, 1))
+    return data
+
+
+def test_a_px4_log_is_read(tmp_path):
+    """Commands as they are, attitude from the quaternion, no position where the filter has none, armed from 1 s on."""
+    pytest.importorskip("pyulog")
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(ulog_file())
+    streams = read_streams(path)
+    assert streams.armed == ((pytest.approx(1.0), pytest.approx(9.95)),) and streams.modes == ((0.0, "MANUAL"),)
+    columns = tabulate(streams).columns
+    assert set(columns) == {"t", "episode", "z", "roll", "pitch", "yaw", "cmd_1", "cmd_2"}
+    assert columns["cmd_2"] == pytest.approx(0.5) and columns["roll"] == pytest.approx(0.2, abs=1e-6)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_damage_of_a_px4_log_ends_in_a_traceback(tmp_path, data):
+    """Cut anywhere, bytes changed anywhere behind the head."""
+    pytest.importorskip("pyulog")
+    content = bytearray(ulog_file())
+    end = data.draw(st.integers(16, len(content)))
+    for place in data.draw(st.lists(st.integers(16, len(content) - 1), max_size=20)):
+        content[place] = data.draw(st.integers(0, 255))
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(bytes(content[:end]))
+    try:
+        tabulate(read_streams(path))
+    except FlightLogError as error:
+        assert "\n" not in str(error)
+
+
+def mcap_file(path, system: str = "1"):
+    """MAVLink as BlueOS records it: JSON by topic, enumerations by name."""
+    writer = pytest.importorskip("mcap.writer")
+    channels = {}
+    with path.open("wb") as file:
+        out = writer.Writer(file)
+        out.start()
+
+        def put(t, name, **fields):
+            topic = f"mavlink/{system}/1/{name}"
+            if topic not in channels:
+                schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
+                channels[topic] = out.register_channel(topic, "json", schema)
+            body = {"header": {"system_id": 1, "component_id": 1}, "message": {"type": name, **fields}}
+            out.add_message(channels[topic], round((1.7e9 + t) * 1e9), json.dumps(body).encode(), round(t * 1e9))
+
+        put(0, "STATUSTEXT", text=[*"ArduSub V4.5.0", "\0", "x"], severity={"type": "MAV_SEVERITY_INFO"})
+        for name, value in ALL.items():
+            put(0, "PARAM_VALUE", param_id=[*name, "\0"], param_value=float(value), param_count=1, param_index=0)
+        for k in range(100):
+            t = k / 10
+            if k % 10 == 0:
+                beat = {"mavtype": {"type": "MAV_TYPE_SUBMARINE"}, "autopilot": {"type": "MAV_AUTOPILOT_ARDUPILOTMEGA"}}
+                put(t, "HEARTBEAT", base_mode={"bits": 209 if k else 81}, custom_mode=19, **beat)
+                put(t, "EKF_STATUS_REPORT", flags="EKF_ATTITUDE | EKF_POS_HORIZ_REL | EKF_VELOCITY_HORIZ")
+            servo = {f"servo{n}_raw": 1600 if n == 2 else 1500 for n in range(1, 17)}
+            put(t, "SERVO_OUTPUT_RAW", time_usec=round((t + 50) * 1e6), port=0, **servo)
+            rates = {"rollspeed": 0.0, "pitchspeed": 0.0, "yawspeed": 0.5}
+            put(t, "ATTITUDE", time_boot_ms=round((t + 50) * 1e3), roll=0.1, pitch=0.0, yaw=0.2, **rates)
+            place = {"x": 1.0, "y": 2.0, "z": 3.0, "vx": 0.0, "vy": 0.0, "vz": 0.0}
+            put(t, "LOCAL_POSITION_NED", time_boot_ms=round((t + 50) * 1e3), **place)
+        out.finish()
+    return path
+
+
+def test_mavlink_in_mcap_is_read_as_blueos_writes_it(tmp_path):
+    """The same streams as from telemetry."""
+    streams = read_streams(mcap_file(tmp_path / "recorder.mcap"))
+    assert streams.vehicle.frame == "vectored_6dof" and streams.armed[0][0] == pytest.approx(1.0, abs=0.01)
+    columns = tabulate(streams).columns
+    assert columns["cmd_2"] == pytest.approx(0.25) and columns["x"] == pytest.approx(1.0)
+    assert columns["r"] == pytest.approx(0.5)
+
+
+def test_an_mcap_that_was_cut_is_read_as_far_as_it_goes(tmp_path):
+    """As after a loss of power: a finding, or a sentence where nothing was written yet."""
+    whole = mcap_file(tmp_path / "recorder.mcap").read_bytes()
+    path = tmp_path / "cut.mcap"
+    for share in (0.99, 0.5, 0.1, 0.01):
+        path.write_bytes(whole[: int(share * len(whole))])
+        try:
+            assert "damaged_file" in {finding.code for finding in read_streams(path).findings}
+        except FlightLogError as error:
+            assert "cut.mcap" in str(error)
+
+
+def ros_bag(folder, version: int, storage: str = "sqlite3"):
+    """Odometry and an IMU of a body that looks north and goes ahead, and numbers for six thrusters."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if version == 1 else typesys.Stores.ROS2_HUMBLE)
+    kinds = store.types
+    if version == 1:
+        from rosbags.rosbag1 import Writer
+
+        out, put = Writer(folder), store.serialize_ros1
+    else:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+
+        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+        out, put = Writer(folder, version=9, storage_plugin=plugin), store.serialize_cdr
+    vector, turn = kinds["geometry_msgs/msg/Vector3"], kinds["geometry_msgs/msg/Quaternion"]
+    w, x, y, z = LEVEL_NORTH_ENU
+    with out:
+        topics = {
+            name: out.add_connection(name, kind, typestore=store)
+            for name, kind in (
+                ("/odom", "nav_msgs/msg/Odometry"),
+                ("/imu", "sensor_msgs/msg/Imu"),
+                ("/thrusters", "std_msgs/msg/Float64MultiArray"),
+            )
+        }
+        for k in range(100):
+            t = 1.7e9 + k / 10
+            stamp = kinds["builtin_interfaces/msg/Time"](sec=int(t), nanosec=round(t % 1 * 1e9))
+            head = {"stamp": stamp, "frame_id": "odom"} | ({"seq": k} if version == 1 else {})
+            header = kinds["std_msgs/msg/Header"](**head)
+            place = kinds["geometry_msgs/msg/Point"](x=1.0, y=k / 10, z=-3.0)  # 1 east, north with 1 m/s, 3 deep
+            pose = kinds["geometry_msgs/msg/Pose"](position=place, orientation=turn(x=x, y=y, z=z, w=w))
+            twist = kinds["geometry_msgs/msg/Twist"](
+                linear=vector(x=1.0, y=0.1, z=0.2), angular=vector(x=0.0, y=0.0, z=0.3)
+            )
+            none = np.zeros(36)
+            odometry = kinds["nav_msgs/msg/Odometry"](
+                header=header,
+                child_frame_id="base_link",
+                pose=kinds["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=none),
+                twist=kinds["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=none),
+            )
+            imu = kinds["sensor_msgs/msg/Imu"](
+                header=header,
+                orientation=turn(x=0.0, y=0.0, z=0.0, w=1.0),
+                orientation_covariance=np.array([-1.0] + [0.0] * 8),
+                angular_velocity=vector(x=0.0, y=0.2, z=0.3),
+                angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=vector(x=0.0, y=0.0, z=9.81),
+                linear_acceleration_covariance=np.zeros(9),
+            )
+            layout = kinds["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+            sent = kinds["std_msgs/msg/Float64MultiArray"](layout=layout, data=np.linspace(-0.5, 0.5, 6))
+            for name, message in (("/odom", odometry), ("/imu", imu), ("/thrusters", sent)):
+                kind = topics[name].msgtype
+                out.write(topics[name], round(t * 1e9), put(message, kind))
+    return folder
+
+
+@pytest.mark.parametrize(("version", "storage"), [(1, ""), (2, "sqlite3"), (2, "mcap")])
+def test_ros_bags_are_read_in_ned_and_frd(tmp_path, version, storage):
+    """North, east, down and forward, right, down out of ENU and FLU; rates from the IMU, which has no attitude."""
+    path = ros_bag(tmp_path / ("flight.bag" if version == 1 else "flight"), version, storage)
+    columns = tabulate(read_streams(path)).columns
+    assert columns["x"][10] == pytest.approx(columns["t"][10], abs=1e-3)
+    assert columns["y"] == pytest.approx(1.0) and columns["z"] == pytest.approx(3.0)
+    for angle in ("roll", "pitch", "yaw"):
+        assert columns[angle] == pytest.approx(0.0, abs=1e-9)
+    for axis, value in {"u": 1.0, "v": -0.1, "w": -0.2, "q": -0.2, "r": -0.3}.items():
+        assert columns[axis] == pytest.approx(value)
+    assert columns["cmd_1"] == pytest.approx(-0.5) and columns["cmd_6"] == pytest.approx(0.5)
+
+
+def test_a_bag_that_was_cut_is_a_sentence(tmp_path):
+    """ROS 1, in the middle."""
+    path = ros_bag(tmp_path / "flight.bag", 1)
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(FlightLogError, match="flight.bag cannot be read as a ROS bag"):
+        read_streams(path)
