@@ -58,7 +58,7 @@ def fly(
     steps = round(seconds / DT)
     position = rng.uniform(-1, 1, (episodes, 3))
     yaw = rng.uniform(-np.pi, np.pi, episodes)
-    simulator = PlainSimulator(vehicle.expand(episodes), DT, scenario)
+    simulator = PlainSimulator(vehicle.expand(episodes), DT, scenario=scenario)
     simulator.resume(at_rest(position, yaw, vehicle.thrusters))
     pilot = Pilot(vehicle, _waves(rng, steps, episodes))
     jitter = rng.standard_normal((steps, episodes, 6)) * np.repeat(noise, 3)
