@@ -43,9 +43,6 @@ from auv_torchrl.vehicle import Vehicle
 NOTHING = Explanation()
 
 
-"""Settle windows under the nominal vehicle and under explanations."""
-
-
 def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tuple[Problem, Base]:
     """The windows under an explanation, by default none, with a wide force, and the problem with what that shows.
 
