@@ -11,7 +11,7 @@ OWN = "AUV_CONF"  # the environment variable that names a folder of one's own
 
 
 def own_folder() -> Path | None:
-    """The folder that ``AUV_CONF`` names, with groups as in ``conf``, and ``effects`` in Python; None for none."""
+    """The folder that ``AUV_CONF`` names, with groups as in ``conf``, and Python in ``effects`` ...; None for none."""
     given = os.environ.get(OWN)
     return Path(given).expanduser().absolute() if given else None
 

@@ -4,7 +4,9 @@ import logging
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 import yaml
@@ -15,17 +17,22 @@ from auv_torchrl.command.errors import BadInput
 from auv_torchrl.command.own_files import own_files
 from auv_torchrl.config_source import check_config_files
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.verdict import Verdict
+from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.effects import EFFECTS, Effect, get_effect
-from auv_torchrl.effects.registry import Registry
 from auv_torchrl.envs import MujocoFleet
 from auv_torchrl.envs.randomize import RandomizeVehicle
 from auv_torchrl.experiment import schema
+from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.paths import CONF, OWN, PROJECT, config_names, config_path
+from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.registry import Registry
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
-from tests.own_effect import FOULING
+from tests.own_python import BELOW, BOW_GAUGE, FOULING, SEMICOLONS
 
 PAPER = config_path("vehicle", "paper").read_text()
 
@@ -188,13 +195,74 @@ def test_the_folder_of_a_command_line_holds_for_that_command_alone(lab, tmp_path
     assert "another" not in config_names("vehicle") and "fouling" not in EFFECTS
 
 
+def test_a_task_of_ones_own_is_trained_on(tmp_path, monkeypatch, capsys):
+    """``task=below`` takes its class, its settings and its types, and vehicles start and are drawn to where it says."""
+    from auv_torchrl.experiment import command
+
+    write(tmp_path / "lab" / "tasks" / "below.py", BELOW)
+    write(tmp_path / "lab" / "task" / "below.yaml", "defaults: [below_schema, _self_]\nname: below\ndepth_m: 3.0\n")
+    asked = []
+    monkeypatch.setattr(command, "run", lambda experiment, folder: asked.append(experiment))
+    quiet = ["hydra/job_logging=none", "hydra/hydra_logging=none", f"output={tmp_path / 'out'}"]
+    own = ["--config-dir", str(tmp_path / "lab"), "task=below"]
+    monkeypatch.setattr(sys, "argv", ["train.py", *own, "task.box_m=0.5", *quiet])
+    command.main()
+    (experiment,) = asked
+    assert (experiment.task.name, experiment.task.depth_m, experiment.task.box_m) == ("below", 3.0, 0.5)
+    fleet = MujocoFleet(load_vehicle("paper"), replace(experiment.task, near_share=0.0), 4, seed=0)
+    depth = fleet.reset()["measured", "position"][:, 2]
+    assert ((depth > 2.4) & (depth < 3.6)).all()
+    monkeypatch.setattr(sys, "argv", ["train.py", *own, "task.depth_m=deep", *quiet])
+    with pytest.raises(SystemExit):
+        command.main()
+    assert "task.depth_m" in capsys.readouterr().err
+
+
+def test_a_sensor_of_ones_own_is_what_simulators_and_the_diagnosis_read(tmp_path, monkeypatch):
+    """A pressure gauge at the bow rises when the bow does; a log of it is sound to who knows that, and else is not."""
+    write(tmp_path / "sensors" / "gauge.py", BOW_GAUGE)
+    monkeypatch.setenv(OWN, str(tmp_path))
+    vehicle = load_vehicle("bluerov2")
+    state = at_rest(np.zeros((1, 3)), np.zeros(1), vehicle.thrusters)
+    bow_up = quaternion_from_euler(np.zeros(1), np.full(1, 0.3), np.zeros(1))
+    simulator = PlainSimulator(vehicle.expand(1), 0.05)
+    simulator.resume(state._replace(quaternion=bow_up))
+    assert simulator.report().position[0, 2] == pytest.approx(-0.4 * np.sin(0.3))
+    log = fly(vehicle, {}, episodes=4, seconds=15.0, axes=("x", "y", "z", "roll", "pitch", "yaw"))
+    settings = replace(load_settings(), ignored=tuple(name for name in EFFECTS if name != "thruster_gain"))
+    assert diagnose(log, vehicle, settings=settings).verdict is Verdict.NO_GAP
+    monkeypatch.delenv(OWN)
+    simulator.resume(state._replace(quaternion=bow_up))
+    assert simulator.report().position[0, 2] == 0.0
+    assert diagnose(log, vehicle, settings=settings).verdict is not Verdict.NO_GAP
+
+
+def test_a_reader_of_ones_own_reads_a_log_that_is_diagnosed(tmp_path, monkeypatch):
+    """Whatever its name, by its first bytes; the rows are those of the same log as CSV."""
+    write(tmp_path / "lab" / "readers" / "semicolons.py", SEMICOLONS)
+    monkeypatch.setenv(OWN, str(tmp_path / "lab"))
+    vehicle = load_vehicle("paper")
+    log = fly(hold(vehicle), {}, episodes=1, seconds=10.0)
+    (episode,) = log.episodes
+    columns = {"t": episode.t, "x": episode.pose[:, 0], "y": episode.pose[:, 1], "z": episode.pose[:, 2]}
+    columns["yaw"] = episode.pose[:, 5]
+    columns |= {f"cmd_{i + 1}": episode.commands[:, i] for i in range(vehicle.thrusters)}
+    rows = [";".join(f"{value:.17g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    path = write(tmp_path / "dive.log", "\n".join(["SEMI", ";".join(columns), *rows]))
+    read = read_flightlog(path, vehicle)
+    (same,) = read.episodes
+    assert read.axes == ("x", "y", "z", "yaw")
+    np.testing.assert_allclose(same.pose[:, [0, 1, 2, 5]], episode.pose[:, [0, 1, 2, 5]], atol=1e-12)
+    np.testing.assert_allclose(same.commands, episode.commands, atol=1e-12)
+
+
 def test_an_installed_package_brings_effects(tmp_path, monkeypatch):
     """By an entry point, also where the package imports this one before the registry reads it."""
     write(tmp_path / "lab_effects.py", FOULING)
     write(tmp_path / "lab-1.0.dist-info" / "METADATA", "Metadata-Version: 2.1\nName: lab\nVersion: 1.0\n")
     write(tmp_path / "lab-1.0.dist-info" / "entry_points.txt", "[auv_torchrl.effects]\nlab = lab_effects:EFFECTS\n")
     monkeypatch.syspath_prepend(tmp_path)
-    registry = Registry((get_effect("current"),))
+    registry = Registry("effects", Effect, (get_effect("current"),))
     assert list(registry) == ["current", "fouling"] and isinstance(registry["fouling"], Effect)
 
 

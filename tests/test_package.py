@@ -17,7 +17,7 @@ import pytest
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import CONF, EXAMPLE_LOG, PROJECT, config_path
 from tests.experiment.conftest import TINY
-from tests.own_effect import FOULING
+from tests.own_python import FOULING
 
 FEW = f"diagnosis.ignored=[{','.join(name for name in EFFECTS if name not in ('thruster_gain', 'linear_drag'))}]"
 ADDED = {"hydra-joblib-launcher", "tensorboard"}  # read by Hydra, and by torch, by name

@@ -37,6 +37,7 @@ def command(
     files: tuple[str, ...] = ("output",),
     groups: tuple[str, ...] = (),
     short: Mapping[str, str] = MappingProxyType({}),
+    register: Callable[[], None] = lambda: None,
 ) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
     """``hydra.main`` on ``conf/<config_name>.yaml`` that ends with one line and exit code 2 on bad input.
 
@@ -44,6 +45,7 @@ def command(
         config_name: of the command.
         files: keys whose values name files or folders.
         groups: folders of ``conf`` from which ``+group=option`` may add something.
+        register: makes schemas known to Hydra, those of one's own files included; may be called again.
         short: other names of keys: ``{"diagnosis": "diagnosis_file"}`` lets people write ``diagnosis=FILE``.
     """
 
@@ -57,6 +59,7 @@ def command(
                 return
             try:
                 with writing():
+                    register()  # here too, because of the resolvers
                     task(config)
                     finish(folder)
             except BadInput as error:
@@ -78,6 +81,7 @@ def command(
             try:
                 arguments, own = without_config_dir(given[1:])
                 with terminable(), own_files(own):
+                    register()
                     sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
                     refuse_unknown_keys(config_name, sys.argv[1:], groups)
                     hydra_main()

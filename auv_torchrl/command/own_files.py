@@ -1,4 +1,4 @@
-"""A folder of one's own: vehicles, scenarios, randomizations and effects that are in no package."""
+"""A folder of one's own: vehicles, scenarios, effects and so on that are in no package."""
 
 import os
 from collections.abc import Iterator
@@ -7,10 +7,8 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from auv_torchrl.command.errors import checking_input
-from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import CONF, OWN, config_path, own_folder
-
-EFFECT_FILES = "effects"
+from auv_torchrl.registry import PYTHON_FOLDERS, read_all
 
 
 @contextmanager
@@ -18,7 +16,7 @@ def own_files(folder: str | None) -> Iterator[None]:
     """Use a folder of one's own, checked, in place of the one that ``AUV_CONF`` names; None keeps that.
 
     Raises:
-        BadInput: if it is none, holds a name that the package has, or an effect that cannot be read.
+        BadInput: if it is none, holds a name that the package has, or Python that cannot be read.
     """
     before = os.environ.get(OWN)
     try:
@@ -27,7 +25,7 @@ def own_files(folder: str | None) -> Iterator[None]:
         with checking_input():
             if (own := own_folder()) is not None or folder is not None:
                 _check(own, folder)
-            len(EFFECTS)  # reads them
+            read_all()
         yield
     finally:
         if folder is not None:
@@ -36,7 +34,7 @@ def own_files(folder: str | None) -> Iterator[None]:
 
 
 def _check(own: Path | None, given: str | None) -> None:
-    groups = sorted([*(path.name for path in CONF.iterdir() if path.is_dir()), EFFECT_FILES])
+    groups = sorted([*(path.name for path in CONF.iterdir() if path.is_dir()), *PYTHON_FOLDERS])
     wanted = "give one with folders out of " + ", ".join(groups)
     if own is None or not own.is_dir():
         raise ValueError(f"there is no folder {str(own or given)!r} for files of one's own: {wanted}")
@@ -46,7 +44,7 @@ def _check(own: Path | None, given: str | None) -> None:
             raise ValueError(f"nothing is read from {own / name}: call it {near[0]}")
     if not set(folders) & set(groups):
         raise ValueError(f"nothing is read from {own}: {wanted}")
-    for group in set(folders) & set(groups) - {EFFECT_FILES}:
+    for group in set(folders) & set(groups) - set(PYTHON_FOLDERS):
         for path in (own / group).glob("*.yaml"):
             if path.is_file():
                 config_path(group, path.stem)  # refuses a name that is in both

@@ -2,10 +2,14 @@
 
 from auv_torchrl.effects import actuation, body, external, flow, sensing
 from auv_torchrl.effects.effect import Effect, Origin, Parameter
-from auv_torchrl.effects.registry import Registry
+from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
 
-EFFECTS = Registry((*actuation.EFFECTS, *body.EFFECTS, *flow.EFFECTS, *external.EFFECTS, *sensing.EFFECTS))
+EFFECTS = Registry(  # in the order in which they are applied
+    "effects",
+    Effect,
+    (*actuation.EFFECTS, *body.EFFECTS, *flow.EFFECTS, *external.EFFECTS, *sensing.EFFECTS),
+)
 
 
 def get_effect(name: str) -> Effect:

@@ -13,13 +13,13 @@ from auv_torchrl.experiment.run import run
 from auv_torchrl.experiment.setup import read_experiment, scenario_name
 
 log = logging.getLogger("train")
-schema.register()
 
 
 @command(
     "train",
     files=("diagnosis_file", "policies", "output", "vehicle", "scenario", "randomization"),
     groups=("scenario", "experiment"),
+    register=schema.register,
     short={"diagnosis": "diagnosis_file"},  # Hydra would look for FILE in the folder conf/diagnosis
 )
 def main(config: DictConfig) -> None:

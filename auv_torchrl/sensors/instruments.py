@@ -1,10 +1,14 @@
-"""The instruments that vehicles have. A new one is an entry here, with what it reads of the motion."""
+"""The instruments that vehicles have. A new one is an entry here, with what it reads of the motion.
+
+One that is declared outside (``sensors/*.py`` in a folder of one's own) takes over the channels that it reports.
+"""
 
 from typing import Any
 
 from array_api_compat import array_namespace
 
 from auv_torchrl.physics.coefficients import Coefficients
+from auv_torchrl.registry import Registry
 from auv_torchrl.sensors.sensor import Sensor, at_once
 
 Array = Any
@@ -48,12 +52,12 @@ INSTRUMENTS = (
     ),
     Sensor("gyro", ("p", "q", "r"), "angular rates, fixed to the body", _rates, at_once),
 )
-SENSORS = {sensor.name: sensor for sensor in INSTRUMENTS}
+SENSORS = Registry("sensors", Sensor, INSTRUMENTS)
 
 
 def sensor_of(channel: str) -> Sensor:
-    """The sensor that reports a channel."""
-    return next(sensor for sensor in SENSORS.values() if channel in sensor.channels)
+    """The sensor that reports a channel: of several, the one that was declared last."""
+    return next(sensor for sensor in reversed(tuple(SENSORS.values())) if channel in sensor.channels)
 
 
 def read(c: Coefficients, channels: tuple[str, ...], motion: Array) -> Array:

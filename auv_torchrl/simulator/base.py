@@ -17,7 +17,7 @@ from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.step import memory_length, push
 from auv_torchrl.physics.thrusters import applied_thrust
 from auv_torchrl.scenario import Scenario
-from auv_torchrl.sensors import measured_pose, measured_velocity
+from auv_torchrl.sensors import MOTION, SENSORS, ages, measured_pose, measured_velocity
 from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays
 from auv_torchrl.simulator.rows import lengthened, with_rows
 from auv_torchrl.vehicle import Vehicle
@@ -134,7 +134,7 @@ class Simulator(ABC):
         """Lengthen the memories of commands and poses if these vehicles are later than any before."""
         commands = lengthened(self.state.commands, memory_length(float(new.delay.max()), self.control_dt))
         self.state = self.state._replace(commands=commands)
-        self.poses = lengthened(self.poses, memory_length(float(new.pose_delay.max()), self.control_dt))
+        self.poses = lengthened(self.poses, memory_length(float(ages(new, MOTION).max()), self.control_dt))
 
     def _follow_scenario(self) -> None:
         """Change the vehicles whose time has reached a switching time."""
@@ -216,7 +216,7 @@ class Simulator(ABC):
             noise: standard normal draws (N, 6) for this report; None lets the simulator's generator draw.
         """
         state = self.state
-        if not self.terms.sensing:
+        if not self.terms.sensing and not SENSORS.extended:
             return Report(*state[:3])
         if noise is None and self.terms.sensor_noise and self.generator is not None:
             noise = self.arrays.native(torch.randn(self.count, 6, generator=self.generator, dtype=torch.float64))

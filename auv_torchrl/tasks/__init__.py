@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
+from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
 from auv_torchrl.tasks.station_keeping import StationKeeping
 from auv_torchrl.tasks.task import Reference, Task
 
-TASKS: dict[str, type[Task]] = {"station_keeping": StationKeeping}
+TASKS: Registry[type[Task]] = Registry("tasks", Task, (StationKeeping,))
 
 __all__ = ["TASKS", "Reference", "StationKeeping", "Task", "read_task"]
 
@@ -19,7 +20,7 @@ def read_task(settings: Mapping[str, Any] | None = None) -> Task:
     Raises:
         ValueError: for an unknown name or setting, naming those there are, or a value that cannot be.
     """
-    settings = {"name": "station_keeping", **(settings or {})}
+    settings = {"name": StationKeeping.name, **(settings or {})}
     name = settings.pop("name")
     if name not in TASKS:
         raise ValueError(f"no task named {name!r}: {choices([name], TASKS)}")

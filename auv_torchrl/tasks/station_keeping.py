@@ -29,6 +29,8 @@ class StationKeeping(Task):
     uniform box has almost none there and the last centimetres are what is judged.
     """
 
+    name = "station_keeping"
+
     box_m: Annotated[float, In("(0, 1000]")] = 10.0  # m, starts are uniform in a cube of this half width, section 5
     near_share: Annotated[float, In("[0, 1]")] = 0.75  # share of the starts at a log-uniform distance instead
     near_m: Annotated[tuple[float, float], In("(0, 1000]")] = (0.05, 2.0)  # m, range of that distance

@@ -5,7 +5,7 @@ A task knows no simulator and no environment: pure functions of the state, batch
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import torch
 from array_api_compat import array_namespace
@@ -26,7 +26,12 @@ class Reference(NamedTuple):
 
 @dataclass(frozen=True)
 class Task(ABC):
-    """Base of all tasks; a new one is a file beside this one, an entry in ``TASKS`` and ``conf/task/<name>.yaml``."""
+    """Base of all tasks. A new one is a file and ``task/<name>.yaml``.
+
+    The file lies beside this one, with an entry in ``TASKS``, or is ``tasks/*.py`` in a folder of one's own.
+    """
+
+    name: ClassVar[str]  # by which ``task=<name>`` chooses it
 
     episode_s: Annotated[float, In("(0, 3600]")] = 20.0  # s, section 5
     control_dt: Annotated[float, In("[0.001, 1]")] = CONTROL_DT  # s

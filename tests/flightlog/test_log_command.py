@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from auv_torchrl import registry
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.command import main
-from auv_torchrl.flightlog.readers import READERS, Reader, registry
+from auv_torchrl.flightlog.readers import READERS, Reader, choose_reader
 from auv_torchrl.flightlog.streams.grid import row_times, sampled
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.flightlog.streams.stream import Sampling, stream
@@ -90,14 +91,14 @@ def test_every_reader_stands_in_the_documents_and_takes_other_files_for_none():
 def test_a_package_brings_a_reader_by_an_entry_point(monkeypatch, tmp_path):
     """It takes the files that it recognizes; one whose name is taken is refused."""
     mine = Reader("my log", (".mine",), lambda head: head.startswith(b"MINE"), lambda path, options: None)
-    entry = importlib.metadata.EntryPoint("mine", "tests.nowhere:READER", registry.GROUP)
+    entry = importlib.metadata.EntryPoint("mine", "tests.nowhere:READER", READERS.group)
     monkeypatch.setattr(type(entry), "load", lambda self: mine)
     monkeypatch.setattr(registry, "entry_points", lambda group: [entry])
-    known = registry.Registry(READERS.values())
+    known = registry.Registry("readers", Reader, READERS.values(), name=".+")
     (tmp_path / "a.log").write_bytes(b"MINE")
-    assert registry.choose_reader(tmp_path / "a.log", known) is mine
+    assert choose_reader(tmp_path / "a.log", known) is mine
     with pytest.raises(ValueError, match="there is one of that name already"):
-        list(registry.Registry([mine]))
+        list(registry.Registry("readers", Reader, [mine], name=".+"))
 
 
 times = st.lists(st.floats(0.02, 0.2), min_size=3, max_size=60).map(lambda steps: np.cumsum([0.0, *steps]))

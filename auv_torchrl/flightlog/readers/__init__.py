@@ -4,8 +4,9 @@ import os
 from pathlib import Path
 
 from auv_torchrl.flightlog.readers import ardupilot, dataflash, dataflash_text, mcap, ros, tlog, ulog
-from auv_torchrl.flightlog.readers.registry import Reader, Registry, choose_reader
+from auv_torchrl.flightlog.readers.reader import Reader, choose_reader
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
+from auv_torchrl.registry import Registry
 
 
 def _read_dataflash(path: Path, options: ReadOptions) -> Streams:
@@ -18,6 +19,8 @@ def _read_dataflash_text(path: Path, options: ReadOptions) -> Streams:
 
 
 READERS = Registry(
+    "readers",
+    Reader,
     (
         Reader("ArduPilot DataFlash log", (".bin",), lambda head: head.startswith(dataflash.MAGIC), _read_dataflash),
         Reader("ArduPilot DataFlash log as text", (".log",), dataflash_text.recognizes, _read_dataflash_text),
@@ -25,7 +28,8 @@ READERS = Registry(
         Reader("MCAP recording", (".mcap",), lambda head: head.startswith(mcap.MAGIC), mcap.read),
         Reader("ROS bag", (".bag", ".db3"), ros.recognizes, ros.read, ros.is_bag),
         Reader("MAVLink telemetry", (".tlog",), tlog.recognizes, tlog.read),
-    )
+    ),
+    name=".+",  # for people
 )
 
 

@@ -68,7 +68,9 @@ def choose(streams: Streams) -> dict[str, Stream]:
     for axis in POSE + VELOCITY:
         for name in SOURCES[axis]:
             stream = streams.streams.get(name)
-            if stream is not None and np.isfinite(stream.values[:, stream.channels.index(axis)]).any():
+            if stream is None or axis not in stream.channels:
+                continue
+            if np.isfinite(stream.values[:, stream.channels.index(axis)]).any():
                 found[axis] = stream
                 break
     return found

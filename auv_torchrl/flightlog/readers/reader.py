@@ -1,15 +1,13 @@
 """Which reader takes a file: by what is in it, and by its suffix where that does not tell."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from importlib.metadata import EntryPoint, entry_points
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
-GROUP = "auv_torchrl.readers"  # of entry points; each names a Reader
 HEAD_BYTES = 4096  # that a reader is shown of a file
 _POINTER = b"version https://git-lfs"
 
@@ -22,33 +20,6 @@ class Reader(NamedTuple):
     recognizes: Callable[[bytes], bool]  # the first bytes of a file
     read: Callable[[Path, ReadOptions], Streams]
     folders: Callable[[Path], bool] = lambda path: False  # whether a folder is one log
-
-
-class Registry(Mapping[str, Reader]):
-    """Readers by name: those of the package, then those of other packages, read when first asked for."""
-
-    def __init__(self, readers: Iterable[Reader]) -> None:
-        self._built_in = tuple(readers)
-        self._known: dict[str, Reader] = {}
-
-    def __getitem__(self, name: str) -> Reader:
-        return self._readers()[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._readers())
-
-    def __len__(self) -> int:
-        return len(self._readers())
-
-    def _readers(self) -> dict[str, Reader]:
-        if not self._known:
-            known: dict[str, Reader] = {}
-            for reader in self._built_in:
-                known = _with(known, reader, "this package")
-            for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-                known = _with(known, _loaded(entry), f"the entry point {entry.value}")
-            self._known = known
-        return self._known
 
 
 def choose_reader(path: Path, readers: Mapping[str, Reader]) -> Reader | None:
@@ -84,19 +55,3 @@ def choose_reader(path: Path, readers: Mapping[str, Reader]) -> Reader | None:
             "the vehicle again"
         )
     return None
-
-
-def _loaded(entry: EntryPoint) -> Any:
-    try:
-        return entry.load()
-    except Exception as error:  # whatever somebody else's file may raise
-        cause = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ValueError(f"the reader in the entry point {entry.value} cannot be read ({cause}): mend it") from error
-
-
-def _with(known: dict[str, Reader], reader: Any, where: str) -> dict[str, Reader]:
-    if not isinstance(reader, Reader):
-        raise ValueError(f"{reader!r} in {where} is no Reader: name one")
-    if reader.name in known:
-        raise ValueError(f"reader {reader.name!r} in {where}: there is one of that name already: rename it")
-    return {**known, reader.name: reader}
