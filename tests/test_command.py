@@ -60,7 +60,7 @@ def train(monkeypatch, capsys):
         ("+agent.gama=0.9", ["'gama'", "did you mean gamma"]),
         ("++agent.gama=0.9", ["'gama'", "did you mean gamma"]),
         ("+adapter.windw=3", ["'windw'", "did you mean window"]),
-        ("+online.ditherr=0.1", ["'ditherr'", "did you mean dither"]),
+        ("+adaptation.ditherr=0.1", ["'ditherr'", "did you mean dither"]),
         ("+randomization.x=1", ["'x'", "added_mass"]),
         ("+vehicle.mixr=1", ["'mixr'", "did you mean mixer"]),
         ("+diagnosis.x=1", ["'diagnosis'", "did you mean diagnose"]),

@@ -17,8 +17,8 @@ from auv_torchrl.command.errors import BadInput
 from auv_torchrl.command.own_files import own_files
 from auv_torchrl.config_source import check_config_files
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.effects import EFFECTS, Effect, get_effect
 from auv_torchrl.envs import MujocoFleet
 from auv_torchrl.envs.randomize import RandomizeVehicle

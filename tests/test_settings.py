@@ -12,16 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
+from auv_torchrl.adaptation import AdaptationConfig, load_adaptation_config
 from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.fine_tune import FineTuning
-from auv_torchrl.closing.target_log import Excitation
+from auv_torchrl.compensation.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.settings import read_settings
-from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.experiment import schema
 from auv_torchrl.experiment.schedule import FlightConfig
 from auv_torchrl.experiment.setup import read_experiment
-from auv_torchrl.online import OnlineConfig, load_online_config
 from auv_torchrl.paths import CONF, config_names
 from auv_torchrl.settings import In, check
 from auv_torchrl.tasks import StationKeeping
@@ -29,7 +29,8 @@ from auv_torchrl.vehicle import load_vehicle
 
 FLIGHT = FlightConfig(fly=True, length_s=40.0, fault_s=(5.0, 15.0))
 SOUND = [
-    load_agent_config(), AdapterConfig(), load_online_config(), StationKeeping(), FLIGHT, Excitation(), FineTuning(),
+    load_agent_config(), AdapterConfig(), load_adaptation_config(), StationKeeping(), FLIGHT, Excitation(),
+    FineTuning(),
 ]  # fmt: skip
 DIAGNOSIS = yaml.safe_load((CONF / "diagnosis" / "default.yaml").read_text(encoding="utf-8"))
 PAPER = load_vehicle("paper")
@@ -56,7 +57,7 @@ def test_no_number_of_a_run_may_be_infinite_or_none_or_absurd(settings, name, se
             type(settings)(**{**sound, name: (bad, bad) if several else bad})
 
 
-@pytest.mark.parametrize("kind", [AgentConfig, AdapterConfig, OnlineConfig, StationKeeping, FlightConfig, Settings])
+@pytest.mark.parametrize("kind", [AgentConfig, AdapterConfig, AdaptationConfig, StationKeeping, FlightConfig, Settings])
 def test_every_number_declares_its_range(kind):
     """Beside its type; a new field without one fails here."""
     for name, hint in get_type_hints(kind, include_extras=True).items():
@@ -112,7 +113,7 @@ def test_the_message_names_key_value_and_range():
         ("adapter.target_data_s=1e9", ["adapter.target_data_s", "at most"]),
         ("adapter.hidden=1000000000", ["adapter.hidden"]),
         ("adapter.seed=-1", ["adapter.seed is -1"]),
-        ("online.seed=-1", ["online.seed is -1"]),
+        ("adaptation.seed=-1", ["adaptation.seed is -1"]),
         ("flight.fault_s=[5,inf]", ["flight.fault_s"]),
         ("flight.fault_s=[5,6,7]", ["fault_s"]),
         ("excitation.seed=-1", ["excitation.seed is -1"]),

@@ -6,9 +6,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auv_torchrl.closing.known_vehicle import KnownVehicle
+from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.which.hypotheses import load_settings, make_atoms
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_atoms
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import changed, in_proportion, mean
 from auv_torchrl.physics import ActiveTerms, prepare

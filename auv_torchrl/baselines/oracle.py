@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from auv_torchrl.adaptation.transform import Array, ThrusterTransform, array
 from auv_torchrl.authority import controlled_allocation
 from auv_torchrl.ddr.allocation import Allocation
-from auv_torchrl.online.transform import Array, ThrusterTransform, array
 from auv_torchrl.vehicle import Vehicle
 
 

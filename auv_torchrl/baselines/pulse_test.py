@@ -11,9 +11,9 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 
+from auv_torchrl.adaptation.motion import SourceMotion
+from auv_torchrl.adaptation.transform import Array, ThrusterTransform
 from auv_torchrl.envs import FleetEnv
-from auv_torchrl.online.motion import SourceMotion
-from auv_torchrl.online.transform import Array, ThrusterTransform
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 PULSE_S = 0.3

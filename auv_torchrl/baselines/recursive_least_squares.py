@@ -6,11 +6,11 @@ Reference: Astrom and Wittenmark, Adaptive Control, 2nd ed., section 2.2, expone
 import numpy as np
 from tensordict import TensorDictBase
 
+from auv_torchrl.adaptation.config import load_adaptation_config
+from auv_torchrl.adaptation.motion import SourceMotion
+from auv_torchrl.adaptation.sensing import Sensing
+from auv_torchrl.adaptation.transform import Array, ThrusterTransform, array, measured_state
 from auv_torchrl.ddr.allocation import Allocation
-from auv_torchrl.online.config import load_online_config
-from auv_torchrl.online.motion import SourceMotion
-from auv_torchrl.online.sensing import Sensing
-from auv_torchrl.online.transform import Array, ThrusterTransform, array, measured_state
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
@@ -32,7 +32,7 @@ class RecursiveLeastSquares(ThrusterTransform):
     def __init__(self, vehicle: Vehicle, task: Task, count: int, memory_s: float = 1.0):
         super().__init__(vehicle)
         self.motion = SourceMotion(vehicle, task.control_dt)
-        self.sensing = Sensing(load_online_config(), count)
+        self.sensing = Sensing(load_adaptation_config(), count)
         low, high = (array(limit) for limit in self.actuation.share_limits)
         self.allocation = Allocation(1.0 / np.square(self.motion.full_wrench), low, high)
         self.forgetting = float(np.exp(-task.control_dt / memory_s))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.problem import Problem
+from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.flightlog import POSE, VELOCITY, Finding, FlightLog, FlightLogError, Severity
 from auv_torchrl.flightlog.log import with_axes
 from auv_torchrl.physics import prepare

@@ -7,26 +7,26 @@ from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import followable, restricted
-from auv_torchrl.diagnosis.calibration.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.calibration.healthy import noise_findings, stated_floor
-from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
+from auv_torchrl.diagnosis.calibrate.healthy import noise_findings, stated_floor
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
-from auv_torchrl.diagnosis.how_far.confirm import confirm
-from auv_torchrl.diagnosis.how_far.predict import closed_share, held_out_windows, measure_gap, predict
-from auv_torchrl.diagnosis.how_far.veto import falls_short, is_worse, only, shortfalls, vetoes
+from auv_torchrl.diagnosis.identify.detectable import detectable_sizes
+from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
+from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
 from auv_torchrl.diagnosis.lengths import LEARNT, check_lengths
+from auv_torchrl.diagnosis.localize.locate import locate
+from auv_torchrl.diagnosis.localize.mappable import input_mappable
 from auv_torchrl.diagnosis.look import Looked, excess, judge, look_both_ways
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
 from auv_torchrl.diagnosis.summary import summarise
+from auv_torchrl.diagnosis.validate.confirm import confirm
+from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict
+from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
-from auv_torchrl.diagnosis.where.locate import locate
-from auv_torchrl.diagnosis.where.mappable import input_mappable
-from auv_torchrl.diagnosis.which.detectable import detectable_sizes
-from auv_torchrl.diagnosis.which.equivalence import indistinguishable
-from auv_torchrl.diagnosis.which.hypotheses import Settings, apply_values, load_settings
-from auv_torchrl.diagnosis.which.posterior import effect_probabilities
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+from auv_torchrl.diagnosis.identify.posterior import NONE, UNKNOWN
 from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.which.posterior import NONE, UNKNOWN
 from auv_torchrl.flightlog import Finding
 
 BELIEVED = 0.5  # of the probability of a cause, where it may as well be what the finding says about the log

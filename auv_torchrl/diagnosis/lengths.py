@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-from auv_torchrl.diagnosis.how_far.predict import START_S, cut_stretches
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.windows import Windows, cut_windows
-from auv_torchrl.diagnosis.which.hypotheses import Settings
+from auv_torchrl.diagnosis.validate.predict import START_S, cut_stretches
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join
 
 LEARNT = 0.8  # of each episode, where no test log is given and there are too few episodes to hold one out

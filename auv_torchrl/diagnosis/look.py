@@ -5,26 +5,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibration.healthy import Calibration, calibrate
-from auv_torchrl.diagnosis.motion.windows import cut_windows
-from auv_torchrl.diagnosis.thresholds import NEAR, POLISHED
-from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.which.agreement import follow_agreeing
-from auv_torchrl.diagnosis.which.attitude import (
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate
+from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
+from auv_torchrl.diagnosis.identify.attitude import (
     attitude_finding,
     hold_attitude,
     is_hidden,
     level_enough,
     log_likelihood,
 )
-from auv_torchrl.diagnosis.which.candidates import Others
-from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.hypotheses import Settings
-from auv_torchrl.diagnosis.which.judged import leaves_much
-from auv_torchrl.diagnosis.which.onset import Onset, find_onset, is_absent
-from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.refine import Progress, explains
-from auv_torchrl.diagnosis.which.search import Found, search
+from auv_torchrl.diagnosis.identify.candidates import Others
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.judged import leaves_much
+from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.refine import Progress, explains
+from auv_torchrl.diagnosis.identify.search import Found, search
+from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.thresholds import NEAR, POLISHED
+from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 

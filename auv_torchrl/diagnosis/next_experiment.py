@@ -5,14 +5,14 @@ from typing import cast
 import numpy as np
 import torch
 
+from auv_torchrl.diagnosis.identify.equivalence import alternatives
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
-from auv_torchrl.diagnosis.which.equivalence import alternatives
-from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.hypotheses import batch
-from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.search import Found
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle

@@ -6,7 +6,7 @@ left when a free force follows everything slower, and not weighed against it.
 
 import numpy as np
 
-from auv_torchrl.diagnosis.which.problem import Problem
+from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES

@@ -9,9 +9,9 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from auv_torchrl.diagnosis.calibration.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.settings import read_settings
-from auv_torchrl.diagnosis.which.hypotheses import Settings
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, join, read_flightlog
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.paths import EXAMPLE_LOG

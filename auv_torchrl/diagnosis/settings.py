@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
-from auv_torchrl.diagnosis.which.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Parameter
 from auv_torchrl.settings import Entries, In, check, choices, settings_of

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.closing.close import FLOOR_M, Closed, close
-from auv_torchrl.closing.diagnosed import Diagnosed
-from auv_torchrl.closing.target_log import fly_target_log
 from auv_torchrl.command import checking_input
+from auv_torchrl.compensation.close import FLOOR_M, Closed, close
+from auv_torchrl.compensation.diagnosed import Diagnosed
+from auv_torchrl.compensation.target_log import fly_target_log
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.report import write_files
 from auv_torchrl.evaluation import Flight, Metrics, fly

@@ -9,10 +9,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from torch import Tensor
 
+from auv_torchrl.adaptation import PHASES, Phase
+from auv_torchrl.adaptation.moments import Happening
+from auv_torchrl.adaptation.recovery import BACK_M
 from auv_torchrl.experiment.figures import FLOOR_M, bare
-from auv_torchrl.online import PHASES, Phase
-from auv_torchrl.online.moments import Happening
-from auv_torchrl.online.recovery import BACK_M
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T
 from auv_torchrl.recording import OneFlight
 

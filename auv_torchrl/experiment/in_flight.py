@@ -11,16 +11,16 @@ from tensordict import TensorDict
 from torch import Tensor
 from torchrl.envs import TransformedEnv
 
+from auv_torchrl.adaptation import InFlightAdapter
+from auv_torchrl.adaptation.cost import cost_per_step
+from auv_torchrl.adaptation.flight import AdaptedFlight, fly_adapting, gains
+from auv_torchrl.adaptation.moments import Moment, moments
+from auv_torchrl.adaptation.recovery import BACK_M, SETTLED_S, Recovery, recoveries
 from auv_torchrl.authority import Authority, controlled_allocation
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.evaluation import Flight, Policy, fly
 from auv_torchrl.experiment.schedule import Schedule, schedule
 from auv_torchrl.experiment.setup import Experiment
-from auv_torchrl.online import OnlineAdapter
-from auv_torchrl.online.cost import cost_per_step
-from auv_torchrl.online.flight import AdaptedFlight, fly_online, gains
-from auv_torchrl.online.moments import Moment, moments
-from auv_torchrl.online.recovery import BACK_M, SETTLED_S, Recovery, recoveries
 from auv_torchrl.recording import OneFlight
 from auv_torchrl.vehicle import Vehicle
 
@@ -177,10 +177,10 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
     count = len(starts)
     task = replace(experiment.exam, episode_s=config.length_s, thruster_commands=True)
     plan = schedule(experiment.scenario, experiment.vehicle, config, count, experiment.starts_seed, task.control_dt)
-    adapter = OnlineAdapter(experiment.vehicle, task, experiment.online, count)
+    adapter = InFlightAdapter(experiment.vehicle, task, experiment.adaptation, count)
     fleet = experiment.fleet(count, plan.scenario, thruster_commands=True, episode_s=config.length_s)
     fleet.simulator.delay_scenario(plan.delay_s)
-    adapted = fly_online(TransformedEnv(fleet, observing(adapter, task)), policy, starts, task.steps)
+    adapted = fly_adapting(TransformedEnv(fleet, observing(adapter, task)), policy, starts, task.steps)
     alone = _fly_alone(experiment, plan, policy, starts, task.steps)
     nexts = [change.at_s for change in plan.changes[1:]] + [None]
     recovered = tuple(
@@ -189,7 +189,7 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
     )
     _warn_of_early_faults(adapted, plan)
     remaining, agreeing = _consensus(adapter, recovered[-1])
-    cost = cost_per_step(experiment.vehicle, experiment.online, TIMED_STEPS)
+    cost = cost_per_step(experiment.vehicle, experiment.adaptation, TIMED_STEPS)
     return InFlight(plan, adapted, alone, recovered, remaining, agreeing, cost)
 
 
@@ -210,7 +210,7 @@ def _warn_of_early_faults(adapted: AdaptedFlight, plan: Schedule) -> None:
         )  # fmt: skip
 
 
-def _consensus(adapter: OnlineAdapter, last: Recovery) -> tuple[Authority, float]:
+def _consensus(adapter: InFlightAdapter, last: Recovery) -> tuple[Authority, float]:
     """What most of the vehicles that noticed the last change can still do, and the share that agrees."""
     noticed = last.alarm_s.isfinite()
     rows = noticed.nonzero()[:, 0].tolist() if noticed.any() else range(len(noticed))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from auv_torchrl.closing.command_share import command_sentence
+from auv_torchrl.compensation.command_share import command_sentence
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.experiment.console import readable
 from auv_torchrl.experiment.paper import TABLE_2

@@ -13,8 +13,8 @@ from auv_torchrl.agents.policy import PolicyError, SourcePolicy
 from auv_torchrl.agents.storage import StorageError, storing
 from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
-from auv_torchrl.closing.command_share import command_share
 from auv_torchrl.command import checking_input
+from auv_torchrl.compensation.command_share import command_share
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
 from auv_torchrl.ddr.store import load_or_pretrain

@@ -7,7 +7,7 @@ from typing import Annotated
 import torch
 from torch import Tensor
 
-from auv_torchrl.online.recovery import SETTLED_S
+from auv_torchrl.adaptation.recovery import SETTLED_S
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.settings import In, check_fields
 from auv_torchrl.vehicle import Vehicle

@@ -8,13 +8,13 @@ from typing import Annotated, Any, get_type_hints
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, OmegaConf
 
+from auv_torchrl.adaptation import AdaptationConfig
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.fine_tune import FineTuning
-from auv_torchrl.closing.target_log import Excitation
+from auv_torchrl.compensation.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import BACKENDS
 from auv_torchrl.experiment.schedule import FlightConfig
-from auv_torchrl.online import OnlineConfig
 from auv_torchrl.paths import config_names
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS
@@ -50,7 +50,7 @@ class TrainSchema:
     randomization: dict[str, Any] = field(default_factory=dict)
     agent: Any = field(default_factory=schema_of(AgentConfig))
     adapter: Any = field(default_factory=schema_of(AdapterConfig))
-    online: Any = field(default_factory=schema_of(OnlineConfig))
+    adaptation: Any = field(default_factory=schema_of(AdaptationConfig))
     flight: Any = field(default_factory=schema_of(FlightConfig))
     diagnosis_file: str | None = None
     diagnose: bool = False

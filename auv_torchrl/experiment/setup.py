@@ -10,17 +10,17 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
 from tensordict import TensorDict
 
+from auv_torchrl.adaptation import AdaptationConfig
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.fine_tune import FineTuning
-from auv_torchrl.closing.diagnosed import Diagnosed, read_diagnosed
-from auv_torchrl.closing.target_log import Excitation
+from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
+from auv_torchrl.compensation.target_log import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
 from auv_torchrl.experiment.schedule import FlightConfig, schedule
 from auv_torchrl.experiment.schema import TrainSchema
-from auv_torchrl.online import OnlineConfig
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.settings import check, settings_of
 from auv_torchrl.tasks import Task, read_task
@@ -42,7 +42,7 @@ class Experiment:
     randomization: Mapping[str, Any]
     agent: AgentConfig
     adapter: AdapterConfig
-    online: OnlineConfig
+    adaptation: AdaptationConfig
     flight: FlightConfig
     diagnosed: Diagnosed | None  # what the controller is to be closed with
     diagnose: bool  # or whether to find out
@@ -117,7 +117,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         randomization=randomization,
         agent=settings_of(AgentConfig, _plain(config.agent), "agent"),
         adapter=AdapterConfig(**_plain(config.adapter)),
-        online=OnlineConfig(**_plain(config.online)),
+        adaptation=AdaptationConfig(**_plain(config.adaptation)),
         flight=flight,
         diagnosed=diagnosed,
         diagnose=config.diagnose,

@@ -13,7 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.seal import log_path, read_manifest, write_json

@@ -17,21 +17,21 @@ import torch
 import yaml
 from torchrl.envs import TransformedEnv
 
+from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
 from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.fine_tune import FineTuning
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, pulse_test, weigh_particles
-from auv_torchrl.closing.close import Closed, close
-from auv_torchrl.closing.diagnosed import Diagnosed
-from auv_torchrl.closing.target_log import Excitation, fly_target_log
+from auv_torchrl.compensation.close import Closed, close
+from auv_torchrl.compensation.diagnosed import Diagnosed
+from auv_torchrl.compensation.target_log import Excitation, fly_target_log
 from auv_torchrl.ddr import AdapterConfig, DDRAdapter, adapt
 from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.evaluation import Flight, Metrics, draw_starts, fly
-from auv_torchrl.online import OnlineAdapter, load_online_config
 from auv_torchrl.paths import PROJECT, config_names, config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping, Task
@@ -122,7 +122,7 @@ def ddr(bench: Bench, kind: str) -> Attempt:
 
 def online(bench: Bench) -> Attempt:
     """Learn the thrusters in flight."""
-    adapter = OnlineAdapter(bench.vehicle, bench.task(), load_online_config(), bench.count)
+    adapter = InFlightAdapter(bench.vehicle, bench.task(), load_adaptation_config(), bench.count)
     return Attempt(bench.fly(bench.policy, observing(adapter, bench.task()), True))
 
 

@@ -12,13 +12,13 @@ import torch
 import yaml
 from torchrl.envs import TransformedEnv
 
+from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
+from auv_torchrl.adaptation.cost import cost_per_step
+from auv_torchrl.adaptation.flight import AdaptedFlight, fly_adapting
+from auv_torchrl.adaptation.recovery import Recovery, recoveries
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Policy, draw_starts
-from auv_torchrl.online import OnlineAdapter, load_online_config
-from auv_torchrl.online.cost import cost_per_step
-from auv_torchrl.online.flight import AdaptedFlight, fly_online
-from auv_torchrl.online.recovery import Recovery, recoveries
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Change, Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
@@ -55,10 +55,10 @@ def fly_fault(
     draws = torch.rand(count, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     delays = (LATEST_S - EARLIEST_S) * draws
     fleet.simulator.delay_scenario(delays)
-    adapter = OnlineAdapter(vehicle, task, load_online_config(overrides=overrides), count)
+    adapter = InFlightAdapter(vehicle, task, load_adaptation_config(overrides=overrides), count)
     env = TransformedEnv(fleet, observing(adapter, task))
     starts = draw_starts(task, count, seed=seed + 1)
-    return fly_online(env, policy, starts, round(seconds / task.control_dt)), EARLIEST_S + delays
+    return fly_adapting(env, policy, starts, round(seconds / task.control_dt)), EARLIEST_S + delays
 
 
 def row(name: str, condition: str, recovery: Recovery, least_s: torch.Tensor) -> str:
@@ -110,7 +110,7 @@ def main() -> None:
         for fault in FAULTS:
             flown, fault_s = fly_fault(vehicle, policy, fault, condition, count, seconds)
             recovery = recoveries(flown, fault_s, vehicle)
-            config = load_online_config(overrides=CONDITIONS[condition][1])
+            config = load_adaptation_config(overrides=CONDITIONS[condition][1])
             least = least_delays(flown.flight, fault_s + recovery.felt_s, vehicle, config)
             print(row(fault, condition, recovery, least), flush=True)
     print()
@@ -124,7 +124,7 @@ def main() -> None:
             f"them after the first 5 s.\n"
         )
     for sensed in ("velocity", "pose"):
-        following, searching = cost_per_step(vehicle, load_online_config(overrides={"sensed": sensed}))
+        following, searching = cost_per_step(vehicle, load_adaptation_config(overrides={"sensed": sensed}))
         print(
             f"Cost per control step at batch 1, {sensed}: {following:.2f} ms of CPU while following, "
             f"{searching:.2f} ms while searching, refit included (the fit is recursive: it has no other cost).\n"

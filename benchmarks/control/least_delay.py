@@ -6,18 +6,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from auv_torchrl.adaptation import AdaptationConfig
+from auv_torchrl.adaptation.filter import MOTION, VELOCITY, EffectivenessFilter
+from auv_torchrl.adaptation.motion import SourceMotion
+from auv_torchrl.adaptation.recovery import altered_thrust
 from auv_torchrl.evaluation import Flight
-from auv_torchrl.online import OnlineConfig
-from auv_torchrl.online.filter import MOTION, VELOCITY, EffectivenessFilter
-from auv_torchrl.online.motion import SourceMotion
-from auv_torchrl.online.recovery import altered_thrust
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 _D = len(CONTROLLED)
 
 
-def least_delays(flight: Flight, begins_s: Tensor, vehicle: Vehicle, config: OnlineConfig) -> Tensor:
+def least_delays(flight: Flight, begins_s: Tensor, vehicle: Vehicle, config: AdaptationConfig) -> Tensor:
     """Shortest mean detection delay (N,) in s that a test with the adapter's false alarms could have.
 
     No test with a mean of n steps between false alarms notices a change before its log likelihood ratio has grown by

@@ -15,11 +15,11 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import TransformedEnv
 
+from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
+from auv_torchrl.adaptation.flight import fly_adapting
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import STEADY_FROM_S, Flight, Policy, fly, steady_errors
-from auv_torchrl.online import OnlineAdapter, load_online_config
-from auv_torchrl.online.flight import fly_online
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import drag
 from auv_torchrl.scenario import Scenario, read_scenario
@@ -99,8 +99,8 @@ def fly_tank(run: Tank, source: Vehicle, policy: Policy, count: int, seed: int) 
     )
     if not adapted:
         return fly(fleet, policy, starts, task.steps), 0
-    adapter = OnlineAdapter(source, task, load_online_config(overrides={"sensed": "pose"}), count)
-    flown = fly_online(TransformedEnv(fleet, observing(adapter, task)), policy, starts, task.steps)
+    adapter = InFlightAdapter(source, task, load_adaptation_config(overrides={"sensed": "pose"}), count)
+    flown = fly_adapting(TransformedEnv(fleet, observing(adapter, task)), policy, starts, task.steps)
     return flown.flight, int(flown.alarm.sum())
 
 

@@ -8,12 +8,12 @@ import pytest
 import torch
 import yaml
 
+from auv_torchrl.adaptation import load_adaptation_config
+from auv_torchrl.adaptation.cost import cost_per_step
+from auv_torchrl.adaptation.recovery import recoveries
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.evaluation import Metrics
-from auv_torchrl.online import load_online_config
-from auv_torchrl.online.cost import cost_per_step
-from auv_torchrl.online.recovery import recoveries
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.tasks import StationKeeping
@@ -93,7 +93,7 @@ def test_a_fault_in_flight_gives_a_row_of_the_table():
     assert fault_s[0] != fault_s[1]
     found = recoveries(flown, fault_s, VEHICLE)
     assert float(found.largest_m.max()) < 0.4
-    least = least_delays(flown.flight, fault_s + found.felt_s, VEHICLE, load_online_config())
+    least = least_delays(flown.flight, fault_s + found.felt_s, VEHICLE, load_adaptation_config())
     assert (least <= found.delay_s).all()  # no test is faster than the one that is told everything
     assert row("swap", "still water", found, least).count("|") == 13
 
@@ -101,6 +101,6 @@ def test_a_fault_in_flight_gives_a_row_of_the_table():
 @pytest.mark.parametrize("sensed", ["velocity", "pose"])
 def test_the_adapter_takes_a_small_part_of_a_control_step(sensed):
     """At batch 1 the adapter's own CPU time stays far below the control step of 50 ms."""
-    following, searching = cost_per_step(VEHICLE, load_online_config(overrides={"sensed": sensed}), steps=60)
+    following, searching = cost_per_step(VEHICLE, load_adaptation_config(overrides={"sensed": sensed}), steps=60)
     assert following < 10.0
     assert searching < 10.0

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.paths import OWN, PROJECT
 from auv_torchrl.physics import prepare

@@ -5,8 +5,8 @@ import pytest
 from flown_logs import fly, hold, with_slack
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.calibration.healthy import calibrate
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
+from auv_torchrl.diagnosis.calibrate.healthy import calibrate
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))

@@ -13,16 +13,16 @@ from example import example
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.calibration.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.calibration.manoeuvres import differences, respond
-from auv_torchrl.diagnosis.calibration.uncertainty import load_uncertainty, read_uncertainty
-from auv_torchrl.diagnosis.how_far.predict import predict
-from auv_torchrl.diagnosis.how_far.veto import is_worse, only, scaled_errors
+from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
+from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
+from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
+from auv_torchrl.diagnosis.validate.predict import predict
+from auv_torchrl.diagnosis.validate.veto import is_worse, only, scaled_errors
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
-from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
-from auv_torchrl.diagnosis.which.fit import fit_by_simulation
-from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import join
 from auv_torchrl.paths import config_names

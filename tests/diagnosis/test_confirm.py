@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from flown_logs import AXES, fly, hold
 
-from auv_torchrl.diagnosis.how_far.confirm import confirm, fly_again
-from auv_torchrl.diagnosis.how_far.predict import errors_by_kind, held_out_windows, predict
-from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.validate.confirm import confirm, fly_again
+from auv_torchrl.diagnosis.validate.predict import errors_by_kind, held_out_windows, predict
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.vehicle import load_vehicle
 

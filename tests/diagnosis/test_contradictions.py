@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import simulated_logs

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 import auv_torchrl
 from auv_torchrl.diagnosis import Diagnosis, diagnose
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.report.files import write_files
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE, VELOCITY, FlightLogError, raw_columns, read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.which.hypotheses import load_settings, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings, slack_parameters
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs

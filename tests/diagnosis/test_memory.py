@@ -9,17 +9,17 @@ from flown_logs import fly, hold
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from auv_torchrl.diagnosis.identify import quadratics
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.judged import Base, is_minor
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.diagnosis.motion.windows import cut_windows
-from auv_torchrl.diagnosis.which import quadratics
-from auv_torchrl.diagnosis.which.explanation import Explanation
-from auv_torchrl.diagnosis.which.fit import fit_by_simulation
-from auv_torchrl.diagnosis.which.following import follow_windows
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
-from auv_torchrl.diagnosis.which.judged import Base, is_minor
-from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.screen import Field
-from auv_torchrl.diagnosis.which.search import search
 from auv_torchrl.vehicle import load_vehicle
 
 SETTINGS = load_settings()

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
+from auv_torchrl.diagnosis.identify.equivalence import alternatives, indistinguishable
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.next_experiment import choose_experiment, explore, manoeuvres
 from auv_torchrl.diagnosis.verdict import Verdict, Where
-from auv_torchrl.diagnosis.which.equivalence import alternatives, indistinguishable
-from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
-from auv_torchrl.diagnosis.which.following import follow_windows
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
-from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.screen import Field
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")

@@ -11,21 +11,21 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.how_far.predict import predict
-from auv_torchrl.diagnosis.how_far.veto import falls_short
+from auv_torchrl.diagnosis.identify.assess import as_sure
+from auv_torchrl.diagnosis.identify.candidates import Others
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, rebase
+from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.identify.judged import slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.thresholds import NEAR, SLACK_LIMIT
-from auv_torchrl.diagnosis.which.assess import as_sure
-from auv_torchrl.diagnosis.which.candidates import Others
-from auv_torchrl.diagnosis.which.explanation import Explanation, Knob
-from auv_torchrl.diagnosis.which.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.which.following import follow_windows, hand_on, nudge, rebase
-from auv_torchrl.diagnosis.which.hypotheses import apply_values, load_settings
-from auv_torchrl.diagnosis.which.judged import slack_now
-from auv_torchrl.diagnosis.which.problem import Problem
-from auv_torchrl.diagnosis.which.screen import Field
-from auv_torchrl.diagnosis.which.search import search
+from auv_torchrl.diagnosis.validate.predict import predict
+from auv_torchrl.diagnosis.validate.veto import falls_short
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
 from benchmarks.blind.fly import fly as sealed_flights

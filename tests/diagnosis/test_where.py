@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.onset import find_onset
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.localize.attribute import attribute, in_turn, stuck
+from auv_torchrl.diagnosis.localize.locate import gap_by_window, regimes
 from auv_torchrl.diagnosis.motion.windows import cut_windows
-from auv_torchrl.diagnosis.where.attribute import attribute, in_turn, stuck
-from auv_torchrl.diagnosis.where.locate import gap_by_window, regimes
-from auv_torchrl.diagnosis.which.following import follow_windows
-from auv_torchrl.diagnosis.which.hypotheses import load_settings
-from auv_torchrl.diagnosis.which.onset import find_onset
-from auv_torchrl.diagnosis.which.problem import Problem
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))

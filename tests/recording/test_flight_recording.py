@@ -10,14 +10,14 @@ import torch
 from rerun.chunk import RrdReader
 from torchrl.envs import TransformedEnv
 
+from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
+from auv_torchrl.adaptation.flight import fly_adapting, gains
+from auv_torchrl.adaptation.moments import Happening, moments
+from auv_torchrl.adaptation.recovery import recoveries
 from auv_torchrl.authority import controlled_allocation
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import draw_starts, fly
-from auv_torchrl.online import OnlineAdapter, load_online_config
-from auv_torchrl.online.flight import fly_online, gains
-from auv_torchrl.online.moments import Happening, moments
-from auv_torchrl.online.recovery import recoveries
 from auv_torchrl.recording import OneFlight, record_run
 from auv_torchrl.recording.flight import FAR, NEAR
 from auv_torchrl.scenario import read_scenario
@@ -36,10 +36,10 @@ def one(pd_policy) -> OneFlight:
     config = {"effects": {"thruster_gain": {"gain_1": -1.0, "start_s": FAULT_S}}}
     scenario = read_scenario("reversed", config, vehicle)
     starts = draw_starts(task, 1, seed=1)
-    adapter = OnlineAdapter(vehicle, thrusters, load_online_config(), 1)
+    adapter = InFlightAdapter(vehicle, thrusters, load_adaptation_config(), 1)
     target = TorchFleet(vehicle, thrusters, 1, scenario=scenario, seed=0)
     fleet = TransformedEnv(target, observing(adapter, thrusters))
-    adapted = fly_online(fleet, pd_policy, starts, task.steps)
+    adapted = fly_adapting(fleet, pd_policy, starts, task.steps)
     alone = fly(TorchFleet(vehicle, task, 1, scenario=scenario, seed=0), pd_policy, starts, task.steps)
     found = recoveries(adapted, torch.tensor([FAULT_S]), vehicle)
     nominal = controlled_allocation(vehicle)

@@ -1,0 +1,68 @@
+"""A flight with the adaptation in it: what the vehicles did, and what the adapter made of it."""
+
+from typing import cast
+
+import torch
+from tensordict import TensorClass, TensorDict
+from torch import Tensor
+from torchrl.envs import EnvBase
+
+from auv_torchrl.adaptation.adapter import ALARM, MAP, PHASE, STATISTIC
+from auv_torchrl.evaluation import Flight, Policy, flight_of, roll_out
+
+
+class AdaptedFlight(TensorClass):
+    """N flights, batch (N, T + 1): the start and the state after each of T control steps."""
+
+    flight: Flight
+    alarm: Tensor  # () bool, whether a change was noticed in the step that ends here
+    phase: Tensor  # () index of auv_torchrl.adaptation.PHASES
+    statistic: Tensor  # () the detector's sum as a share of its threshold
+    effectiveness: Tensor  # (4, n) estimated wrench in N and N m per share of full thrust
+
+    def of_start(self, start: int) -> "AdaptedFlight":
+        """The flight of one start, batch (T + 1)."""
+        return cast(AdaptedFlight, self[start])
+
+
+def fly_adapting(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> AdaptedFlight:
+    """Fly one vehicle per start with an :class:`~auv_torchrl.adaptation.InFlightAdapter` as the outermost transform.
+
+    Args:
+        fleet: N vehicles that take thruster commands, with the adapter.
+        policy: reads ``observation``, writes ``action``.
+        starts: N starts from :func:`auv_torchrl.evaluation.draw_starts`.
+        steps: control steps; the episode must not be shorter.
+
+    Returns:
+        The flights, on the CPU.
+    """
+    rollout = roll_out(fleet, policy, starts, steps).cpu()
+
+    def reported(name: str) -> Tensor:
+        return torch.cat((rollout[name][:, :1], rollout["next", name]), dim=1)
+
+    flight = flight_of(rollout)
+    return AdaptedFlight(
+        flight=flight,
+        alarm=reported(ALARM)[..., 0],
+        phase=reported(PHASE)[..., 0],
+        statistic=reported(STATISTIC)[..., 0],
+        effectiveness=reported(MAP),
+        batch_size=flight.batch_size,
+    )
+
+
+def gains(effectiveness: Tensor, nominal: Tensor) -> Tensor:
+    """What each thruster does of what it should do, (..., n): 1 healthy, 0 dead, -1 reversed.
+
+    The effect of a thruster (a column of the effectiveness) is projected onto its nominal effect, with forces and
+    moments in units of what all thrusters together can give.
+
+    Args:
+        effectiveness: (..., 4, n) wrench per share of full thrust.
+        nominal: (4, n) that of the healthy vehicle.
+    """
+    nominal = nominal.to(effectiveness)
+    weight = 1.0 / nominal.abs().sum(-1, keepdim=True) ** 2
+    return (weight * nominal * effectiveness).sum(-2) / (weight * nominal**2).sum(-2)

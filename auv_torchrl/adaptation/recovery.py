@@ -1,0 +1,118 @@
+"""How vehicles came through a change in flight: when it was noticed, how far they went off, when they were back."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from auv_torchrl.adaptation.flight import AdaptedFlight
+from auv_torchrl.adaptation.learner import FOLLOWING
+from auv_torchrl.evaluation import Flight
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
+from auv_torchrl.vehicle import Vehicle
+
+BACK_M = 0.05  # a vehicle has recovered once it stays closer than this to the target
+FELT_N = 1.0  # a change is felt once a thruster gives this much more or less than it would have before
+SETTLED_S = 10.0  # after the change; the error is averaged from then on
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Of N flights with a change each, (N,)."""
+
+    time_s: Tensor  # from the change until the vehicle is closer than 5 cm for good; infinite if never
+    largest_m: Tensor  # largest error after the change
+    steady_m: Tensor  # mean error from 10 s after the change on; NaN where the next change comes before
+    felt_s: Tensor  # from the change until it first alters a thrust; infinite if it never does
+    alarm_s: Tensor  # from the change until the first alarm; infinite if there is none
+    delay_s: Tensor  # to the first alarm from when the change was felt, or came if no thrust is altered
+    refit_s: Tensor  # from the first alarm until the map has settled; infinite if it never does
+    alarms: Tensor  # number of alarms after the change
+    alarms_before: Tensor  # number of alarms before it
+
+    def as_dict(self) -> dict[str, Any]:
+        """Shares, medians and percentiles over the flights, for JSON; None where there is no such number.
+
+        Delay and refit are those of the flights in which the change was noticed.
+        """
+        noticed = self.alarm_s.isfinite()
+        steady = self.steady_m[~self.steady_m.isnan()]
+        return {
+            "felt": float(self.felt_s.isfinite().double().mean()),
+            "noticed": float(noticed.double().mean()),
+            "delay_s": _spread(self.delay_s[noticed]),
+            "refit_s": _spread(self.refit_s[noticed]),
+            "recovery_s": _spread(self.time_s),
+            "largest_m": _spread(self.largest_m),
+            "steady_m": {"mean": _number(steady.mean()), "worst": _number(steady.max())} if len(steady) else None,
+        }
+
+
+def _spread(values: Tensor) -> dict[str, float | None] | None:
+    if not len(values):
+        return None
+    quantiles = {"median": 0.5, "p90": 0.9}
+    return {name: _number(values.quantile(q, interpolation="higher")) for name, q in quantiles.items()}
+
+
+def _number(value: Tensor) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s: Tensor | None = None) -> Recovery:
+    """Judge N flights of vehicles that each change at ``change_s`` (N,).
+
+    Args:
+        flown: the flights.
+        change_s: s since the start of the flight.
+        before: the vehicle (empty batch) before the change.
+        until_s: (N,) when the next change comes; None for none.
+
+    Raises:
+        ValueError: if a flight ends less than 10 s after its last change.
+    """
+    flight = flown.flight
+    time = flight.time.double()
+    if until_s is None and float((time[:, -1] - change_s).min()) < SETTLED_S:
+        raise ValueError(f"recovery: a flight ends within {SETTLED_S:g} s of its fault: fly longer or break it earlier")
+    since = time - change_s.double()[:, None]
+    after = since > 0
+    if until_s is not None:
+        after &= time <= until_s.double()[:, None]
+    error = flight.position_error.double()
+    outside = after & (error >= BACK_M)
+    last = torch.where(outside, since, 0.0).amax(1)
+    final = torch.where(after, torch.arange(after.shape[1]), 0).amax(1, keepdim=True)
+    never = outside.gather(1, final)[:, 0]
+    felt = _first(altered_thrust(flight, before).abs().amax(-1) > FELT_N, after, since)
+    alarm = _first(flown.alarm, after, since)
+    follows = after & (since > alarm[:, None])
+    settled = _first(flown.phase == FOLLOWING, follows, since)
+    late = after & (since >= SETTLED_S)
+    return Recovery(
+        time_s=torch.where(never, torch.inf, last),
+        largest_m=torch.where(after, error, 0.0).amax(1),
+        steady_m=torch.where(late, error, 0.0).sum(1) / late.sum(1),
+        felt_s=felt,
+        alarm_s=alarm,
+        delay_s=(alarm - torch.where(felt.isfinite(), felt, 0.0)).clamp_min(0.0),
+        refit_s=torch.where(settled.isfinite(), settled - alarm, torch.inf),
+        alarms=(flown.alarm & after).sum(1),
+        alarms_before=(flown.alarm & (since <= 0)).sum(1),
+    )
+
+
+def altered_thrust(flight: Flight, before: Vehicle) -> Tensor:
+    """What each thruster gives beyond what it would have given before the change, N, (N, T + 1, n) float64."""
+    c = prepare(before.double())
+    terms = ActiveTerms.of(c)
+    expected = applied_thrust(c, terms, thrust_target(c, terms, flight.command.double()), flight.time.double())
+    return flight.thrust.double() - expected
+
+
+def _first(event: Tensor, within: Tensor, since: Tensor) -> Tensor:
+    """Time of the first event there, (N,); infinite if there is none."""
+    return torch.where(event & within, since, torch.inf).amin(1)

@@ -1,0 +1,134 @@
+"""When thrust follows its command late: which delay and lag explain what a vehicle did, if none does not."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from auv_torchrl.adaptation.config import AdaptationConfig
+from auv_torchrl.adaptation.memory import Memory
+from auv_torchrl.physics.thrusters import delayed
+
+Array = Any
+_MEMORY = 60  # control steps
+_SETTLE = 12  # control steps before a window, in which an unknown thrust dies out
+_RIDGE = 1e-3
+
+
+class ActuatorTiming(Memory):
+    """Delay and lag of each of N vehicles, chosen from a grid by how well they explain the last seconds.
+
+    Args:
+        count: number of vehicles N.
+        nominal: (4, n) wrench per share of the source vehicle.
+        control_dt: s.
+        config: says which delays and lags there may be.
+    """
+
+    chosen: Array  # (N,) number of the timing
+    shares: Array  # (N, steps, n) commanded, newest first
+    wrenches: Array  # (N, steps, 4) that explain the motion, newest first
+    arrived: Array  # (N, n) thrust under the chosen timing, at the end of the last step
+
+    def __init__(self, count: int, nominal: Array, control_dt: float, config: AdaptationConfig):
+        super().__init__()
+        n = nominal.shape[1]
+        self.config = config
+        there_are = [(0.0, 0.0), *itertools.product(config.delays_s, config.lags_s)]  # the first is none
+        self.timings = np.array(list(dict.fromkeys(there_are)))
+        self.control_dt, self.unit = control_dt, np.abs(nominal).sum(-1)
+        self.nominal = nominal
+        self.remember(chosen=np.zeros(count, dtype=np.int64), shares=np.zeros((count, _MEMORY, n)))
+        self.remember(wrenches=np.full((count, _MEMORY, 4), np.nan), arrived=np.zeros((count, n)))
+
+    def begin(self, rows: Array) -> None:
+        """Thrusters are silent in these rows; the timing that was found stays."""
+        self.shares[rows] = 0.0
+        self.arrived[rows] = 0.0
+        self.wrenches[rows] = np.nan
+
+    def arriving(self, share: Array) -> Array:
+        """Mean thrust over a control step (N, n) in which ``share`` (N, n) is commanded, under the chosen timing."""
+        self.shares = np.concatenate((share[:, None], self.shares[:, :-1]), axis=1)
+        if not self.chosen.any():
+            return share
+        delay, lag = self.timings[self.chosen].T
+        mean, self.arrived = _lagged(delayed(self.shares, delay, self.control_dt), self.arrived, lag, self.control_dt)
+        return mean
+
+    def learn(self, wrench: Array) -> None:
+        """Remember the wrenches (N, 4) that explain the last step; NaN where it could not be measured."""
+        self.wrenches = np.concatenate((wrench[:, None], self.wrenches[:, :-1]), axis=1)
+
+    def judge(self, row: int, steps: int) -> bool:
+        """Choose the timing that explains the last ``steps`` steps of a vehicle best; returns whether it is new."""
+        steps = min(steps, _MEMORY - _SETTLE)
+        wrench = self.wrenches[row, :steps][::-1] / self.unit
+        known = np.isfinite(wrench).all(-1)
+        if known.sum() < self.config.timing_steps:
+            return False
+        errors = np.array([self._error(row, steps, delay, lag, wrench, known) for delay, lag in self.timings])
+        best = int(errors.argmin())
+        if best == self.chosen[row] or errors[best] > self.config.timing_error_left * errors[self.chosen[row]]:
+            return False
+        self.chosen[row] = best
+        _, self.arrived[row] = self._arrivals(row, steps, *self.timings[best])
+        return True
+
+    def timing_of(self, row: int) -> tuple[float, float]:
+        """Delay and lag in s."""
+        delay, lag = self.timings[self.chosen[row]].tolist()
+        return delay, lag
+
+    def late_s(self) -> Array:
+        """Delay and lag together, (N,) s: how far ahead a command acts."""
+        return self.timings[self.chosen].sum(-1)
+
+    def coming(self, rows: Array, steps: int) -> list[Array]:
+        """Mean thrusts (k, n) of some vehicles over the next ``steps`` steps if the last command is held."""
+        delay, lag = self.timings[self.chosen[rows]].T
+        sent, arrived, thrusts = self.shares[rows], self.arrived[rows], []
+        for _ in range(steps):
+            sent = np.concatenate((sent[:, :1], sent[:, :-1]), axis=1)
+            mean, arrived = _lagged(delayed(sent, delay, self.control_dt), arrived, lag, self.control_dt)
+            thrusts.append(mean)
+        return thrusts
+
+    def _error(self, row: int, steps: int, delay: float, lag: float, wrench: Array, known: Array) -> float:
+        """Squared error of the best map under a timing, in shares of the full wrench, per step."""
+        thrust, _ = self._arrivals(row, steps, delay, lag)
+        x = np.concatenate((thrust[known], np.ones((int(known.sum()), 1))), axis=1)
+        y = wrench[known]
+        prior = np.concatenate((self.nominal / self.unit[:, None], np.zeros((4, 1))), axis=1).T
+        gram = x.T @ x + _RIDGE * np.eye(x.shape[1])
+        fit = np.linalg.solve(gram, x.T @ y + _RIDGE * prior)
+        return float(np.square(y - x @ fit).sum() / max(len(x) - x.shape[1], 1))
+
+    def _arrivals(self, row: int, steps: int, delay: float, lag: float) -> tuple[Array, Array]:
+        """Mean thrusts (steps, n) of the last steps of a vehicle under a timing, oldest first, and the last thrust."""
+        reach = min(steps + _SETTLE, _MEMORY)
+        sent = self.shares[row, :reach]
+        late = int(np.ceil(delay / self.control_dt))
+        padded = np.concatenate((sent, np.repeat(sent[-1:], late + 1, axis=0)))
+        windows = np.stack([padded[k : k + late + 2] for k in range(reach)])
+        reaching = delayed(windows, np.full(reach, delay), self.control_dt)[::-1]
+        share, left = _lag_shares(np.array(lag), self.control_dt)
+        arrived = [reaching[0]]
+        for target in reaching:
+            arrived.append(target + (arrived[-1] - target) * left)
+        before = np.array(arrived[:-1])
+        return (reaching + (before - reaching) * share)[-steps:], arrived[-1]
+
+
+def _lagged(target: Array, before: Array, lag: Array, dt: float) -> tuple[Array, Array]:
+    """Mean over a step, and value at its end, of a first-order lag towards ``target`` (..., n)."""
+    share, left = _lag_shares(lag, dt)
+    return target + (before - target) * share, target + (before - target) * left
+
+
+def _lag_shares(lag: Array, dt: float) -> tuple[Array, Array]:
+    """Share (..., 1) of the distance to its target that a lag keeps, on the mean of a step and at its end."""
+    instant = lag < 1e-6
+    tau = np.where(instant, 1.0, lag)
+    left = np.where(instant, 0.0, np.exp(-dt / tau))[..., None]
+    return np.where(instant, 0.0, tau / dt * (1 - np.exp(-dt / tau)))[..., None], left

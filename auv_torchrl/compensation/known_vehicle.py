@@ -1,0 +1,197 @@
+"""The changes of a vehicle are known: command it so that it moves as the source vehicle would.
+
+Dynamic inversion with the simulator's own equations on both sides, and prediction over what comes late.
+"""
+
+from typing import Any, NamedTuple, Self, cast
+
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.data import Composite, TensorSpec
+
+from auv_torchrl.adaptation.config import load_adaptation_config
+from auv_torchrl.adaptation.transform import ThrusterTransform, array, measured_state, set_expected
+from auv_torchrl.ddr.actuation import Actuation
+from auv_torchrl.ddr.allocation import Allocation
+from auv_torchrl.ddr.transform import ACTION, EXPECTED, TIME, expected_spec
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
+from auv_torchrl.physics.hydrodynamics import acceleration
+from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix
+from auv_torchrl.physics.kinematics import wrap_angle as wrap
+from auv_torchrl.physics.step import push
+from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.sensors import MOTION, Inverse, ages
+from auv_torchrl.simulator import PlainSimulator, at_rest
+from auv_torchrl.simulator.rows import with_rows
+from auv_torchrl.tasks import Task
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+
+Array = Any
+_C = list(CONTROLLED_INDEX)
+
+
+class Model(NamedTuple):
+    """A vehicle as the equations of motion read it, numpy."""
+
+    c: Coefficients
+    terms: ActiveTerms
+    sensors: Inverse  # from what they report, of body velocities too, to the true motion
+    pose_age: float  # s, of what they report of the pose
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> Self:
+        """Of one vehicle (empty batch)."""
+        c = prepare(vehicle.double())
+        one = c.numpy().rows(None)
+        age = float(ages(one, MOTION[:6]).max())
+        return cls(c.numpy(), ActiveTerms.of(c), Inverse.of(one, MOTION[6:]), age)
+
+    def rate(self, state: State, thrust: Array) -> Array:
+        """Acceleration (N, 4) in the controlled degrees of freedom under thrusts (N, n) in N, before gains."""
+        wrench = body_wrench(self.c, self.terms, thrust, state.time)
+        rotation = rotation_matrix(state.quaternion)
+        return acceleration(self.c, self.terms, rotation, state.position, state.velocity, wrench)[:, _C]
+
+    def rate_per_share(self, time: Array) -> Array:
+        """What full thrust of each thruster adds to it at times (N,), (N, 4, n)."""
+        each = np.broadcast_to(np.diag(self.c.full_thrust), (len(time), *self.c.routing.shape))
+        wrench = body_wrench(self.c, self.terms, each, time[:, None])
+        return self.c.mass_inverse[_C] @ wrench.swapaxes(-1, -2)
+
+
+def level(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with roll and pitch held: to invert its tilt as well would leave it swinging."""
+    held = torch.zeros_like(vehicle.free)
+    held[_C] = 1.0
+    return changed(vehicle, free=held * vehicle.free)
+
+
+class KnownVehicle(ThrusterTransform):
+    """Turns the policy's channels into the thruster commands that move a known vehicle as they would the source.
+
+    At every step the acceleration that the action gives the source vehicle is worked out, and the thrusts that give
+    the known vehicle the same one in the controlled degrees of freedom, within its limits: gains, routing, drag,
+    inertia, load, current and tether are undone where the thrusters can. Late commands, late poses and lag are undone
+    by prediction, what the sensors do by their inverse: ``expected`` is what the source's sensors would report when
+    the next command acts, and a policy sees it through :class:`auv_torchrl.ddr.transform.Observe`.
+
+    Args:
+        source: one vehicle (empty batch), the one that the policy was trained on.
+        known: one vehicle (empty batch), what the target is taken for.
+        task: of the environment.
+    """
+
+    def __init__(self, source: Vehicle, known: Vehicle, task: Task):
+        super().__init__(source)
+        self.task = task
+        self._source, self._known = Model.of(source), Model.of(known)
+        self._source_level, self._known_level = Model.of(level(source)), Model.of(level(known))
+        c, dt = self._known.c, task.control_dt
+        self._receiver = c.routing.argmax(0)  # (n,) the thruster that a command reaches
+        curve = ("full_thrust", "exponent", "asymmetry", "dead_band", "limit")
+        self.actuation = Actuation(changed(source, **{name: getattr(known, name)[self._receiver] for name in curve}))
+        self._limits = [array(limit) for limit in self.actuation.share_limits]
+        start = np.zeros(1)
+        reach = np.abs(self._source.rate_per_share(start)[0])
+        config = load_adaptation_config()
+        self._kept = config.withheld_kept
+        self._weight = np.array((1.0, 1.0, 1.0, config.heading_weight**2)) / np.square(reach.sum(-1))
+        edge = c.dead_band / c.full_thrust
+        self._carry_limit = (np.abs(self._known.rate_per_share(start)[0]) * edge).max(-1)
+        self._quickness = thrust_after(c, self._known.terms, np.zeros(self.thrusters), np.ones(self.thrusters), dt)
+        self._ahead_steps = max(0, round(float(c.delay - self._source.c.delay) / dt))
+        self._pose_age = max(0.0, (self._known.pose_age - self._source.pose_age) / dt)  # control steps
+        self._vehicle = known
+        self._make_room(1)
+
+    # commands
+
+    def thrusts(self, nominal: Array) -> Array:
+        """Thrusts (N, n) to aim at, shares of full thrust by command, where the source would get ``nominal`` (N, n)."""
+        source, known, ahead = self._source_level, self._known_level, self._ahead
+        aim = nominal * source.c.full_thrust
+        self._source_thrust = thrust_after(source.c, source.terms, self._source_thrust, aim, self.task.control_dt)
+        self._effect = known.rate_per_share(ahead.time)[..., self._receiver]
+        wanted = source.rate(ahead, self._source_thrust) - known.rate(ahead, np.zeros_like(aim)) + self._carried
+        now, quickness = self._share_ahead, self._quickness[self._receiver]
+        low, high = (now + quickness * (limit - now) for limit in self._limits)
+        share = Allocation(self._weight, low, high)(wanted, self._effect, reference=nominal)
+        return now + (share - now) / quickness
+
+    def withheld(self, wanted: Array, given: Array) -> None:
+        """Remember the acceleration between what was aimed at, ``wanted`` (N, n), and what the dead band leaves."""
+        device = self.actuation.mixer.device
+        command = torch.from_numpy(self.command_for(wanted)).to(device)
+        missing = np.clip(wanted, *self._limits) - array(self.actuation.delivered(command))
+        lost = missing * self._quickness[self._receiver]
+        carried = self._kept * self._carried + (self._effect @ lost[..., None])[..., 0]
+        self._carried = np.clip(np.nan_to_num(carried), -self._carry_limit, self._carry_limit)
+
+    @property
+    def _share_ahead(self) -> Array:
+        """Thrust (N, n) when the next command acts, shares of full thrust, by command."""
+        return (self._ahead.thrust / self._known.c.full_thrust)[:, self._receiver]
+
+    # the state
+
+    def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
+        """Follow the vehicle through the step, and say where it is and will be."""
+        was = self._now.state
+        self._now.step(array(before.get(ACTION)))
+        expected = self._now.state
+        turned = wrap(euler_angles(expected.quaternion)[2] - euler_angles(was.quaternion)[2])
+        moved = np.concatenate((expected.position - was.position, turned[:, None]), axis=-1)
+        self._moved = push(self._moved, moved)
+        self._see(expected, after)
+
+    def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
+        """Begin the episodes of some vehicles where they are measured, with silent thrusters."""
+        count = len(tensordict.get(TIME))
+        if len(self._moved) != count:
+            self._make_room(count)
+        for name in ("_moved", "_source_thrust", "_carried"):
+            setattr(self, name, with_rows(getattr(self, name), rows, 0.0))
+        state = self._now.state
+        thrust, commands = (with_rows(values, rows, 0.0) for values in (state.thrust, state.commands))
+        self._see(state._replace(thrust=thrust, commands=commands), tensordict)
+
+    def _make_room(self, count: int) -> None:
+        vehicles, dt, n = self._vehicle.expand(count), self.task.control_dt, self.thrusters
+        self._now, self._later = PlainSimulator(vehicles, dt), PlainSimulator(vehicles, dt)
+        self._now.resume(at_rest(np.zeros((count, 3)), np.zeros(count), n))
+        self._ahead = self._now.state  # when the next command acts
+        self._moved = np.zeros((count, int(np.ceil(self._pose_age)) + 1, 4))  # x, y, z, yaw, newest step first
+        self._source_thrust = np.zeros((count, n))  # N
+        self._effect = np.zeros((count, 4, n))
+        self._carried = np.zeros((count, 4))  # acceleration that the dead band has withheld so far
+
+    def _see(self, expected: State, tensordict: TensorDictBase) -> None:
+        """Take in a measurement; where it is not a number, what was expected stands for it."""
+        measured = measured_state(tensordict)
+        usable = np.isfinite(measured).all(-1)
+        position, quaternion, velocity = np.split(self._known.sensors.true_state(measured[usable]), (3, 7), axis=-1)
+        age = np.clip(self._pose_age - np.arange(self._moved.shape[1]), 0.0, 1.0)
+        since = np.einsum("j,bjk->bk", age, self._moved[usable])
+        level = np.zeros(len(since))
+        turn = quaternion_from_euler(level, level, since[:, 3])
+        self._now.state = expected._replace(
+            position=with_rows(expected.position, usable, position + since[:, :3]),
+            quaternion=with_rows(expected.quaternion, usable, quaternion_product(turn, quaternion)),
+            velocity=with_rows(expected.velocity, usable, velocity),
+            time=array(tensordict.get(TIME))[:, 0],
+        )
+        self._later.state = self._now.state
+        for _ in range(self._ahead_steps):
+            self._later.step(self._now.state.commands[:, 0])
+        self._ahead = self._later.state
+        state = self._source.sensors.reported_state(np.concatenate(self._ahead[:3], axis=-1))
+        set_expected(tensordict, state, self._ahead.time)
+
+    def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
+        """Declare ``applied_action`` and ``expected``."""
+        spec = cast(Composite, super().transform_observation_spec(observation_spec))
+        spec[EXPECTED] = expected_spec(spec)
+        return spec

@@ -1,0 +1,186 @@
+"""Calibrate a vehicle whose file is a guess: all uncertain coefficients at once, kept if they predict unseen flight.
+
+A vehicle described by published coefficients is off in many of them at once, which no search for a few clear effects
+fits. So the whole file is corrected first, and effects are looked for on top of that.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
+from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, errors, fit, measure_scale, pseudo_huber
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.identify.attitude import hold_attitude
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, cut_windows
+from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.flightlog import Finding, FlightLog, Severity
+from auv_torchrl.vehicle import Vehicle
+
+WINDOW_S = 10.0  # s, as long as a prediction is wanted for; 5 s leave slow axes to the prior
+SHORTEST_S = 2.0  # s, below which a window shows no drag
+LEAST_WINDOWS, MOST_WINDOWS = 6, 60  # ten minutes: more adds time, not certainty
+FOLDS = 2
+SURE = 2.0  # standard errors by which unseen windows must be predicted better
+WORTH = 0.05  # of the error on unseen windows that must go
+CLEAR = 2.0  # standard deviations from which a coefficient is said to differ,
+NOTABLE = 0.25  # where it moved by this share of its uncertainty, too
+MOST_NAMED = 4  # coefficients of one effect that a sentence names
+Z95 = 1.96
+MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A vehicle with its coefficients as a log shows them, or as it was where that predicts no better."""
+
+    vehicle: Vehicle  # empty batch
+    effects: tuple[FoundEffect, ...] = ()  # what was corrected, empty where nothing was
+    sentences: tuple[str, ...] = ()  # for the summary
+    findings: tuple[Finding, ...] = ()
+
+    def settings(self, settings: Settings) -> Settings:
+        """Settings of a search on the log that was calibrated on: what is fitted already is not looked for again."""
+        fitted = [name for effect in self.effects for name in (effect.name, *EFFECTS[effect.name].covers)]
+        return replace(settings, ignored=tuple(dict.fromkeys((*settings.ignored, *fitted))))
+
+
+def calibrate_coefficients(
+    log: FlightLog, vehicle: Vehicle, coefficients: Sequence[Coefficient], settings: Settings
+) -> Calibrated:
+    """Fit all uncertain coefficients on a log, and keep them if each half of it predicts the other better with them.
+
+    Args:
+        log: flight of the vehicle.
+        vehicle: as its file says, empty batch.
+        coefficients: what is uncertain in it; where nothing is, the vehicle stays as it is.
+        settings: lead of the windows.
+    """
+    if not coefficients:
+        return Calibrated(vehicle)
+    held = hold_attitude(log, vehicle)
+    longest = max(episode.duration for episode in log.episodes) - settings.lead_s
+    windows = cut_windows(log, max(SHORTEST_S, min(WINDOW_S, 0.5 * longest)), settings.lead_s)
+    if len(windows) < LEAST_WINDOWS:
+        sentence = f"the vehicle's file is a guess, but the log is too short to correct it ({len(windows)} windows)"
+        return Calibrated(vehicle, findings=(Finding(Severity.WARNING, "too_short_to_calibrate", sentence),))
+    if len(windows) > MOST_WINDOWS:
+        windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_WINDOWS).astype(int))
+    nothing = np.array([c.nominal for c in coefficients])
+    fold = np.arange(len(windows)) % FOLDS
+    before, after = [], []
+    for k in range(FOLDS):
+        fitted = fit(windows.subset(fold != k), held, coefficients)
+        unseen = windows.subset(fold == k)
+        left = errors(unseen, held, [as_values(coefficients, at) for at in (nothing, fitted.values)])
+        before.append(left[0])
+        after.append(left[1])
+    order = np.concatenate([np.flatnonzero(fold == k) for k in range(FOLDS)])
+    gain = _Gain.of(windows.subset(order), np.concatenate(before), np.concatenate(after))
+    if not gain.better:
+        sentence = (
+            f"the vehicle's file is a guess, but correcting it predicts unseen windows no better ({gain.share:+.0%} of "
+            "their error): its coefficients stand"
+        )
+        return Calibrated(vehicle, findings=(Finding(Severity.INFO, "coefficients_stand", sentence),))
+    fitted = fit(windows, held, coefficients)
+    own = apply_values(vehicle, as_values(coefficients, fitted.values))
+    command = _typical_command(windows, vehicle)
+    said = differences(respond(vehicle, command), respond(own, command), command)
+    effects = _effects(windows, held, coefficients, fitted, gain.probability, said)
+    sentence = (
+        f"{len(coefficients)} coefficients of the vehicle's file were corrected on {log.name}; windows that the fit "
+        f"did not see are predicted {gain.share:.0%} better"
+    )
+    finding = Finding(Severity.INFO, "coefficients_corrected", sentence)
+    return Calibrated(own, effects, said["axes"] + said["idle"] + said["turning"], (finding,))
+
+
+@dataclass(frozen=True)
+class _Gain:
+    """How much better unseen windows are predicted."""
+
+    share: float  # of the error
+    probability: float  # that it is better at all
+
+    @staticmethod
+    def of(windows: Windows, before: Floats, after: Floats) -> "_Gain":
+        scale, _ = measure_scale(windows, after)
+        cost = [
+            (pseudo_huber(left, scale) ** 2 * windows.present[..., None]).sum((1, 2)) for left in (before, after)
+        ]  # (W,) each
+        paid = cost[0] - cost[1]
+        error = paid.std(ddof=1) / np.sqrt(len(paid))
+        share = 1 - np.sqrt(cost[1].sum() / cost[0].sum())
+        return _Gain(float(share), float(norm.cdf(paid.mean() / max(error, 1e-12))))
+
+    @property
+    def better(self) -> bool:
+        """Whether that is worth it and no luck."""
+        return bool(self.share > WORTH and self.probability > norm.cdf(SURE))
+
+
+def _typical_command(windows: Windows, vehicle: Vehicle) -> float:
+    """Size of the commands that were flown, to two figures."""
+    size = np.abs(windows.commands).max(-1)
+    size = size[size > 0.02]
+    return float(f"{np.median(size):.2g}") if size.size else 0.5
+
+
+def _effects(
+    windows: Windows,
+    held: Vehicle,
+    coefficients: Sequence[Coefficient],
+    fitted: Fitted,
+    probability: float,
+    said: dict[str, tuple[str, ...]],
+) -> tuple[FoundEffect, ...]:
+    """The corrections by effect, the one that the prediction needs most first."""
+    nominal = np.array([c.nominal for c in coefficients])
+    deviation = np.sqrt(np.diag(fitted.covariance))
+    names = list(dict.fromkeys(c.effect for c in coefficients))
+    mine = {name: np.array([c.effect == name for c in coefficients]) for name in names}
+    rows = [nominal, fitted.values, *(np.where(mine[name], nominal, fitted.values) for name in names)]
+    left = errors(windows, held, [as_values(coefficients, at) for at in rows])
+    present = windows.present[..., None]
+    cost = [(pseudo_huber(row, fitted.scale) ** 2 * present).sum() for row in left]
+    found = []
+    for place, name in enumerate(names):
+        share = float(np.clip((cost[2 + place] - cost[1]) / max(cost[0] - cost[1], 1e-12), 0.0, 1.0))
+        parameters, moved = {}, []
+        for c, value, sd in zip(coefficients, fitted.values, deviation, strict=True):
+            if c.effect != name:
+                continue
+            half = Z95 * float(np.hypot(sd, MODEL_ERROR * (value - c.nominal)))
+            low, high = max(c.low, value - half), min(c.high, value + half)
+            parameters[c.member] = Estimate(float(value), float(low), float(high), c.nominal, c.unit)
+            if abs(value - c.nominal) > max(CLEAR * sd, NOTABLE * c.width):
+                moved.append(c)
+        extra = said.get(EFFECTS[name].shows, ())
+        told = (*extra, *_sentences(held, name, moved, parameters)) if moved or not extra else extra
+        sentence = "; ".join(told)
+        found.append(FoundEffect(name, probability, parameters, (), share, sentence, calibrates=True))
+    return tuple(sorted(found, key=lambda effect: -(effect.gap_closed or 0.0)))
+
+
+def _sentences(
+    vehicle: Vehicle, name: str, moved: list[Coefficient], parameters: dict[str, Estimate]
+) -> tuple[str, ...]:
+    """What the effect says of the coefficients that differ clearly; a family together, too many in one word."""
+    if not moved:
+        return ("as the file says, as far as this log can tell",)
+    if len(moved) > MOST_NAMED:
+        values = [parameters[c.member].value for c in moved]
+        spread = f", from {min(values):.2f} to {max(values):.2f}" if len(EFFECTS[name].parameters) == 1 else ""
+        return (f"{len(moved)} of its {len(parameters)} coefficients differ from the file{spread}",)
+    declared = EFFECTS[name].member_parameters(vehicle)
+    said = []
+    for c in moved:
+        p = declared[c.member]
+        which = c.member.removeprefix(f"{p.name}_")
+        said.append(p.sentence.format(value=parameters[c.member].value, which=which))
+    return tuple(said)

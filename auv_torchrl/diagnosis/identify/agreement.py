@@ -1,0 +1,50 @@
+"""Sensors that contradict each other: no force makes a simulator follow both, unless one of them is what is wrong.
+
+Effects are looked for along the motion that was measured. Where a late position and a Doppler log, or a turned compass
+and a Doppler log, tell of two motions, there is no such motion until the right change of a sensor is known. So each
+change of a sensor is tried by what matters first: whether some force makes the vehicle follow all that was measured.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_freely, follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import Atom, batch
+from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.smooth import misfit
+from auv_torchrl.diagnosis.thresholds import AGREES_BETTER, LOOKED_AT, MOSTLY_LOST
+from auv_torchrl.effects import EFFECTS, Origin
+
+
+def follow_agreeing(problem: Problem) -> tuple[Problem, Base]:
+    """The windows followed under the nominal vehicle, or where it cannot follow them, under one with another sensor."""
+    problem, follow = follow_windows(problem)
+    if problem.followed.mean() > MOSTLY_LOST:
+        return problem, follow
+    sensor = agreeing_sensor(problem)
+    if sensor is None:
+        return problem, follow
+    problem, follow = follow_windows(problem, sensor)
+    fitted = fit_by_simulation(problem, sensor, follow).explanation  # a value nearby makes outliers of good samples
+    return follow_windows(problem, replace(fitted, slack={}))
+
+
+def agreeing_sensor(problem: Problem) -> Explanation | None:
+    """The change of one sensor under which windows are followed best; None where none helps much."""
+    rows = np.unique(np.linspace(0, len(problem.windows) - 1, LOOKED_AT).astype(int))
+    some = problem.windows.subset(rows)
+    atoms = [atom for atom in problem.atoms if EFFECTS[atom.effect].origin is Origin.SENSING]
+
+    def badness(atom: Atom | None) -> float:
+        vehicle = batch(problem.vehicle, [{atom.effect: atom.values} if atom else {}])
+        return float(np.median(misfit(some, follow_freely(problem, some, vehicle).residual, problem.sigma)))
+
+    tried = [(badness(atom), atom) for atom in atoms]
+    least, best = min(tried, key=lambda entry: entry[0], default=(np.inf, None))
+    if best is None or not least < AGREES_BETTER * badness(None):
+        return None
+    return Explanation().with_atom(best, problem.vehicle)

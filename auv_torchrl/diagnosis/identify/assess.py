@@ -1,0 +1,90 @@
+"""What an explanation is worth: chi-square, evidence, the uncertainty of its values, and the step that betters it."""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.evidence import volume
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, without_slack
+from auv_torchrl.diagnosis.identify.steps import bounded_step, joint_precision, take_step, value_steps
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import KNOB_STEP, SLACK_SHARES, SLACK_STEP
+from auv_torchrl.effects import EFFECTS
+
+
+def assess(
+    problem: Problem, base: Base, sketched: Explanation | None = None, before: Judged | None = None
+) -> tuple[Judged, Floats, Floats]:
+    """Weigh an explanation as it is, with the Gauss-Newton step of its knobs and of its slack.
+
+    It is that of the base, or one that is ``sketched`` along its motion. The marks of slack are those of the
+    explanation ``before`` it, where there is one: they hardly change on the way down.
+    """
+    explanation = base.explanation if sketched is None else sketched
+    changes, steps = knob_changes(problem, explanation)
+    slack_marks = None if before is None else before.slack_marks
+    if slack_marks is None:
+        slack_marks = mark_slack(problem, base, explanation)
+    q = quadratic(problem, base, changes, sketched, slack_marks, None if sketched is None else problem.followed)
+    at = slack_now(problem, explanation)
+    chi2 = q.constant + float(at @ problem.slack_precision @ at)
+    if not np.isfinite(chi2):  # the windows diverge under this vehicle
+        nothing = np.zeros(len(explanation.fitted))
+        return (
+            Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q, steps, slack_marks),
+            nothing,
+            np.zeros(len(problem.slack)),
+        )
+    _, _, A, _, _ = without_slack(problem, q, explanation)
+    widths = np.array([problem.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
+    curvature = A / np.outer(steps, steps)
+    covariance = np.linalg.inv(curvature + np.diag(widths**-2.0))
+    evidence = log_evidence(problem, chi2, explanation) + volume(curvature, widths)
+    judged = Judged(explanation, chi2, evidence, covariance, base, q, steps, slack_marks)
+    return judged, *bounded_step(problem, judged)
+
+
+def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
+    """The explanation with its values, and their covariance (m, m), where slack is as wide as this log shows it.
+
+    Its share of the width that slack may have is the likeliest one (type II maximum likelihood): of a vehicle that
+    is as its file says, the log shows that, and tells the values of an effect better.
+    """
+    q, steps, k = judged.quadratic, judged.steps, len(problem.slack)
+    at = np.concatenate([slack_now(problem, judged.explanation), np.zeros(len(steps))])
+    stiffness = value_steps(problem, judged.explanation, steps)[0]
+    likeliest, sure = -np.inf, (judged.explanation, judged.covariance)
+    for share in SLACK_SHARES:
+        pull = joint_precision(problem.slack_precision / share**2, stiffness)
+        curvature, slope = q.A + pull, q.b - pull @ at
+        step = np.linalg.solve(curvature, slope)
+        log_likelihood = 0.5 * (slope @ step - at @ pull @ at - np.linalg.slogdet(curvature)[1]) - k * np.log(share)
+        if log_likelihood > likeliest and share < 1:
+            moved = take_step(problem, judged.explanation, step[k:] * steps, step[:k])
+            sure = moved, np.linalg.inv(curvature)[k:, k:] * np.outer(steps, steps)
+        likeliest = max(likeliest, log_likelihood)
+    return sure
+
+
+def knob_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:
+    """The explanation with each fitted knob moved a little, and by how much."""
+    moved, steps = [], []
+    at_slack = {(effect, member): SLACK_STEP * abs(nominal) for effect, member, nominal, _ in problem.slack}
+    for place, knob in enumerate(explanation.knobs):
+        if knob.discrete:
+            continue
+        p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]
+        step = KNOB_STEP * problem.prior.width(knob.effect, knob.members[0])
+        if (knob.effect, knob.members[0]) in at_slack:  # the same step, so that the two are the same direction
+            step = at_slack[knob.effect, knob.members[0]]
+        if knob.value + step > p.high:
+            step = -step
+        moved.append(explanation.moved({place: knob.value + step}))
+        steps.append(step)
+    return moved, np.array(steps)
+
+
+def log_evidence(problem: Problem, chi2: float, explanation: Explanation) -> float:
+    """Log evidence less the volume of the fitted values."""
+    return -0.5 * chi2 + problem.prior.structure(explanation)

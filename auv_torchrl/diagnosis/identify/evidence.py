@@ -1,0 +1,59 @@
+"""How well an explanation pays for its freedom: Laplace evidence on the reduced quadratic."""
+
+from dataclasses import dataclass
+from math import comb, log, pi
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, RANGE_CAP, SECOND_EFFECT
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior over structures and values for one vehicle."""
+
+    vehicle: Vehicle
+    families: int  # effects that are tried
+    none: float
+
+    def width(self, effect: str, member: str) -> float:
+        """Plausible range of a parameter, in its unit."""
+        p = EFFECTS[effect].member_parameters(self.vehicle)[member]
+        return min(p.high - p.low, RANGE_CAP.get(p.unit, np.inf))
+
+    def structure(self, explanation: Explanation) -> float:
+        """Log prior probability of having exactly these knobs."""
+        effects = explanation.effects
+        if not effects:
+            return log(self.none)
+        total = log((1 - self.none) / self.families)
+        total += (len(effects) - 1) * log(SECOND_EFFECT)
+        for effect in effects:
+            total += log(EFFECTS[effect].odds)
+            members = len(EFFECTS[effect].member_parameters(self.vehicle))
+            knobs = [knob for knob in explanation.knobs if knob.effect == effect]
+            if not knobs[0].discrete:
+                total += (len(knobs) - 1) * log(ONE_MORE_VALUE)
+            if knobs[0].discrete:
+                total -= log(comb(members, min(len(knobs), members)) * max(1, len(knobs) - 1))
+            elif members > 1:
+                total -= log(members) + log(comb(members, min(len(knobs), members)))  # how many, then which
+        return total
+
+
+def volume(curvature: Floats, widths: Floats) -> float:
+    """Log of the share of the prior range of the values that the log leaves open.
+
+    Args:
+        curvature: (k, k) half the Hessian of chi-square in the values, in their units.
+        widths: (k,) prior range of each.
+    """
+    if not len(widths):
+        return 0.0
+    scaled = np.linalg.eigvalsh(curvature * np.outer(widths, widths))
+    seen = np.maximum(scaled, 2 * pi)  # a direction that the log does not see costs nothing
+    return float(0.5 * (log(2 * pi) - np.log(seen)).sum())

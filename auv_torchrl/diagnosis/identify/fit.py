@@ -1,0 +1,109 @@
+"""The two ways to fit the values of an explanation.
+
+Along the measured motion effects are nearly linear, and nothing is simulated. By simulation values, slack, the starts
+and the disturbance are fitted until nothing moves.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.assess import assess
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.following import nudge, rebase, settle_state, some_diverged
+from auv_torchrl.diagnosis.identify.judged import Base, Judged
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
+from auv_torchrl.diagnosis.identify.steps import even_step, take_step
+from auv_torchrl.diagnosis.motion.smooth import sensor_noise
+from auv_torchrl.diagnosis.thresholds import FAR_DOWN, GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SKETCHED
+
+
+def fit_by_simulation(
+    problem: Problem, explanation: Explanation, start: Base, rounds: int = 4, enough: float = np.inf
+) -> Judged:
+    """Fit all values of an explanation by simulating it, and weigh it.
+
+    One that is still beyond a chi-square of ``enough`` when it was fitted once is left at that.
+    """
+    best, moving = _descend(problem, rebase(problem, explanation, start), rounds)
+    if not rounds:
+        return best
+    searched = search_thresholds(problem, best)
+    if searched is not best:
+        best, moving = _descend(problem, searched.base, rounds)
+    moving |= problem.layout.moves_unseen  # a tilt that nobody measured bends the windows
+    for _ in range(RELINEARISED):  # slopes are out of date where the fit went far
+        if not moving or best.nothing_left or not np.isfinite(best.chi2) or best.chi2 > enough:
+            break
+        again, _ = _descend(problem, rebase(problem, best.explanation, best.base), rounds)
+        if not again.chi2 < best.chi2:
+            break
+        moving = best.chi2 - again.chi2 > GAINS_AGAIN * again.chi2
+        best = again
+    return replace(best, slack_marks=None)
+
+
+def fit_along_motion(problem: Problem, explanation: Explanation, follow: Base, rounds: int = 6) -> Judged:
+    """Fit all values of an explanation along the measured motion, and weigh it: a quick look before polishing.
+
+    Its forces are exact there, however wrong a simulation that lacks some other effect would go.
+    """
+    best, step, slack_step = assess(problem, follow, explanation)
+    stride = 1.0
+    for _ in range(rounds):
+        moved = take_step(problem, best.explanation, stride * step, stride * slack_step)
+        trial, trial_step, trial_slack_step = assess(problem, follow, moved, best)
+        if not trial.chi2 < best.chi2:
+            stride *= 0.3
+            continue
+        settled = best.chi2 - trial.chi2 < SKETCHED * trial.chi2
+        best, step, slack_step = trial, trial_step, trial_slack_step
+        if settled:
+            break
+    return replace(best, slack_marks=None)
+
+
+def _descend(problem: Problem, base: Base, rounds: int) -> tuple[Judged, bool]:
+    """Gauss-Newton with a shrinking stride; tells whether it went far.
+
+    Where a step fails, the slack of thresholds stays from there on. Where it does because single windows diverge,
+    they begin anew behind it.
+    """
+    best, *step = assess(problem, base)
+    began = best.chi2
+    stride, even = 1.0, bool(problem.even.all())
+    for turn in range(rounds):
+        if not np.isfinite(best.chi2):
+            break
+        knobs, slack = even_step(problem, best) if even else step
+        moved = take_step(problem, best.explanation, stride * knobs, stride * slack)
+        trial, *trial_step = assess(problem, nudge(problem, moved, best.base), before=best)
+        if turn == 0 and not trial.chi2 <= best.chi2 and some_diverged(problem, best.base, trial.base):
+            trial, *trial_step = assess(problem, rebase(problem, moved, best.base))
+        if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
+            stride, even = (0.3 * stride if even else stride), True
+            continue
+        settled = best.chi2 - trial.chi2 < 0.5
+        best, step = trial, trial_step
+        if settled:
+            break
+    return best, not began < (1 + FAR_DOWN) * best.chi2
+
+
+def measure_noise(problem: Problem, judged: Judged) -> Problem:
+    """The problem with the sensor noise measured again under a better vehicle; the same where that is no other."""
+    state = judged.base.state
+    free, _ = settle_state(problem, judged.base.vehicle, state, problem.freedom(state.slope, problem.wide))
+    measured = sensor_noise(problem.windows, free, problem.sigma, problem.wide)
+    if len(measured) < len(problem.sigma):  # too few samples for a free force: the disturbance leaves more of them
+        measured = sensor_noise(problem.windows, state, problem.sigma, problem.floor) | measured
+    least = {n: min(measured.get(n, size), problem.rough_noise[n]) for n, size in problem.sigma.items()}
+    sigma = problem.believed(least)
+    changed = any(abs(sigma[name] / problem.sigma[name] - 1) > NOISE_MATTERS for name in sigma)
+    return replace(problem, sigma=sigma) if changed else problem
+
+
+def reassess(problem: Problem, judged: Judged) -> Judged:
+    """Weigh an explanation again, after the noise was measured anew."""
+    return assess(problem, nudge(problem, judged.explanation, judged.base))[0]

@@ -1,0 +1,226 @@
+"""Windows that follow the log under an explanation, each from a start and with a disturbance of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.force import force_changes
+from auv_torchrl.diagnosis.motion.reduce import DIVERGED, Freedom, chi_square, settle
+from auv_torchrl.diagnosis.motion.rollout import actuate
+from auv_torchrl.diagnosis.motion.rough import rough_force
+from auv_torchrl.diagnosis.motion.smooth import (
+    Layout,
+    Smoothed,
+    fields,
+    flown,
+    follow,
+    local_slopes,
+    misfit,
+    noise_per_sample,
+    sensor_noise,
+)
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import (
+    FEW_LOST,
+    FOLLOWED,
+    HEIRS,
+    LOST,
+    LOST_START,
+    MANY_OUTLIERS,
+    MOSTLY_LOST,
+    OUTLIER,
+    SETTLING,
+    STUCK,
+)
+from auv_torchrl.physics import prepare
+from auv_torchrl.sensors import Inverse
+from auv_torchrl.vehicle import Vehicle
+
+NOTHING = Explanation()
+
+
+def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tuple[Problem, Base]:
+    """The windows under an explanation, by default none, with a wide force, and the problem with what that shows.
+
+    It shows outliers, the noise, where windows begin, and in which of them the motion is known.
+
+    The force changes faster where bins of the usual length cannot follow, as under a limit cycle.
+    """
+    problem = replace(
+        problem,
+        windows=problem.given,
+        layout=Layout.of(problem.given, problem.vehicle, problem.settings.bin_s),
+        sigma=problem.believed(problem.rough_noise),
+    )
+    vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
+    problem, state = _weigh_outliers(problem, vehicle, follow_freely(problem, problem.windows, vehicle))
+    while (
+        np.median(misfit(problem.windows, state.residual, problem.sigma)) > FOLLOWED
+        and problem.layout.steps_per_bin > 2
+    ):
+        steps = problem.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
+        finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
+        problem = replace(problem, layout=Layout.of(problem.windows, problem.vehicle, finer * problem.windows.dt))
+        state = follow_freely(problem, problem.windows, vehicle)
+    followed = misfit(problem.windows, state.residual, problem.sigma) < LOST
+    measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
+    sigma = problem.believed({n: min(measured.get(n, size), size) for n, size in problem.sigma.items()})
+    states = flown(actuate(problem.windows, vehicle), problem.layout, *_one_row(state)[:2])[1]
+    base = Base(explanation, vehicle, state, states[:, 0])
+    problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)
+    return replace(problem, slack_size=force_of_slack(problem, base)), base
+
+
+def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tuple[Problem, Smoothed]:
+    """Take weight from samples that no force could have reached, and follow their windows again.
+
+    The loss is redescending: beyond the threshold a sample counts the less the farther it is off, so that what is
+    left of chi-square is about the rest. Samples are judged where the simulator's error plays no part; later, a
+    large residual may be the simulator's.
+    """
+    windows = problem.windows
+    far = np.abs(state.residual) / noise_per_sample(windows, problem.sigma)
+    far = np.where(np.isfinite(far), far, 0.0)
+    some = (far > OUTLIER).any(1) & ((far > OUTLIER).mean(1) < MANY_OUTLIERS)
+    if not some.any():
+        return replace(problem, outlying={}), state
+    factor = (OUTLIER / np.maximum(far, OUTLIER)) ** 2
+    factor = np.where(some[:, None], factor, 1.0).reshape(windows.trust.shape)
+    counts = (factor < 1).sum((0, 1))
+    outlying = {name: int(count) for name, count in zip(windows.channels, counts, strict=True) if count}
+    problem = replace(problem, windows=replace(windows, trust=windows.trust * factor), outlying=outlying)
+    again = follow_freely(problem, problem.windows.subset(some), vehicle)
+    return problem, _replaced(state, some, again)
+
+
+def follow_freely(problem: Problem, windows: Windows, vehicle: Vehicle, prior: Floats | None = None) -> Smoothed:
+    """Some windows under a vehicle (1,), with a force held by a ``prior`` (D,), by default a wide one."""
+    begin = rough_force(windows, vehicle, problem.layout)
+    return follow(windows, vehicle, problem.layout, problem.sigma, problem.wide if prior is None else prior, begin)
+
+
+def rebase(problem: Problem, explanation: Explanation, start: Base) -> Base:
+    """The windows under another explanation, from what is left of the force when the explanation is taken out."""
+    vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
+    explained = force_changes(problem.windows, start.vehicle, vehicle, start.motion)[:, 0, :, problem.layout.dof]
+    edges = np.arange(0, problem.windows.steps, problem.layout.steps_per_bin)
+    counts = np.diff(np.append(edges, problem.windows.steps))
+    explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first
+    bins = start.state.bins - np.add.reduceat(explained, edges, axis=1) / counts[:, None]
+    state = local_slopes(problem.windows, vehicle, problem.layout, start.state.start, bins)
+    base = settle_base(problem, explanation, vehicle, state)
+    lost = misfit(problem.windows, base.state.residual, problem.sigma) > LOST
+    if lost.any() and lost.mean() < MOSTLY_LOST:  # the start was no good; it may be under the right vehicle
+        fresh = follow_freely(problem, problem.windows.subset(lost), vehicle, problem.floor)
+        base = settle_base(problem, explanation, vehicle, _replaced(base.state, lost, fresh))
+    return hand_on(problem, base)
+
+
+def hand_on(problem: Problem, base: Base) -> Base:
+    """Windows that got stuck begin anew: where a free force had them begin, or where the one before them ends."""
+    windows = problem.windows
+    follows = (windows.episode[:, None] == windows.episode) & (windows.start[:, None] == windows.start + windows.steps)
+    before = np.where(follows.any(1), follows.argmax(1), -1)
+    chi2 = _chi2_by_window(problem, base.state)
+    astray = np.flatnonzero(~(chi2 < LOST_START * np.median(chi2)))
+    if len(astray) and _stuck(problem, base).mean() <= MOSTLY_LOST:
+        base = _begun_anew(problem, base, astray, problem.seen_start[astray])
+    for _ in range(HEIRS):
+        stuck = _stuck(problem, base)
+        heirs = np.flatnonzero(stuck & (before >= 0) & ~stuck[before])
+        if not len(heirs) or stuck.mean() > MOSTLY_LOST:
+            break
+        fresh = _begun_anew(problem, base, heirs, _ends(problem, base)[before[heirs]])
+        if fresh is base:
+            break
+        base = fresh
+    return base
+
+
+def _stuck(problem: Problem, base: Base) -> np.ndarray:
+    """(W,) windows that leave more than an explanation that is about right would."""
+    numbers = (problem.windows.trust**2).sum((1, 2))
+    return ~(_chi2_by_window(problem, base.state) < STUCK * numbers)
+
+
+def some_diverged(problem: Problem, *bases: Base) -> bool:
+    """Whether some windows, but few, diverge in one of these."""
+    astray = [_chi2_by_window(problem, base.state) >= DIVERGED for base in bases]
+    return any(lost.any() for lost in astray) and all(lost.mean() < FEW_LOST for lost in astray)
+
+
+def _chi2_by_window(problem: Problem, state: Smoothed) -> Floats:
+    return chi_square(problem.windows, problem.layout, problem.freedom(state.slope), *_one_row(state))[:, 0]
+
+
+def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) -> Base:
+    """The base with some windows settled from other starts (rows, 12), where that is better."""
+    layout, state = problem.layout, base.state
+    some = problem.windows.subset(rows)
+    fresh = local_slopes(some, base.vehicle, layout, starts, np.zeros_like(state.bins[rows]))
+    freedom = Freedom.of(some, layout, fresh.slope, problem.sigma, problem.floor)
+    start, bins, residual, _ = settle(some, base.vehicle, layout, freedom, *_one_row(fresh), SETTLING)
+    chi2 = chi_square(some, layout, freedom, start, bins, residual)[:, 0]
+    better = chi2 < _chi2_by_window(problem, state)[rows]
+    if not better.any():
+        return base
+    fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
+    found = Smoothed(*(field[better] for field in fields(fresh)))
+    return settle_base(problem, base.explanation, base.vehicle, _replaced(state, rows[better], found))
+
+
+def _ends(problem: Problem, base: Base) -> Floats:
+    """States (W, 12) in which the windows end, as the start of what follows them."""
+    sensors = Inverse.of(prepare(base.vehicle).numpy(), problem.windows.channels)
+    return sensors.reported_start(base.states[:, -1])
+
+
+def nudge(problem: Problem, explanation: Explanation, start: Base) -> Base:
+    """The windows under an explanation that differs a little from that of ``start``."""
+    vehicle, state = batch(problem.vehicle, [explanation.values(problem.vehicle)]), start.state
+    fresh = settle(problem.windows, vehicle, problem.layout, problem.freedom(state.slope), *_one_row(state)[:2])
+    return Base(explanation, vehicle, *_taken_on(state, fresh))
+
+
+def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base) -> Floats:
+    """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
+    vehicles = batch(problem.vehicle, [explanation.values(problem.vehicle) for explanation in explanations])
+    freedom = problem.freedom(start.state.slope)
+    starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)
+    bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
+    *settled, _ = settle(problem.windows, vehicles, problem.layout, freedom, starts, bins)
+    slack = np.stack([slack_now(problem, explanation) for explanation in explanations])
+    chi2 = chi_square(problem.windows, problem.layout, freedom, *settled).sum(0)
+    return chi2 + ((slack @ problem.slack_precision) * slack).sum(-1)
+
+
+def settle_base(problem: Problem, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
+    """The windows under an explanation, settled from a state near by whose residual is that of the vehicle."""
+    return Base(explanation, vehicle, *settle_state(problem, vehicle, state, problem.freedom(state.slope)))
+
+
+def settle_state(problem: Problem, vehicle: Vehicle, state: Smoothed, freedom: Freedom) -> tuple[Smoothed, Floats]:
+    """The state after steps of its free numbers, and the motion (W, S + 1, 13) that it goes through."""
+    return _taken_on(state, settle(problem.windows, vehicle, problem.layout, freedom, *_one_row(state), SETTLING))
+
+
+def _taken_on(state: Smoothed, settled: tuple[Floats, ...]) -> tuple[Smoothed, Floats]:
+    """The state with what :func:`settle` found for it, and the motion."""
+    start, bins, residual, states = (field[:, 0] for field in settled)
+    return replace(state, start=start, bins=bins, residual=residual), states
+
+
+def _replaced(state: Smoothed, rows: np.ndarray, by: Smoothed) -> Smoothed:
+    """The state with some of its windows, by mask or number, from another one."""
+    merged = [np.copy(field) for field in fields(state)]
+    for old, new in zip(merged, fields(by), strict=True):
+        old[rows] = new
+    return Smoothed(*merged)
+
+
+def _one_row(state: Smoothed) -> tuple[Floats, Floats, Floats]:
+    return state.start[:, None], state.bins[:, None], state.residual[:, None]

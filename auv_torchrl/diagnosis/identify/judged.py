@@ -1,0 +1,108 @@
+"""Explanations on windows: the motion under one, what it is worth once its values are fitted, and how large it is."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.force import force_changes, middles
+from auv_torchrl.diagnosis.motion.reduce import Quadratic
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.smooth import Smoothed
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import MINOR, SATISFIED, STRAINED
+from auv_torchrl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Base:
+    """Windows that follow the log under one explanation."""
+
+    explanation: Explanation
+    vehicle: Vehicle  # (1,) with the explanation, slack included
+    state: Smoothed
+    states: Floats  # (W, S + 1, 13) on the grid
+
+    @cached_property
+    def motion(self) -> Floats:
+        """(W, S, 13) in the middle of each grid step."""
+        return middles(self.states)
+
+    def without_slopes(self) -> "Base":
+        """The motion alone, in a fifteenth of the memory: to compare with or to begin from, not to linearise about."""
+        nothing = np.empty(0)
+        return replace(self, state=replace(self.state, slope=nothing, transition=nothing, push=nothing))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An explanation with its values fitted."""
+
+    explanation: Explanation
+    chi2: float  # with the cost of slack
+    evidence: float
+    covariance: Floats  # (k, k) of the fitted knobs, slack included
+    base: Base
+    quadratic: Quadratic  # of slack, then fitted knobs, at the base
+    steps: Floats  # (k,) one unit of the quadratic, of each fitted knob
+    slack_marks: Floats | None  # (W, K, k) that it was made of, while its values are being fitted
+
+    @property
+    def nothing_left(self) -> bool:
+        """Whether nothing is left beyond the noise."""
+        numbers = self.quadratic.numbers
+        return self.chi2 < numbers * (1 + SATISFIED * np.sqrt(2 / numbers))
+
+
+def slack_now(problem: Problem, explanation: Explanation) -> Floats:
+    """Slack deviations of an explanation, in the order of the slack parameters."""
+    return np.array([explanation.slack.get((effect, member), 0.0) for effect, member, _, _ in problem.slack])
+
+
+def leaves_much(problem: Problem, judged: Judged) -> bool:
+    """Whether an explanation leaves more than the physics may be wrong by."""
+    return judged.chi2 > problem.settings.excess * judged.quadratic.numbers
+
+
+def is_strained(problem: Problem, judged: Judged) -> bool:
+    """Whether an explanation stretches its slack further than calibration is likely to be off."""
+    widths = np.array([width for *_, width in problem.slack])
+    return bool((np.abs(slack_now(problem, judged.explanation)) > STRAINED * widths).any())
+
+
+def force_of_slack(problem: Problem, base: Base) -> float:
+    """Size of the force that slack alone makes on this log, in units of the thrusters' reach."""
+    size, direction = np.linalg.eigh(problem.slack_covariance)
+    keys = [(effect, member) for effect, member, _, _ in problem.slack]
+    each = [
+        Explanation(slack=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
+        for s, d in zip(size, direction.T, strict=True)
+    ]
+    return float(np.sqrt((_sizes(problem, each, base) ** 2).sum()))
+
+
+@DIVERGING
+def _sizes(problem: Problem, explanations: list[Explanation], base: Base) -> Floats:
+    """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
+    if not problem.followed.any():
+        return np.zeros(len(explanations))
+    rows = batch(problem.vehicle, [explanation.values(problem.vehicle) for explanation in explanations])
+    moves = problem.layout.start[: len(problem.layout.start) // 2]  # unseen ones too: some effects act through a tilt
+    forces = force_changes(problem.windows, batch(problem.vehicle, [{}]), rows, base.motion)[..., moves]
+    scaled = (forces / problem.reach[moves])[problem.followed]
+    return np.sqrt((scaled**2).mean((0, 2)).sum(-1))
+
+
+def is_minor(problem: Problem, judged: Judged) -> bool:
+    """Whether some effect of an explanation does no more than slack does anyway, and slack explains the log."""
+    explanation = judged.explanation
+    if not problem.slack_suffices or not explanation.effects or not np.isfinite(judged.chi2):
+        return False
+    alone = [
+        Explanation(tuple(knob for knob in explanation.knobs if knob.effect == effect))
+        for effect in explanation.effects
+    ]
+    return bool((_sizes(problem, alone, judged.base) < MINOR * problem.slack_size).any())

@@ -1,0 +1,76 @@
+"""When a vehicle changes during its log: a moment before which the simulator is right and behind which it is not."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.thresholds import BLOCK_S, FEWEST_BLOCKS, FEWEST_WINDOWS, LARGER, ONSET_CLEAR, SPEAKS
+from auv_torchrl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Onset:
+    """A moment of a log, and the windows that lie wholly before and behind it."""
+
+    log_s: float  # s into the log, episodes one after another
+    episode: int  # its number
+    episode_s: float  # s since the start of that episode
+    before: np.ndarray  # (W,) bool
+    behind: np.ndarray  # (W,) bool
+
+
+def find_onset(problem: Problem, follow: Base) -> Onset | None:
+    """The moment at which the missing force sets in, None where it is not small before and large behind.
+
+    The force in each degree of freedom is taken as white with one size before the moment and another behind it, and
+    the moment is where that is most likely.
+    """
+    windows, layout = problem.windows, problem.layout
+    width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt))), layout.bins)
+    count = layout.bins // width
+    bins = follow.state.bins[:, : count * width] / problem.wide
+    force = bins.reshape(len(bins), count, width, -1).mean(2)
+    time = windows.time[:, None] + np.arange(count) * width * layout.steps_per_bin * windows.dt
+    owner = np.repeat(np.arange(len(windows)), count)
+    order = np.lexsort((time.ravel(), windows.episode[owner]))
+    force = force.reshape(len(owner), -1)
+    order = order[np.isfinite(force[order]).all(1)]  # a window that nothing follows says nothing of when
+    energy = np.cumsum(force[order] ** 2, axis=0)
+    total = len(energy)
+    if total <= 2 * FEWEST_BLOCKS:
+        return None
+    splits = np.arange(FEWEST_BLOCKS, total - FEWEST_BLOCKS)[:, None]
+    before = energy[splits[:, 0] - 1] / splits
+    behind = (energy[-1] - energy[splits[:, 0] - 1]) / (total - splits)
+    whole = energy[-1] / total
+    gain = 0.5 * (total * np.log(whole) - splits * np.log(before) - (total - splits) * np.log(behind))
+    gain = np.where(behind > before, gain, 0.0).sum(1)
+    best = int(np.argmax(gain))
+    if gain[best] < ONSET_CLEAR or not (behind[best] > LARGER * before[best]).any():
+        return None
+    first = order[splits[best, 0]]
+    window, within = owner[first], float(time.ravel()[first])
+    episode = windows.episode[window]
+    end = windows.time + windows.steps * windows.dt
+    passed = sum(end[windows.episode == earlier].max(initial=0.0) for earlier in range(episode))
+    here = windows.episode == episode
+    early = (windows.episode < episode) | (here & (end <= within))
+    late = (windows.episode > episode) | (here & (windows.time >= within + BLOCK_S))  # it is known to a block
+    if early.sum() < FEWEST_WINDOWS or late.sum() < FEWEST_WINDOWS:
+        return None
+    return Onset(float(passed) + within, int(windows.number[window]), within, early, late)
+
+
+def is_absent(problem: Problem, onset: Onset, explanation: Explanation, vehicle: Vehicle, settings: Settings) -> bool:
+    """Whether an explanation of what lies behind an onset is wrong before it: then the vehicle did change."""
+    early = Problem.of(problem.windows.subset(onset.before), vehicle, settings, problem.known)
+    early, follow = follow_windows(early)
+    without = fit_by_simulation(early, Explanation(slack=explanation.slack), follow, rounds=0)
+    with_it = fit_by_simulation(early, explanation, follow, rounds=0)
+    return without.chi2 + SPEAKS < with_it.chi2

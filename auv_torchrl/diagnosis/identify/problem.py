@@ -1,0 +1,151 @@
+"""What explanations of one log are judged by: windows, vehicle, settings, noise, disturbance and slack."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.evidence import Prior
+from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, slack_parameters
+from auv_torchrl.diagnosis.motion.reduce import Freedom
+from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import NOISIER, WIDE_SHARE
+from auv_torchrl.physics import prepare
+from auv_torchrl.vehicle import Vehicle
+
+FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each holds as much as the slopes
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a healthy log has shown."""
+
+    floor: Floats  # (6,) N, N m
+    noise: dict[str, float]  # by channel
+    rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
+    slack_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
+
+
+class FreedomCache:
+    """The latest freedoms of windows, found by the very arrays that they were made of: many explanations share one."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[Floats, dict[str, float], Floats, Freedom]] = []
+
+    def of(self, windows: Windows, layout: Layout, slope: Floats, sigma: dict[str, float], prior: Floats) -> Freedom:
+        """That of slopes (W, K, L) under a sensor noise and a prior of the disturbance; made where it is not kept."""
+        for its_slope, its_sigma, its_prior, freedom in self._kept:
+            if its_slope is slope and its_sigma is sigma and its_prior is prior:
+                return freedom
+        freedom = Freedom.of(windows, layout, slope, sigma, prior)
+        self._kept = [*self._kept[1 - FREEDOMS_KEPT :], (slope, sigma, prior, freedom)]
+        return freedom
+
+    def clear(self) -> None:
+        """Give back the memory."""
+        self._kept = []
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A log cut into windows, the vehicle that should explain it, and all that an explanation is judged by.
+
+    It is never changed: following the log, measuring its noise again or learning what slack explains gives another one.
+    """
+
+    given: Windows  # as they were cut
+    windows: Windows  # with less trust in outliers, once they were followed
+    vehicle: Vehicle  # nominal, empty batch
+    settings: Settings
+    known: Known | None  # from healthy logs
+    layout: Layout
+    floor: Floats  # (D,) N, N m: standard deviation of the disturbance in the measured degrees of freedom
+    reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom
+    wide: Floats  # (D,) N, N m: prior of the force while a wrong model follows the log
+    atoms: tuple[Atom, ...]  # changes to try
+    slack: tuple[tuple[str, str, float, float], ...]  # (effect, parameter, nominal, standard deviation)
+    slack_covariance: Floats  # (k, k)
+    slack_precision: Floats  # (k, k)
+    prior: Prior
+    rough_noise: dict[str, float]  # by channel, from third differences
+    noisier: dict[str, float]  # by channel, how many times noisier than the healthy log, where that is much
+    sigma: dict[str, float]  # by channel, standard deviation of the sensor noise
+    followed: np.ndarray  # (W,) bool: windows in which the motion is known
+    seen_start: Floats  # (W, 12) where windows begin, whatever the vehicle
+    outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
+    slack_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
+    slack_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
+    freedoms: FreedomCache = field(default_factory=FreedomCache, repr=False, compare=False)
+
+    @staticmethod
+    def of(windows: Windows, vehicle: Vehicle, settings: Settings, known: Known | None = None) -> "Problem":
+        """A log that has not been followed yet.
+
+        Raises:
+            FlightLogError: if the log measures no degree of freedom in which the vehicle moves.
+        """
+        layout = Layout.of(windows, vehicle, settings.bin_s)
+        reach = _reach(vehicle)
+        atoms, slack = tuple(make_atoms(vehicle, settings)), tuple(slack_parameters(vehicle, settings))
+        covariance = np.diag(np.array([width for *_, width in slack]) ** 2)
+        rough, noisier, floor = first_noise(windows), {}, np.array(settings.floor_force)
+        if known is not None:
+            covariance, floor, noisier = known.slack_covariance, known.floor, _noisier(rough, known.rough_noise)
+            widths = np.sqrt(np.diag(covariance)).tolist()
+            slack = tuple((*entry[:3], width) for entry, width in zip(slack, widths, strict=True))
+        return Problem(
+            given=windows,
+            windows=windows,
+            vehicle=vehicle,
+            settings=settings,
+            known=known,
+            layout=layout,
+            floor=floor[layout.dof],
+            reach=reach,
+            wide=reach[layout.dof],
+            atoms=atoms,
+            slack=slack,
+            slack_covariance=covariance,
+            slack_precision=np.linalg.inv(covariance),
+            prior=Prior(vehicle, len({atom.effect for atom in atoms}), settings.prior_none),
+            rough_noise=rough,
+            noisier=noisier,
+            sigma=believed_noise(known, noisier, rough),
+            followed=np.ones(len(windows), bool),
+            seen_start=windows.guess,
+        )
+
+    @property
+    def even(self) -> np.ndarray:
+        """(k,) slack parameters in which chi-square is smooth: moving a threshold flips single samples."""
+        return np.array([effect not in self.settings.thresholds for effect, *_ in self.slack])
+
+    def believed(self, measured: dict[str, float]) -> dict[str, float]:
+        """Noise by channel: what was measured, or what a healthy log showed, see :func:`believed_noise`."""
+        return believed_noise(self.known, self.noisier, measured)
+
+    def freedom(self, slope: Floats, prior: Floats | None = None) -> Freedom:
+        """What the free numbers of windows with these slopes (W, K, L) absorb, the disturbance held by ``prior``."""
+        return self.freedoms.of(self.windows, self.layout, slope, self.sigma, self.floor if prior is None else prior)
+
+
+def believed_noise(known: Known | None, noisier: dict[str, float], measured: dict[str, float]) -> dict[str, float]:
+    """Noise by channel: that of the healthy log, unless the sensors have become worse since, or what was measured.
+
+    Noise that is fitted on a log hides what its simulator misses.
+    """
+    frozen = {} if known is None else {name: size for name, size in known.noise.items() if name not in noisier}
+    return {name: frozen.get(name, size) for name, size in measured.items()}
+
+
+def _noisier(now: dict[str, float], then: dict[str, float]) -> dict[str, float]:
+    """By channel, how many times noisier a log is, where it is so."""
+    ratio = {name: size / then[name] for name, size in now.items() if name in then}
+    return {name: times for name, times in ratio.items() if times > NOISIER}
+
+
+def _reach(vehicle: Vehicle) -> Floats:
+    """Force (6,) that the thrusters can make in each degree of freedom, N and N m, or most of it."""
+    c = prepare(batch(vehicle, [{}])).numpy()
+    push = np.abs((c.allocation * c.full_thrust[..., None, :])[0]).sum(-1)
+    return np.maximum(WIDE_SHARE * push, 0.1)

@@ -1,0 +1,112 @@
+"""Chi-square near an explanation, as a quadratic of slack and of changes: by their marks on all windows."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.judged import Base, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.force import force_changes, marks, reading_changes
+from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, pooled, reduce
+from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import SLACK_STEP
+
+MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
+
+
+def quadratic(
+    problem: Problem,
+    base: Base,
+    changes: list[Explanation],
+    around: Explanation | None = None,
+    slack_marks: Floats | None = None,
+    chosen: np.ndarray | None = None,
+) -> Quadratic:
+    """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
+
+    It is taken ``around`` an explanation, by default that of the base; another one acts as the force that it makes
+    along the motion of the base. ``slack_marks`` are those of :meth:`slack_marks` if they are known, ``chosen`` is
+    a mask (W,) of the windows that count, by default all.
+    """
+    if slack_marks is None:
+        slack_marks = mark_slack(problem, base, base.explanation if around is None else around)
+    if chosen is None:
+        chosen = np.ones(len(problem.windows), bool)
+    return pooled(_parts(problem, base, changes, around, slack_marks), chosen)
+
+
+def _parts(
+    problem: Problem, base: Base, changes: list[Explanation], around: Explanation | None, slack_marks: Floats
+) -> Iterator[Parts]:
+    """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
+    freedom = problem.freedom(base.state.slope)
+    for some, columns, there in _marks_in_pieces(problem, base, changes, around):
+        state = rows_of(base.state, some)
+        if there is not None:
+            state = replace(state, residual=state.residual - there)
+        columns = np.concatenate([slack_marks[some], columns], axis=-1)
+        yield reduce(problem.windows.subset(some), problem.layout, freedom.rows(some), state, columns)
+
+
+def mark_slack(problem: Problem, base: Base, at: Explanation) -> Floats:
+    """Marks (W, K, k) of the slack parameters, per unit, around an explanation on the windows of a base."""
+    moved, steps = [], np.empty(len(problem.slack))
+    for column, (effect, member, nominal, _) in enumerate(problem.slack):
+        key = effect, member
+        steps[column] = SLACK_STEP * abs(nominal)
+        moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
+    pieces = _marks_in_pieces(problem, base, moved, None if at == base.explanation else at)
+    return np.concatenate([columns for _, columns, _ in pieces]) / steps
+
+
+def _marks_in_pieces(
+    problem: Problem, base: Base, changes: list[Explanation], around: Explanation | None
+) -> Iterator[tuple[slice, Floats, Floats | None]]:
+    """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the base."""
+    rows = [change.values(problem.vehicle) for change in (*changes, *([around] if around else []))]
+    vehicles = batch(problem.vehicle, rows) if rows else None
+    for some in in_pieces(len(problem.windows), len(rows)):
+        if vehicles is None:
+            yield some, np.empty((*base.state.residual[some].shape, 0)), None
+            continue
+        windows = problem.windows.subset(some)
+        forces = force_changes(windows, base.vehicle, vehicles, base.motion[some])
+        columns = marks(windows, base.vehicle, problem.layout, rows_of(base.state, some), forces)
+        read = reading_changes(windows, base.vehicle, vehicles, base.states[some])
+        columns = columns if read is None else columns + read
+        if around is None:
+            yield some, columns, None
+        else:
+            yield some, columns[..., :-1] - columns[..., -1:], columns[..., -1]
+
+
+def without_slack(
+    problem: Problem, q: Quadratic, explanation: Explanation
+) -> tuple[float, Floats, Floats, Floats, Floats]:
+    """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
+    k = len(problem.slack)
+    at, precision = slack_now(problem, explanation), problem.slack_precision
+    inside = q.A[:k, :k] + precision
+    right = np.concatenate([(q.b[:k] - precision @ at)[:, None], q.A[:k, k:]], axis=1)
+    solved = np.linalg.solve(inside, right)
+    offset, response = solved[:, 0], solved[:, 1:]
+    constant = q.constant + float(at @ precision @ at) - float(right[:, 0] @ offset)
+    b = q.b[k:] - q.A[k:, :k] @ offset
+    A = q.A[k:, k:] - q.A[k:, :k] @ response
+    return constant, b, 0.5 * (A + A.T), at + offset, response
+
+
+def in_pieces(windows: int, changes: int) -> Iterator[slice]:
+    """Slices of windows, all about as long, of which ``changes`` make no more than :data:`MARKS_AT_ONCE` at once."""
+    pieces = min(windows, -(-windows * changes // MARKS_AT_ONCE)) or 1
+    edges = np.linspace(0, windows, pieces + 1).astype(int).tolist()
+    return (slice(first, behind) for first, behind in zip(edges, edges[1:], strict=False))
+
+
+def rows_of(state: Smoothed, some: slice) -> Smoothed:
+    """The state of some windows."""
+    return Smoothed(*(field[some] for field in fields(state)))

@@ -1,0 +1,71 @@
+"""Values along which chi-square is rough or a narrow valley, so that slopes mislead: those near by are tried."""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.assess import assess
+from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
+from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.steps import moved_along
+from auv_torchrl.diagnosis.thresholds import SLACK_MOVED, SLACK_NEAR, SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.effect import Valley
+
+
+def search_thresholds(problem: Problem, best: Judged) -> Judged:
+    """Try values near by for effects that switch single samples, because there chi-square is rough.
+
+    The smooth numbers go along with each.
+    """
+    for order, knob in enumerate(best.explanation.fitted):
+        if knob.effect in problem.settings.thresholds:
+            for reach in THRESHOLD_REACH:
+                width = reach * problem.prior.width(knob.effect, knob.members[0])
+                best = _best_along(problem, best, [{len(problem.slack) + order: width * u} for u in TRIED_STEPS])
+    for column, (effect, _, _, width) in enumerate(problem.slack):
+        now = slack_now(problem, best.explanation)[column]
+        alone = not best.explanation.effects  # "no gap" has no knob by which a threshold would be tried
+        moved = abs(now) > SLACK_MOVED * width or not best.nothing_left
+        if effect in problem.settings.thresholds and (moved or alone):
+            best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
+            if alone:
+                best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
+    for name, effect in EFFECTS.items() if not leaves_much(problem, best) else ():
+        if effect.valley is not None:
+            best = _search_valley(problem, best, name, effect.valley)
+    return best
+
+
+def _search_valley(problem: Problem, best: Judged, effect: str, valley: Valley) -> Judged:
+    """Try values near by of a number, with others moved so that the vehicle does about the same."""
+    column = {(name, (member,)): order for order, (name, member, _, _) in enumerate(problem.slack)}
+    column |= {knob.key: len(problem.slack) + order for order, knob in enumerate(best.explanation.fitted)}
+    name, member = valley.beside
+    if (effect, (valley.leading,)) not in column or (name, (member,)) not in column:
+        return best
+    for _ in range(WALKS):
+        before = best
+        for reach in THRESHOLD_REACH[1:]:
+            steps = reach * problem.prior.width(effect, valley.leading) * TRIED_STEPS
+            together = [valley.moves(best.base.vehicle, float(step)) for step in steps]
+            amounts = [
+                {column[name, (member,)]: by for (name, member), by in moves.items() if (name, (member,)) in column}
+                for moves in together
+            ]
+            best = _best_along(problem, best, amounts)
+        if best is before:
+            break
+    return best
+
+
+def _best_along(problem: Problem, best: Judged, amounts: list[dict[int, float]]) -> Judged:
+    """The best of an explanation and of those with some numbers moved by amounts, alone or the others along."""
+    if not np.isfinite(best.chi2):
+        return best
+    trials = [moved_along(problem, best, some, along) for along in (True, False) for some in amounts]
+    chi2 = nudged_chi2(problem, trials, best.base)
+    return (
+        assess(problem, nudge(problem, trials[int(chi2.argmin())], best.base), before=best)[0]
+        if chi2.min() < best.chi2 - 0.1
+        else best
+    )

@@ -1,0 +1,207 @@
+"""Which effects could explain a log, or what an explanation leaves: all atoms judged at once on one quadratic."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.assess import knob_changes, log_evidence
+from auv_torchrl.diagnosis.identify.evidence import volume
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import Atom
+from auv_torchrl.diagnosis.identify.judged import Base, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
+from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
+from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_KNOBS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
+from auv_torchrl.effects import EFFECTS
+
+
+@dataclass(frozen=True)
+class Screened:
+    """An explanation as the screening sees it."""
+
+    explanation: Explanation
+    chi2: float
+    evidence: float
+    chosen: tuple[int, ...] = ()  # atoms
+
+
+@dataclass(frozen=True)
+class Field:
+    """The quadratic of all atoms at a base, slack and the values of its explanation fitted."""
+
+    problem: Problem
+    explanation: Explanation  # on top of which the atoms act
+    quadratic: Quadratic  # of slack, the values of the explanation, and atoms
+    values: tuple[Floats, Floats, Floats]  # (m,) prior precision of steps of these values, and their bounds in steps
+    b: Floats  # (N,) slack fitted
+    A: Floats  # (N, N) slack fitted
+    pull: Floats  # (N,) prior precision of each amount, about 1 for scanned atoms, else about 0
+    centre: Floats  # (N,)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(N,) atoms that leave any mark on this log."""
+        return np.diag(self.A) > SEEN_AT_ALL
+
+    @staticmethod
+    def of(problem: Problem, base: Base, around: Explanation | None = None) -> "Field":
+        """Mark every atom on the windows of ``base``, on top of its explanation or of another one."""
+        explanation = base.explanation if around is None else around
+        moved, steps = knob_changes(problem, explanation)
+        atoms = [explanation.with_atom(atom, problem.vehicle) for atom in problem.atoms]
+        q = quadratic(problem, base, [*moved, *atoms], around, chosen=problem.followed)
+        _, b, A, _, _ = without_slack(problem, q, explanation)
+        b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
+        values = value_steps(problem, explanation, steps)
+        width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.atoms]
+        centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in problem.atoms])
+        return Field(problem, explanation, q, values, b, A, np.array(width) ** -2.0, centre)
+
+    @property
+    def constant(self) -> float:
+        """Chi-square of the explanation of the base, slack and values fitted."""
+        return self.fit([])[0]
+
+    def fit(self, chosen: list[int], amounts: Floats | None = None) -> tuple[float, Floats]:
+        """Chi-square and amounts of some atoms together, or chi-square at given amounts.
+
+        Slack is fitted too, but no further than slack goes: what lies beyond must be an effect. So are the values that
+        the explanation has already, because what is added may take over a part of what they do.
+        """
+        problem, q = self.problem, self.quadratic
+        stiffness, least, most = self.values
+        first = len(problem.slack) + len(stiffness)
+        at, precision = slack_now(problem, self.explanation), problem.slack_precision
+        columns = [*range(first), *(first + i for i in chosen)]
+        of_atoms = self.pull[chosen] if amounts is None else np.zeros(len(chosen))
+        pull = joint_precision(precision, np.concatenate([stiffness, of_atoms]))
+        toward = np.concatenate([-at, np.zeros(len(stiffness)), self.centre[chosen]])
+        H = q.A[np.ix_(columns, columns)] + pull
+        g = q.b[columns] + pull @ toward
+        reach = SLACK_LIMIT * np.sqrt(np.diag(problem.slack_covariance))
+        low = np.concatenate([-reach - at, least, np.full(len(chosen), -np.inf)])
+        high = np.concatenate([reach - at, most, np.full(len(chosen), np.inf)])
+        x, free = np.zeros(len(columns)), np.ones(len(columns), bool)
+        if amounts is not None:
+            x[first:], free[first:] = amounts, False
+        x = bounded_minimum(H, g, low, high, x, free)
+        chi2 = q.constant + float(toward @ pull @ toward - 2 * g @ x + x @ H @ x)
+        return chi2, x[first:]
+
+    def judge(self, chosen: list[int]) -> Screened:
+        """Weigh some atoms together, on top of the explanation of the base."""
+        amounts = self.fit(chosen)[1]
+        problem, explanation = self.problem, self.explanation
+        units, widths, fitted, reached = [], [], [], []
+        for i, amount in zip(chosen, amounts, strict=True):
+            atom = problem.atoms[i]
+            before = explanation
+            explanation = explanation.with_atom(atom, problem.vehicle, float(amount))
+            if not atom.discrete:
+                unit, width = self._unit(atom)
+                units.append(unit)
+                widths.append(width)
+                fitted.append(i)
+                reached.append(self._reached(atom, before, explanation, float(amount)))
+            else:
+                reached.append(1.0)
+        curvature = self.A[np.ix_(fitted, fitted)] / np.outer(units, units)
+        chi2 = self.fit(chosen, np.array(reached))[0]
+        evidence = log_evidence(problem, chi2, explanation) + volume(curvature, np.array(widths))
+        return Screened(explanation, chi2, evidence, tuple(chosen))
+
+    def _unit(self, atom: Atom) -> tuple[float, float]:
+        """Change of the parameter that an atom moves most, and the plausible range of that parameter."""
+        most = self.moved_most(atom)
+        nominal = EFFECTS[atom.effect].nominal(self.problem.vehicle)[most]
+        return atom.values[most] - nominal, self.problem.prior.width(atom.effect, most)
+
+    def moved_most(self, atom: Atom) -> str:
+        """The parameter that an atom moves most, for its plausible range."""
+        nominal = EFFECTS[atom.effect].nominal(self.problem.vehicle)
+        width = self.problem.prior.width
+        return max(atom.values, key=lambda name: abs(atom.values[name] - nominal[name]) / width(atom.effect, name))
+
+    def _reached(self, atom: Atom, before: Explanation, after: Explanation, amount: float) -> float:
+        """The amount that the bounds of the parameters leave, of the ``amount`` asked for."""
+        unbound = amount * self._unit(atom)[0]
+        name = self.moved_most(atom)
+        moved = _value(after, atom.effect, name, self.problem) - _value(before, atom.effect, name, self.problem)
+        return amount * moved / unbound if unbound else 0.0
+
+    def none(self) -> Screened:
+        """The explanation of the base alone."""
+        constant = self.constant
+        return Screened(self.explanation, constant, log_evidence(self.problem, constant, self.explanation))
+
+    def families(self) -> list[Screened]:
+        """The best explanation of each family alone, members added while that pays."""
+        grown = (self._grow(name, []) for name in self._names)
+        return sorted((family for family in grown if family is not None), key=lambda s: -s.evidence)
+
+    @cached_property
+    def twins(self) -> set[frozenset[str]]:
+        """Effects of which each change leaves the mark of some change of the other: together they explain no more."""
+        size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
+        same = np.abs(self.A) > SAME_MARK * np.outer(size, size)
+        rows = {
+            name: [i for i, a in enumerate(self.problem.atoms) if a.effect == name and self.seen[i]]
+            for name in self._names
+        }
+        return {
+            frozenset({one, other})
+            for one, other in combinations(self._names, 2)
+            if same[np.ix_(rows[one], rows[other])].any(1).all() and same[np.ix_(rows[one], rows[other])].any(0).all()
+        }
+
+    @property
+    def _names(self) -> list[str]:
+        return list(dict.fromkeys(self.problem.atoms[i].effect for i in np.flatnonzero(self.seen)))
+
+    def _grow(self, family: str, chosen: list[int]) -> Screened | None:
+        """Add members of a family while that pays, at least one; None where it adds nothing to the chosen ones."""
+        inside = [i for i, atom in enumerate(self.problem.atoms) if atom.effect == family and self.seen[i]]
+        alone = [i for i in inside if not _moves_all(self.problem, i)]  # once all members are moved, none is added
+        ways = [self._grown(chosen, inside), self._grown(chosen, alone) if len(alone) < len(inside) else None]
+        return max((way for way in ways if way is not None), key=lambda way: way.evidence, default=None)
+
+    def _grown(self, chosen: list[int], inside: list[int]) -> Screened | None:
+        best: Screened | None = None
+        for _ in range(MOST_KNOBS):
+            free = [i for i in inside if not self._overlaps(i, chosen)]
+            if not free:
+                break
+            trial = [*chosen, min(free, key=lambda i: self.fit([*chosen, i])[0])]
+            judged = self.judge(trial)
+            if best is not None and judged.evidence <= best.evidence:
+                break
+            chosen, best = trial, judged
+        return best
+
+    def _overlaps(self, i: int, chosen: list[int]) -> bool:
+        """Whether an atom says the same as chosen ones, or moves what they move."""
+        mine = self.problem.atoms[i]
+        for j in chosen:
+            other = self.problem.atoms[j]
+            if abs(self.A[i, j]) > SAME_MARK * np.sqrt(self.A[i, i] * self.A[j, j]):
+                return True
+            if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
+                return True
+        return False
+
+
+def _moves_all(problem: Problem, i: int) -> bool:
+    """Whether an atom moves all members of a family of parameters by one value."""
+    atom = problem.atoms[i]
+    declared = EFFECTS[atom.effect].member_parameters(problem.vehicle)
+    return len(atom.values) > 1 and not atom.discrete and len({declared[name].name for name in atom.values}) == 1
+
+
+def _value(explanation: Explanation, effect: str, member: str, problem: Problem) -> float:
+    values = explanation.values(problem.vehicle, slack=False).get(effect, {})
+    return values.get(member, EFFECTS[effect].nominal(problem.vehicle)[member])

@@ -1,0 +1,203 @@
+"""Find the explanation: screen everything, polish what could be it, refine the best."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
+from auv_torchrl.diagnosis.identify.candidates import Others, candidates_of
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, tidy
+from auv_torchrl.diagnosis.identify.screen import Field, Screened
+from auv_torchrl.diagnosis.thresholds import (
+    ADDS,
+    BROKEN_PROMISE,
+    CONTENDS,
+    FEW_VALUES,
+    FITTED_ON,
+    HOPELESS,
+    MANY_WINDOWS,
+    POLISHED,
+    REFITTED,
+    SEARCHED_WINDOWS,
+    STILL_GAINS,
+    TURNED_ROUND,
+    WORTH_AN_EFFECT,
+)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search leaves behind."""
+
+    problem: Problem  # with the sensor noise that was found
+    follow: Base  # nominal vehicle, the gap in a free force
+    none: Judged
+    best: Judged
+    polished: list[Judged]  # all that were simulated, the best first
+    screened: list[Screened]  # every family alone
+    field: Field  # marks of all changes at the nominal vehicle
+    promise: float  # chi-square per number that the best look along the measured motion leaves; infinite without one
+
+
+def search(
+    problem: Problem,
+    follow: Base,
+    progress: Progress,
+    hints: Sequence[Explanation] = (),
+    others: Others = Others.ALL,
+    below: float = np.inf,
+) -> Found:
+    """Explain the windows of a problem that ``follow`` has followed.
+
+    ``hints`` are simulated first, and ``others`` that the screening finds only where none of the hints explains the log
+    by a few values, and where they promise to leave less than ``below`` of chi-square per number. Of many windows,
+    some are searched, and what is found is fitted to all.
+    """
+    if len(problem.windows) <= MANY_WINDOWS:
+        return _search(problem, follow, progress, hints, others, below)
+    rows = np.linspace(0, len(problem.windows) - 1, SEARCHED_WINDOWS).astype(int)
+    few = Problem.of(problem.given.subset(rows), problem.vehicle, problem.settings, problem.known)
+    found = _search(*follow_agreeing(few), progress, hints, others, below)
+    return _refit(problem, follow, found, progress)
+
+
+def _refit(problem: Problem, follow: Base, found: Found, progress: Progress) -> Found:
+    """What was ``found`` among some windows, fitted to all of them; effects are added where these show more."""
+    field = Field.of(problem, follow)
+    hopeless = found.none.evidence < found.best.evidence - HOPELESS
+    polished = [fit_by_simulation(problem, found.none.explanation, follow, rounds=0 if hopeless else 4)]
+    problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
+    others = [judged for judged in found.polished if judged.explanation.effects and judged is not found.best]
+    chosen = [found.best, *others] if found.best.explanation.effects else others
+    polished += [fit_by_simulation(problem, judged.explanation, follow) for judged in chosen[: 1 + REFITTED]]
+    few_left_much = leaves_much(found.problem, found.best)
+    return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress)
+
+
+def _search(
+    problem: Problem,
+    follow: Base,
+    progress: Progress,
+    hints: Sequence[Explanation],
+    others: Others,
+    below: float,
+) -> Found:
+    field = Field.of(problem, follow)
+    families = field.families()
+    progress("screening effects", 0.4)
+    hopeless = bool(families) and field.none().evidence < families[0].evidence - HOPELESS
+    polished = [fit_by_simulation(problem, Explanation(), follow, rounds=0 if hopeless else 4)]  # then with effects
+    problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
+    promise = np.inf
+    for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
+        polished.append(fit_by_simulation(problem, explanation, follow))
+        few = len(explanation.knobs) <= FEW_VALUES or polished[-1].nothing_left
+        if others is not Others.NONE and few and explains(problem, polished[-1]):
+            break
+    else:
+        candidates: Sequence[Screened | Judged] = ()
+        if others is not Others.NONE:
+            one_does = any(len(j.explanation.effects) == 1 and explains(problem, j) for j in polished[1:])
+            others, below = (Others.SINGLE, np.inf) if one_does else (others, below)
+            candidates, promise = candidates_of(problem, follow, field, families, others)
+            candidates = [shown for shown in candidates if not any(_adds_to(hint, shown) for hint in hints)]
+        for shown in candidates if promise < below else ():
+            enough = TURNED_ROUND * min(judged.chi2 for judged in polished)
+            polished.append(_simulated(problem, shown, follow, families, enough))
+            progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
+    return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress)
+
+
+def _finish(
+    problem: Problem,
+    follow: Base,
+    field: Field,
+    families: list[Screened],
+    polished: list[Judged],
+    promise: float,
+    given_up: bool,
+    progress: Progress,
+) -> Found:
+    """The best of what was simulated, with effects added, unless that is ``given_up``, and taken out."""
+    best = _best(problem, polished)
+    if (anew := measure_noise(problem, best)) is not problem:
+        problem = anew
+        polished = [reassess(problem, judged) if np.isfinite(judged.chi2) else judged for judged in polished]
+        best = _best(problem, polished)
+    if not leaves_much(problem, best):
+        polished = _fitted_on(problem, best, polished, field.twins)
+        best = _best(problem, polished)
+    if not given_up and (not best.nothing_left or is_strained(problem, best)):
+        best = grow(problem, best, polished, field.twins, progress)
+    best = tidy(problem, best, polished)
+    problem.freedoms.clear()
+    none = polished[0]
+    kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
+    ranked = sorted(kept, key=lambda judged: -judged.evidence)
+    return Found(problem, follow, none, best, ranked, families, field, promise)
+
+
+def _set_aside(judged: Judged) -> Judged:
+    """An explanation that lost: what it was worth and the motion under it, without the slopes that fill the memory."""
+    return replace(judged, base=judged.base.without_slopes(), slack_marks=None)
+
+
+def _adds_to(hint: Explanation, shown: Screened | Judged) -> bool:
+    """Whether a candidate has several effects that were simulated already, and more, which is added if it pays."""
+    return len(hint.effects) > 1 and set(hint.effects) < set(shown.explanation.effects)
+
+
+def _simulated(
+    problem: Problem, shown: Screened | Judged, follow: Base, families: list[Screened], enough: float
+) -> Judged:
+    """A candidate fitted; several effects that end far from what they promised, also from what each would be alone."""
+    judged = fit_by_simulation(problem, shown.explanation, follow, enough=enough)
+    if len(shown.explanation.effects) == 1 or not judged.chi2 > BROKEN_PROMISE * shown.chi2:
+        return judged
+    again = fit_by_simulation(problem, _each_alone(shown.explanation, families), follow, enough=enough)
+    return max(judged, again, key=lambda judged: judged.evidence)
+
+
+def _each_alone(explanation: Explanation, families: list[Screened]) -> Explanation:
+    """The same effects, each with the values that it would have alone."""
+    alone = [s.explanation for s in families if set(s.explanation.effects) <= set(explanation.effects)]
+    return Explanation(tuple(knob for single in alone for knob in single.knobs))
+
+
+def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
+    """What may still win is fitted until nothing moves: a fit that leaves nothing is good, but not yet the best."""
+
+    def contends(judged: Judged) -> bool:
+        own, its = set(best.explanation.effects), set(judged.explanation.effects)
+        if own < its and best.nothing_left:  # no effect more is needed
+            return False
+        far = ADDS if own < its else CONTENDS
+        return own != its and frozenset(own ^ its) not in twins and judged.evidence > best.evidence - far
+
+    rivals = [judged for judged in polished if contends(judged)]
+    if not rivals or not best.explanation.effects:
+        return polished
+    fitted = {id(best): _until_still(problem, best)}
+    for rival in rivals:
+        fitted[id(rival)] = _until_still(problem, from_another(problem, rival, fitted[id(best)]))
+    return [fitted.get(id(judged), judged) for judged in polished]
+
+
+def _until_still(problem: Problem, judged: Judged) -> Judged:
+    for _ in range(FITTED_ON):
+        further = fit_by_simulation(problem, judged.explanation, judged.base)
+        if not further.evidence > judged.evidence + STILL_GAINS:
+            break
+        judged = further
+    return judged
+
+
+def _best(problem: Problem, polished: list[Judged]) -> Judged:
+    none = polished[0].evidence
+    pays = [j for j in polished[1:] if j.evidence > none + WORTH_AN_EFFECT and not is_minor(problem, j)]
+    return max(pays, key=lambda judged: judged.evidence, default=polished[0])

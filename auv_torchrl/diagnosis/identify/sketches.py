@@ -1,0 +1,58 @@
+"""Look for several effects at once: explanations fitted along the measured motion, one effect more at a time.
+
+Where two effects act, a simulation with one of them alone is far from what was measured, and says little about the
+other. Along the measured motion the forces of all effects are exact, so that the second one shows.
+"""
+
+from auv_torchrl.diagnosis.identify.fit import fit_along_motion
+from auv_torchrl.diagnosis.identify.judged import Base, Judged
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.screen import Field, Screened
+from auv_torchrl.diagnosis.thresholds import CLOSES, GROWN, MOST_SKETCHED, NEAR
+from auv_torchrl.effects import EFFECTS
+
+
+def is_near(chi2: float, numbers: int) -> bool:
+    """Whether an explanation leaves so little that further effects would be small."""
+    return chi2 < NEAR * numbers
+
+
+def sketch_explanations(problem: Problem, follow: Base, field: Field, families: list[Screened]) -> list[Judged]:
+    """Explanations by one effect, by two where one is not enough, by three where two are not; the likeliest first."""
+    sketches = _sketched(problem, follow, families, field.twins, MOST_SKETCHED[0])
+    for effects in range(1, len(MOST_SKETCHED)):
+        sketches.sort(key=lambda sketch: -sketch.evidence)
+        if is_near(sketches[0].chi2, sketches[0].quadratic.numbers):
+            break
+        starts = [s for s in sketches if len(s.explanation.effects) == effects][: GROWN[effects - 1]]
+        sketches += _sketched(problem, follow, _grown(problem, follow, starts), field.twins, MOST_SKETCHED[effects])
+    return sorted(sketches, key=lambda sketch: -sketch.evidence)
+
+
+def _grown(problem: Problem, follow: Base, starts: list[Judged]) -> list[Screened]:
+    """Explanations with one effect more that promise to close much of what is left, each set of effects once."""
+    grown: dict[frozenset[str], Screened] = {}
+    for start in starts:
+        enough = start.chi2 - CLOSES * (start.chi2 - start.quadratic.numbers)
+        for screened in Field.of(problem, follow, start.explanation).families():
+            effects = frozenset(screened.explanation.effects)
+            better = effects not in grown or screened.evidence > grown[effects].evidence
+            if len(effects) > len(start.explanation.effects) and screened.chi2 < enough and better:
+                grown[effects] = screened
+    return sorted(grown.values(), key=lambda screened: -screened.evidence)
+
+
+def _sketched(
+    problem: Problem, follow: Base, screened: list[Screened], twins: set[frozenset[str]], most: int
+) -> list[Judged]:
+    """The first of these; of effects that are the same by another name the one that the library names first."""
+    names = [candidate.explanation.effects[-1] for candidate in screened]
+    order = list(EFFECTS)
+
+    def is_needless(name: str, before: tuple[str, ...]) -> bool:
+        same = [other for other in {*names, *before} if frozenset({name, other}) in twins]
+        return any(other in before or order.index(other) < order.index(name) for other in same)
+
+    chosen = [s.explanation for s, name in zip(screened, names, strict=True)
+              if not is_needless(name, s.explanation.effects[:-1])]  # fmt: skip
+    return [fit_along_motion(problem, explanation, follow) for explanation in chosen[:most]]

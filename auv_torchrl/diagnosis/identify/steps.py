@@ -1,0 +1,86 @@
+"""From an explanation to a better one near by: the step to the minimum of its quadratic, within all bounds."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import SLACK_LIMIT
+from auv_torchrl.effects import EFFECTS
+
+
+def value_steps(problem: Problem, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:
+    """Prior precision and bounds (m,) of the fitted values, in ``steps`` away from where they are."""
+    bounds = [EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]] for knob in explanation.fitted]
+    widths = np.array([problem.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
+    room = np.array([
+        sorted(((p.low - knob.value) / step, (p.high - knob.value) / step))
+        for p, knob, step in zip(bounds, explanation.fitted, steps, strict=True)
+    ]).reshape(-1, 2)  # fmt: skip
+    return (steps / widths) ** 2, room[:, 0], room[:, 1]
+
+
+def moved_along(problem: Problem, judged: Judged, amounts: Mapping[int, float], along: bool = True) -> Explanation:
+    """The explanation with some numbers, of slack or fitted knobs, moved by amounts.
+
+    ``amounts`` are by column of the quadratic: slack first, then fitted knobs. The others go ``along`` as fits
+    best, or stay.
+    """
+    units = np.concatenate([np.ones(len(problem.slack)), judged.steps])
+    held = dict.fromkeys(range(0 if along else len(units)), 0.0)
+    held |= {column: amount / units[column] for column, amount in amounts.items()}
+    return take_step(problem, judged.explanation, *bounded_step(problem, judged, held))
+
+
+def even_step(problem: Problem, judged: Judged) -> tuple[Floats, Floats]:
+    """Gauss-Newton step of knobs and slack in which no slack of a threshold moves."""
+    return bounded_step(problem, judged, dict.fromkeys(np.flatnonzero(~problem.even).tolist(), 0.0))
+
+
+def bounded_step(problem: Problem, judged: Judged, held: Mapping[int, float] | None = None) -> tuple[Floats, Floats]:
+    """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does.
+
+    Some columns may be ``held`` at an amount.
+    """
+    q, steps = judged.quadratic, judged.steps
+    k, at = len(problem.slack), slack_now(problem, judged.explanation)
+    stiffness, least, most = value_steps(problem, judged.explanation, steps)
+    pull = joint_precision(problem.slack_precision, stiffness)
+    toward = np.concatenate([-problem.slack_precision @ at, np.zeros(len(steps))])
+    reach = SLACK_LIMIT * np.array([width for *_, width in problem.slack])
+    low, high = np.concatenate([-reach - at, least]), np.concatenate([reach - at, most])
+    x, free = np.zeros(len(low)), np.ones(len(low), bool)
+    for column, amount in (held or {}).items():
+        x[column], free[column] = amount, False
+    step = bounded_minimum(q.A + pull, q.b + toward, low, high, x, free)
+    return step[k:] * steps, step[:k]
+
+
+def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_step: Floats) -> Explanation:
+    """The explanation after a step of its knobs and of its slack, within bounds."""
+    amounts, order = {}, 0
+    for place, knob in enumerate(explanation.knobs):
+        if knob.discrete:
+            continue
+        p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]
+        amounts[place] = float(np.clip(knob.value + step[order], p.low, p.high))
+        order += 1
+    slack = {
+        (e, m): float(np.clip(explanation.slack.get((e, m), 0.0) + move, -SLACK_LIMIT * width, SLACK_LIMIT * width))
+        for (e, m, _, width), move in zip(problem.slack, slack_step, strict=True)
+    }
+    return replace(explanation.moved(amounts), slack=slack)
+
+
+def joint_precision(slack: Floats, values: Floats) -> Floats:
+    """Prior precision (k + m, k + m) of slack, (k, k), and of independent values, (m,)."""
+    k = len(slack)
+    joint = np.zeros((k + len(values), k + len(values)))
+    joint[:k, :k] = slack
+    joint[k:, k:] = np.diag(values)
+    return joint

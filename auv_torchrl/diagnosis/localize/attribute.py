@@ -1,0 +1,162 @@
+"""What a gap goes with that no effect explains: the commands, the motion, the surroundings, and which thruster.
+
+Forces of many shapes, sorted by where they come from, are fitted to some windows and predict others. The kind that
+predicts most takes what it predicts as its share of the gap, the next one what it adds to that, and so on: motion
+follows the commands, so that most kinds of force could stand in for another a little. None takes more than it predicts
+alone: commands, velocities and accelerations together are the equation of motion and would explain any gap.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.force import marks
+from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.effects import Origin
+from auv_torchrl.physics import prepare
+from auv_torchrl.physics.kinematics import rotation_matrix
+
+FOLDS = 4
+LEAST = 0.1  # of the gap that the forces must predict together, or nothing is said
+SOFT = 0.05  # of the full command, over which a sign changes
+EARLIER = (1, 2, 4, 8, 16)  # grid steps between a command and a force that it may leave behind
+STUCK = (0.05, 0.1, 0.2)  # of the full command, by which it must change before a force follows
+ALIKE = 0.03  # relative, of what two thrusters predict that get the same commands
+WORTHLESS = 0.005  # of the gap
+WIDTH = 1.0  # prior standard deviation of each force, in shares of the thrusters' reach
+
+
+@DIVERGING
+def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str, float]]:
+    """Shares of the gap by origin and by thruster, each summing to 1; both empty where nothing predicts the gap.
+
+    The second is empty too unless most of the gap comes from the thrusters.
+    """
+    groups = forces(problem, base)
+    names = list(groups)
+    owner = np.repeat(np.arange(len(names)), [groups[name].shape[1] for name in names])
+    columns = np.concatenate([groups[name] for name in names], axis=1)
+    known = problem.followed & np.isfinite(columns).all((1, 2, 3))  # a window that diverges shows no force
+    if known.sum() < FOLDS:
+        return {}, {}
+    columns = np.where(known[:, None, None, None], columns, 0.0)
+    size = np.sqrt(((columns[..., problem.layout.dof] / problem.wide) ** 2).sum(-1).mean((0, 2)))
+    kept = size > 1e-6
+    owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
+    shown = marks(problem.windows, base.vehicle, problem.layout, base.state, columns)
+    parts = reduce(problem.windows, problem.layout, problem.freedom(base.state.slope), base.state, shown)
+    folds = _folds(parts, known)
+
+    def predicted(players: Sequence[int]) -> float:
+        return _predicted(folds, np.flatnonzero(np.isin(owner, list(players))))
+
+    thrusters = [i for i, name in enumerate(names) if isinstance(name, int)]
+    others = [i for i in range(len(names)) if i not in thrusters]
+    shares = in_turn(predicted, [thrusters, *([i] for i in others)])
+    if not shares.sum() > LEAST:
+        return {}, {}
+    origin = {kind.value: 0.0 for kind in Origin}
+    origin[Origin.ACTUATION] = float(shares[0])
+    origin |= {str(names[i]): float(share) for i, share in zip(others, shares[1:], strict=True)}
+    if not shares[0] > shares.sum() / 2:
+        return _whole(origin), {}
+    by_thruster = in_turn(predicted, [[i] for i in thrusters])
+    return _whole(origin), _whole(
+        {str(names[i]): float(share) for i, share in zip(thrusters, by_thruster, strict=True)}
+    )
+
+
+def forces(problem: Problem, base: Base) -> dict[int | Origin, Floats]:
+    """Forces (W, k, S, 6) in N and N m along the measured motion: by thruster (from 1), and by the other origins."""
+    windows, motion = problem.windows, base.motion
+    grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
+    row = windows.episode[:, None]
+    command = windows.commands[row, grid]  # (W, S, n)
+    earlier = [windows.commands[row, np.maximum(grid - ago, 0)] for ago in EARLIER]
+    sticking = [stuck(windows.commands, width)[row, grid] for width in STUCK]
+    smooth = (command, command * np.abs(command), command / np.hypot(command, SOFT), np.abs(command))
+    shapes = (*smooth, *earlier, *sticking)
+    c = prepare(base.vehicle).numpy()
+    push = (c.allocation * c.full_thrust[:, None])[0]  # (6, n)
+    found: dict[int | Origin, Floats] = {}
+    for i in range(command.shape[-1]):
+        found[i + 1] = np.stack([shape[..., i, None] * push[:, i] for shape in shapes], axis=1)
+    velocity = motion[..., 7:]
+    rate = np.gradient(velocity, windows.dt, axis=1)
+    turning = np.zeros_like(velocity)
+    turning[..., 0], turning[..., 1] = -velocity[..., 1] * velocity[..., 5], velocity[..., 0] * velocity[..., 5]
+    dof = problem.layout.dof
+    found[Origin.BODY] = np.concatenate([_by_dof(rate, dof), _by_dof(turning, np.array([0, 1]))], axis=1)
+    to_body = rotation_matrix(motion[..., 3:7]).swapaxes(-1, -2)  # its columns are earth's axes seen from the body
+    linear = np.diagonal(c.linear_drag[0])
+    drift = np.zeros((len(windows), 3, windows.steps, 6))  # drag on a slow current along each axis of the earth
+    drift[..., :3] = np.moveaxis(to_body, -1, 1)
+    drift *= (linear + 2 * c.quadratic_drag[0] * np.abs(velocity))[:, None]
+    drag = [_by_dof(velocity, dof), _by_dof(velocity * np.abs(velocity), dof)]
+    found[Origin.FLOW] = np.concatenate([*drag, drift], axis=1)
+    place, time = motion[..., :3], windows.time[:, None] + np.arange(windows.steps) * windows.dt
+    pulls = []
+    for axis in range(3):
+        for growing in (np.ones_like(time), place[..., axis], time / max(float(time.max()), 1.0)):
+            pull = np.zeros_like(velocity)
+            pull[..., :3] = to_body[..., axis] * growing[..., None]
+            pulls.append(pull)
+    found[Origin.EXTERNAL] = np.stack(pulls, axis=1)
+    return found
+
+
+def in_turn(value: Callable[[Sequence[int]], float], teams: Sequence[Sequence[int]]) -> Floats:
+    """What each team adds to ``value``, the best first, at most what it is worth alone; equals divide it."""
+    shares, inside, left, reached = np.zeros(len(teams)), [], list(range(len(teams))), 0.0
+    alone = np.maximum([value(team) for team in teams], 0.0)
+    while left:
+        added = np.array([value([*inside, *teams[team]]) - reached for team in left])
+        if not added.max() > WORTHLESS:
+            break
+        alike = [team for team, worth in zip(left, added, strict=True) if worth > (1 - ALIKE) * added.max()]
+        inside += [member for team in alike for member in teams[team]]
+        gained = value(inside) - reached
+        shares[alike] = np.minimum(gained / len(alike), alone[alike])
+        reached += gained
+        left = [team for team in left if team not in alike]
+    return shares
+
+
+def stuck(commands: Floats, width: float) -> Floats:
+    """Commands (E, T, n) that change only once they differ by more than ``width`` from the one held."""
+    held = commands.copy()
+    for step in range(1, commands.shape[1]):
+        moved = np.abs(commands[:, step] - held[:, step - 1]) > width
+        held[:, step] = np.where(moved, commands[:, step], held[:, step - 1])
+    return held
+
+
+def _by_dof(motion: Floats, dof: np.ndarray) -> Floats:
+    """Motion (W, S, 6) as one force per degree of freedom (W, D, S, 6)."""
+    return np.stack([motion * (np.arange(6) == d) for d in dof], axis=1)
+
+
+def _folds(parts: Parts, followed: np.ndarray) -> list[tuple[Quadratic, Quadratic]]:
+    """Windows to fit to and windows to predict, in turn."""
+    turn = np.arange(len(followed)) % FOLDS
+    return [(parts.windows(followed & (turn != k)), parts.windows(followed & (turn == k))) for k in range(FOLDS)]
+
+
+def _predicted(folds: list[tuple[Quadratic, Quadratic]], chosen: np.ndarray) -> float:
+    """Share of the gap that some columns predict of windows that they were not fitted to."""
+    square = np.ix_(chosen, chosen)
+    closed = gap = 0.0
+    for fit, test in folds:
+        a = np.linalg.solve(fit.A[square] + np.eye(len(chosen)) / WIDTH**2, fit.b[chosen])
+        closed += float(2 * test.b[chosen] @ a - a @ test.A[square] @ a)
+        gap += test.constant - test.numbers
+    return closed / max(gap, 1e-9)
+
+
+def _whole(shares: dict[str, float]) -> dict[str, float]:
+    total = sum(shares.values())
+    return {name: share / total for name, share in shares.items()} if total > 0 else {}

@@ -1,0 +1,79 @@
+"""Confirm what was found: the held-out stretches flown again in MuJoCo, without and with the effects in the vehicle.
+
+The diagnosis fits and predicts with the plain model. Here the same stretches, from the same estimated starts and with
+the same commands, are flown by the simulator that training uses, all stretches as rows of one model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+import torch
+
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, late_steps, oldest, sample
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_by_kind
+from auv_torchrl.diagnosis.verdict import Confirmation
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.physics import State, prepare
+from auv_torchrl.physics.step import memory_length
+from auv_torchrl.simulator import replay
+from auv_torchrl.simulator.mujoco import MujocoSimulator
+from auv_torchrl.vehicle import Vehicle
+
+
+@DIVERGING
+def confirm(p: Predictions, vehicles: Sequence[Vehicle]) -> Confirmation:
+    """Fly the stretches of ``p`` in MuJoCo and compare with what was measured.
+
+    Args:
+        p: predictions of the plain model for the same vehicles.
+        vehicles: without and with the effects, empty batches.
+    """
+    states = fly_again(p.windows, vehicles, p.states[:, :, 0])
+    c = prepare(stacked(vehicles)).numpy()
+    reported = sample(p.windows, slice(0, len(p.windows)), c, states)
+    again = replace(p, error=p.windows.residual(reported), states=states)
+    return Confirmation(**errors_by_kind(again), closed=closed_share(again))
+
+
+def stacked(vehicles: Sequence[Vehicle]) -> Vehicle:
+    """Vehicles of empty batch as one batch."""
+    return cast(Vehicle, torch.stack(cast(Any, list(vehicles))))
+
+
+@DIVERGING
+def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> Floats:
+    """States (W, V, S + 1, 13) of ``V`` vehicles over all windows in MuJoCo.
+
+    Where the pose is reported late, the states are those of the time of the reports.
+
+    Args:
+        windows: what was commanded.
+        vehicles: empty batches.
+        starts: (W, V, 13) true states at the start of each window.
+    """
+    number, width = starts.shape[:2]
+    one = stacked(vehicles)
+    c = prepare(one).numpy()
+    late = oldest(windows, c)
+    in_report_time = changed(one, delay=one.delay + torch.from_numpy(late), pose_delay=torch.zeros_like(one.pose_delay))
+    simulator = MujocoSimulator(cast(Vehicle, in_report_time[torch.arange(width).repeat(number)]), windows.dt)
+    steps = windows.steps + late_steps(windows, c)
+    memory = memory_length(float(in_report_time.delay.max()), windows.dt)
+    begin, episode = windows.start[:, None], windows.episode[:, None]
+    ago = np.clip(begin - 1 - np.arange(memory), 0, None)
+    ahead = np.clip(begin + np.arange(steps), None, windows.commands.shape[1] - 1)
+    flat = starts.reshape(number * width, 13)
+    start = State(
+        position=flat[:, :3],
+        quaternion=flat[:, 3:7],
+        velocity=flat[:, 7:],
+        thrust=actuate(windows, one).thrust.reshape(number * width, -1),
+        commands=np.repeat(windows.commands[episode, ago], width, axis=0),
+        time=(windows.time[:, None] - late).reshape(-1),
+    )
+    simulator.resume(start)
+    commands = np.repeat(windows.commands[episode, ahead], width, axis=0)
+    return replay(simulator, commands).states.reshape(number, width, steps + 1, 13)

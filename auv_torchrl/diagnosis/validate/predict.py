@@ -1,0 +1,201 @@
+"""How far the gap shrinks: held-out stretches predicted from the commands alone, before and after."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, batch
+from auv_torchrl.diagnosis.motion.rollout import actuate, fly, simulate
+from auv_torchrl.diagnosis.motion.rough import rough_force
+from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
+from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows, cut_windows, grid_step
+from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
+from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
+
+HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
+START_S = 1.0  # s of samples from which the state at the start is estimated
+WITHIN_FLOOR = 1.1  # an error below this many floors leaves nothing to close
+MOST_STRETCHES = 60
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """``W`` held-out stretches with the predictions of ``V`` vehicles from the same starts."""
+
+    windows: Windows
+    error: Floats  # (W, V, m, C) measured less predicted
+    spread: Floats  # (W, m, C) standard deviation that sensor noise and the estimated start leave to a true model
+    states: Floats  # (W, V, S + 1, 13) true states on the grid
+
+
+def predict(
+    log: FlightLog, vehicles: list[Vehicle], settings: Settings, sigma: dict[str, float], force: Floats
+) -> Predictions:
+    """Predict every held-out stretch with each vehicle (empty batches), the best of them last.
+
+    All start from the same states: those which the best one, pushed by a disturbance of ``force`` (D,) N and N m,
+    needs to follow the first second of samples.
+
+    Raises:
+        ValueError: if the log holds no stretch of one second.
+    """
+    windows, head = cut_stretches(log, settings)
+    parts = windows.steps // head
+    if len(windows) > MOST_STRETCHES:
+        windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_STRETCHES).astype(int))
+    begin = windows.split(head).subset(np.arange(0, len(windows) * parts, parts))
+    layout = Layout.of(begin, vehicles[0], settings.bin_s)
+    best = batch(vehicles[-1], [{}])
+    state = follow(begin, best, layout, sigma, force, rough_force(begin, best, layout))
+    slope = state.slope / noise_per_sample(begin, sigma)[:, None]
+    precision = np.concatenate([layout.loose**-2.0, np.tile(force**-2.0, layout.bins)])
+    covariance = np.linalg.inv(slope.swapaxes(1, 2) @ slope + np.diag(precision))
+    root = np.linalg.cholesky(covariance[:, : len(layout.start), : len(layout.start)])
+    starts = np.repeat(state.start[:, None], 1 + len(layout.start), axis=1)
+    starts[:, 1:, layout.start] += SMALL * root.swapaxes(1, 2)
+    left = windows.residual(simulate(windows, batch(vehicles[-1], [{}]), starts))
+    change = left[:, 1:] - left[:, :1]
+    change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
+    noise = np.array([sigma[channel] for channel in windows.channels])
+    spread = np.sqrt(((change / SMALL) ** 2).sum(1) + noise**2)
+    errors, states = [], []
+    for vehicle in vehicles:
+        one = batch(vehicle, [{}])
+        predicted, passed = fly(actuate(windows, one), state.start[:, None])
+        errors.append(windows.residual(predicted)[:, 0])
+        states.append(passed[:, 0])
+    return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1))
+
+
+def cut_stretches(log: FlightLog, settings: Settings) -> tuple[Windows, int]:
+    """Stretches as long as the horizons and the log allow, and the grid steps of about a second; they divide it.
+
+    Raises:
+        FlightLogError: if the log holds no stretch of one second.
+    """
+    dt, _ = grid_step(log)
+    pair = 2 * max(1, round(settings.bin_s / dt))
+    head = pair * max(1, round(START_S / (pair * dt)))
+    longest = max(episode.duration for episode in log.episodes) - settings.lead_s
+    parts = max(1, min(int((longest + 1e-6) / (head * dt)), int(np.ceil(HORIZONS_S[-1] / (head * dt)))))
+    return cut_windows(log, parts * head * dt, settings.lead_s), head
+
+
+SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction
+
+
+def closed_share(p: Predictions, before: int = 0, after: int = 1) -> float | None:
+    """Share of the gap that is closed, over all channels and horizons in units of the floor; None without a gap."""
+    with np.errstate(over="ignore"):
+        scaled = (p.error / p.spread[:, None])[:, [before, after]]
+    share = [_rms(scaled[:, v][p.windows.trust > 0]) for v in (0, 1)]
+    if not share[0] > WITHIN_FLOOR:
+        return None
+    return float(np.clip((share[0] - share[1]) / (share[0] - 1.0), 0.0, 1.0))
+
+
+def measure_gap(p: Predictions, held_out: tuple[int, ...], closed: float | None) -> Gap:
+    """Errors at the horizons, by kind and by degree of freedom."""
+    return Gap(_horizons(p.windows), **errors_by_kind(p), closed=closed, held_out_episodes=held_out)
+
+
+def errors_by_kind(p: Predictions) -> dict[str, Any]:
+    """``position_m``, ``yaw_rad`` and ``velocity`` (None where not measured), and ``dof``: errors at the horizons."""
+    windows = p.windows
+    rows = [_at_horizon(windows, horizon) for horizon in _horizons(windows)]
+    columns = {name: i for i, name in enumerate(windows.channels)}
+
+    def errors(values: Floats, floor: Floats, seen: np.ndarray) -> Errors:
+        """``values`` (W, V, m) and ``floor`` (W, m), where they are ``seen``, to root mean squares at each horizon."""
+        known = [rows_h & seen for rows_h in rows]
+        measured = [[_rms(values[:, v][rows_h]) for rows_h in known] for v in (0, 1)]
+        return Errors(tuple(measured[0]), tuple(measured[1]), tuple(_rms(floor[rows_h]) for rows_h in known))
+
+    def together(*names: str) -> Errors | None:
+        inside = [columns[name] for name in names if name in columns]
+        if not inside:
+            return None
+        seen = np.asarray((windows.trust[..., inside] > 0).all(-1))
+        return errors(_norm(p.error[..., inside]), _norm(p.spread[..., inside]), seen)
+
+    return {
+        "position_m": together("x", "y", "z"),
+        "yaw_rad": together("yaw"),
+        "velocity": together("u", "v", "w"),
+        "dof": {name: errors(*parts) for name, parts in _body_errors(p).items()},
+    }
+
+
+def _horizons(windows: Windows) -> tuple[float, ...]:
+    return tuple(h for h in HORIZONS_S if h <= windows.steps * windows.dt + windows.dt)
+
+
+def _body_errors(p: Predictions) -> dict[str, tuple[Floats, Floats, np.ndarray]]:
+    """Errors (W, V, m), floors and whether they are seen (W, m), by degree of freedom; from velocities if measured."""
+    columns = {name: i for i, name in enumerate(p.windows.channels)}
+    found: dict[str, tuple[Floats, Floats, np.ndarray]] = {}
+    seen = p.windows.trust > 0
+    for name, velocity in zip(DEGREES_OF_FREEDOM, CHANNELS[6:], strict=True):
+        if velocity in columns:
+            column = columns[velocity]
+            found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
+    for name, pose in zip(DEGREES_OF_FREEDOM, CHANNELS[:6], strict=True):
+        if name in found or pose not in columns:
+            continue
+        column = columns[pose]
+        found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
+    if {"x", "y", "yaw"} <= set(columns) and not {"u", "v"} <= set(columns):
+        yaw = p.windows.measured[..., columns["yaw"]]
+        c, s = np.cos(yaw), np.sin(yaw)
+        (ex, fx, sx), (ey, fy, sy) = found["surge"], found["sway"]
+        found["surge"] = c[:, None] * ex + s[:, None] * ey, np.hypot(c * fx, s * fy), sx & sy
+        found["sway"] = c[:, None] * ey - s[:, None] * ex, np.hypot(c * fy, s * fx), sx & sy
+    return found
+
+
+def _at_horizon(windows: Windows, horizon: float) -> np.ndarray:
+    """(W, m) True for the last sample of each stretch up to ``horizon`` seconds."""
+    time = np.where(windows.present, (windows.index + windows.fraction) * windows.dt, np.inf)
+    nearest = np.abs(time - horizon).argmin(1)
+    chosen = np.zeros(time.shape, bool)
+    chosen[np.arange(len(windows)), nearest] = True
+    return chosen
+
+
+def _rms(values: Floats) -> float:
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+
+
+def _norm(values: Floats) -> Floats:
+    with np.errstate(over="ignore"):
+        return np.sqrt((values**2).sum(-1))
+
+
+def held_out_windows(p: Predictions, log: FlightLog) -> tuple[Window, ...]:
+    """The stretches as trajectories, sampled on the grid of the prediction."""
+    found = []
+    columns = [CHANNELS.index(channel) for channel in p.windows.channels]
+    for w in range(len(p.windows)):
+        windows = p.windows
+        rows = windows.present[w]
+        grid = windows.index[w, rows]
+        values = np.full((len(grid), 12), np.nan)
+        values[:, columns] = windows.measured[w, rows]
+        commands = windows.commands[windows.episode[w], windows.start[w] + grid]
+        time = windows.time[w] + (grid + windows.fraction[w, rows]) * windows.dt
+        measured = Trajectory(values[:, :6], values[:, 6:])
+        before, after = (_trajectory(p.states[w, v][grid], measured) for v in (0, 1))
+        found.append(Window(int(windows.number[w]), time, commands, measured, before, after))
+    return tuple(found)
+
+
+def _trajectory(states: Floats, measured: Trajectory) -> Trajectory:
+    """Simulated states (T, 13) as a trajectory, whose angles do not jump and begin near the measured ones."""
+    angles = np.unwrap(np.stack(euler_angles(states[:, 3:7]), axis=-1), axis=0)
+    ahead = np.nan_to_num(angles[0] - measured.pose[0, 3:])
+    angles -= 2 * np.pi * np.round(ahead / (2 * np.pi))
+    return Trajectory(np.concatenate([states[:, :3], angles], axis=1), states[:, 7:])
