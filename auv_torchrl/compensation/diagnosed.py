@@ -12,6 +12,7 @@ import yaml
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.typed import check_types
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
+from auv_torchrl.diagnosis.verdict_file import from_json
 from auv_torchrl.effects import get_effect
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import Vehicle
@@ -71,7 +72,7 @@ def read_diagnosed(path: Path, nominal: Vehicle, vehicle_name: str) -> Diagnosed
     if not path.is_file():
         raise FileNotFoundError(f"no diagnosis {path}: give the diagnosis.json that diagnose.py wrote")
     try:
-        diagnosis = Diagnosis.from_json(_read_json(path))
+        diagnosis = from_json(_read_json(path))
         check_types(diagnosis)
     except KeyError as error:
         raise _no_diagnosis(path, f"{error} is missing or unknown in it") from error

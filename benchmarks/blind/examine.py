@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.seal import log_path, read_manifest, write_json
@@ -57,7 +58,8 @@ def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any]) -> Non
         vehicle = load_vehicle(VEHICLE)
         flight_log = read_flightlog(log_path(folder, name), vehicle)
         healthy = [read_flightlog(log_path(folder, task["healthy"]), vehicle)] if task["healthy"] else []
-        answer["diagnosis"] = diagnose(flight_log, vehicle, healthy, vehicle_name=VEHICLE, settings=settings).to_json()
+        diagnosis = diagnose(flight_log, vehicle, healthy, vehicle_name=VEHICLE, settings=settings)
+        answer["diagnosis"] = to_json(diagnosis)
     except FlightLogError as error:
         answer["refused"] = str(error)
     except Exception as error:  # a diagnosis that fails is a wrong answer, and the report names it

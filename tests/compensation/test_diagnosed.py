@@ -16,6 +16,7 @@ from auv_torchrl.compensation.close import close
 from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.compensation.target_log import Excitation, fly_target_log
+from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.envs import make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import Severity, read_flightlog, write_flightlog
@@ -44,7 +45,7 @@ def source(tmp_path_factory) -> SourcePolicy:
 def test_a_diagnosis_is_read_as_vehicle_and_ranges(tmp_path):
     """Values and intervals of diagnosis.json are those of the vehicle and of the randomization."""
     path = tmp_path / "diagnosis.json"
-    path.write_text(json.dumps(example().to_json()))
+    path.write_text(json.dumps(to_json(example())))
     found = read_diagnosed(path, VEHICLE, "paper")
     assert found.found
     for change in found.scenario.changes:
@@ -64,7 +65,7 @@ def test_what_is_no_diagnosis_of_this_vehicle_is_refused_with_the_remedy(tmp_pat
         path.write_text(content)
         with pytest.raises(ValueError, match=r"no diagnosis|version"):
             read_diagnosed(path, VEHICLE, "paper")
-    path.write_text(json.dumps(example().to_json()))
+    path.write_text(json.dumps(to_json(example())))
     with pytest.raises(ValueError, match="vehicle=paper"):
         read_diagnosed(path, load_vehicle("bluerov2"), "bluerov2")
 
@@ -108,7 +109,7 @@ GAIN = ("effects", 0, "parameters", "gain_4")
 )
 def test_a_diagnosis_that_was_changed_is_refused_by_the_entry(tmp_path, path, value, message):
     """What a value cannot be is neither bent to fit nor flown: one line names it."""
-    content = with_entry(json.loads(json.dumps(example().to_json())), path, value)
+    content = with_entry(json.loads(json.dumps(to_json(example()))), path, value)
     file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(content))
     with pytest.raises(ValueError, match=message) as error:

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from auv_torchrl.command import BAD_INPUT
-from auv_torchrl.diagnosis.verdict import Diagnosis
+from auv_torchrl.diagnosis.verdict_file import from_json
 from auv_torchrl.flightlog import write_flightlog
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.scenario import read_scenario
@@ -72,7 +72,7 @@ def test_the_shipped_log_is_explained(folder):
     out = folder / "shipped"
     run = python("diagnose.py", f"log={SHIPPED}", f"output={out}")
     assert run.returncode == 0, run.stderr
-    diagnosis = Diagnosis.from_json(json.loads((out / "diagnosis.json").read_text()))
+    diagnosis = from_json(json.loads((out / "diagnosis.json").read_text()))
     assert [(effect.name, effect.thrusters) for effect in diagnosis.effects] == [("thruster_gain", (4,))]
     gain = diagnosis.effects[0].parameters["gain_4"]
     assert gain.value == pytest.approx(0.55, abs=0.03)

@@ -17,9 +17,10 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import auv_torchrl
-from auv_torchrl.diagnosis import Diagnosis, diagnose
+from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.report.files import write_files
+from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE, VELOCITY, FlightLogError, raw_columns, read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle
@@ -119,8 +120,8 @@ def check(example, folder):
         if not (meant and is_one_line(error)):
             raise
         return
-    content = diagnosis.to_json()
-    assert Diagnosis.from_json(json.loads(json.dumps(content, allow_nan=False))).verdict is diagnosis.verdict
+    content = to_json(diagnosis)
+    assert from_json(json.loads(json.dumps(content, allow_nan=False))).verdict is diagnosis.verdict
     told = [*diagnosis.candidates, *diagnosis.effects]
     assert all(0.0 <= entry.probability <= 1.0 for entry in told)
     assert not {effect.name for effect in diagnosis.effects} & set(how.ignored)

@@ -23,6 +23,7 @@ from auv_torchrl.diagnosis.report import report_page, summary_table, write_files
 from auv_torchrl.diagnosis.report.svg import decades, number, ticks
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect, Verdict
+from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names
@@ -67,24 +68,24 @@ class Ids(HTMLParser):
 def test_a_diagnosis_survives_its_file(diagnosis):
     """Reading diagnosis.json gives the diagnosis that was written, but for its trajectories."""
     for one in (diagnosis, no_gap(), hydrodynamic()):
-        content = json.loads(json.dumps(one.to_json(), allow_nan=False))
+        content = json.loads(json.dumps(to_json(one), allow_nan=False))
         assert content["version"] == 1
-        assert Diagnosis.from_json(content) == one
+        assert from_json(content) == one
 
 
 def test_an_unbounded_interval_is_null_in_the_file(diagnosis):
     """JSON has no infinity; an interval without an end comes back without an end."""
     open_ended = Estimate(0.5, -np.inf, np.inf, 1.0, "1")
     effect = replace(diagnosis.effects[0], parameters={"gain_4": open_ended})
-    content = json.loads(json.dumps(replace(diagnosis, effects=(effect,)).to_json(), allow_nan=False))
+    content = json.loads(json.dumps(to_json(replace(diagnosis, effects=(effect,))), allow_nan=False))
     assert content["effects"][0]["parameters"]["gain_4"]["high"] is None
-    assert Diagnosis.from_json(content).effects[0].parameters["gain_4"] == open_ended
+    assert from_json(content).effects[0].parameters["gain_4"] == open_ended
 
 
 def test_another_version_is_refused(diagnosis):
     """A file of another version is an error that names both."""
     with pytest.raises(ValueError, match="version 2.*version 1"):
-        Diagnosis.from_json({**diagnosis.to_json(), "version": 2})
+        from_json({**to_json(diagnosis), "version": 2})
 
 
 def test_the_page_stands_alone(diagnosis, paper):

@@ -7,6 +7,7 @@ import pytest
 
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
+from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.experiment import closing
 from auv_torchrl.experiment import run as running
 from auv_torchrl.experiment.console import Stages
@@ -32,7 +33,7 @@ def swap():
 def test_a_diagnosis_goes_into_the_controller_and_the_report_has_both_gaps(experiment, swap, tmp_path):
     """The swap is undone: nearly all of the controller's gap is closed, beside the share of the prediction's."""
     path = tmp_path / "diagnosis.json"
-    path.write_text(json.dumps(swap.to_json()))
+    path.write_text(json.dumps(to_json(swap)))
     ready = experiment("swap", f"diagnosis_file={path}", "flight.fly=false", "backend=mujoco")
     outcome = running.perform(ready, Stages(9))
     closed = outcome.results.as_dict()["closing"]
@@ -62,14 +63,14 @@ def test_one_command_logs_diagnoses_and_closes(experiment, swap, tmp_path, monke
 def test_contradictory_or_empty_requests_are_refused(experiment, swap, tmp_path):
     """Two sources of a diagnosis, none of a target, nothing found, no flight to speak of."""
     path = tmp_path / "diagnosis.json"
-    path.write_text(json.dumps(swap.to_json()))
+    path.write_text(json.dumps(to_json(swap)))
     with pytest.raises(ValueError, match="give one of them"):
         experiment("swap", f"diagnosis_file={path}", "diagnose=true")
     with pytest.raises(ValueError, match=r"give \+scenario"):
         experiment("nominal", "diagnose=true")
     with pytest.raises(ValueError, match="5 s or more"):
         experiment("swap", "diagnose=true", "excitation.episode_s=1")
-    path.write_text(json.dumps(replace(swap, effects=()).to_json()))
+    path.write_text(json.dumps(to_json(replace(swap, effects=()))))
     with pytest.raises(ValueError, match="found no effect"):
         experiment("swap", f"diagnosis_file={path}")
 
@@ -77,7 +78,7 @@ def test_contradictory_or_empty_requests_are_refused(experiment, swap, tmp_path)
 def test_without_a_scenario_the_vehicle_of_the_diagnosis_is_flown(experiment, swap, tmp_path):
     """A real target cannot be flown here: its diagnosed simulator stands for it."""
     path = tmp_path / "diagnosis.json"
-    path.write_text(json.dumps(swap.to_json()))
+    path.write_text(json.dumps(to_json(swap)))
     ready = experiment("nominal", f"diagnosis_file={path}")
     assert ready.scenario.name == "diagnosed" and ready.diagnosed is not None
     assert ready.target.routing.equal(ready.diagnosed.vehicle.routing)

@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.report.page import report_page
 from auv_torchrl.diagnosis.report.recording import record_diagnosis
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Window
+from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import Vehicle
 
@@ -35,7 +36,7 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
     Raises:
         FileExistsError: if one is there already and is not to be replaced.
     """
-    content = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    content = json.dumps(to_json(diagnosis), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     writers: dict[str, Callable[[Path], object]] = {
         "report.html": lambda path: _write_text(path, report_page(diagnosis, vehicle)),
         "diagnosis.json": lambda path: _write_text(path, content),
