@@ -143,7 +143,7 @@ def test_the_default_randomization_works_for_every_vehicle():
 REFUSED = {  # what is written where, and what is said
     "a name of the package": ("vehicle/paper.yaml", PAPER, "has the name of a vehicle of the package: rename it"),
     "a folder misspelt": ("vehicles/mine.yaml", PAPER, "nothing is read from .*vehicles: call it vehicle"),
-    "another folder": ("stuff/mine.yaml", PAPER, "give one with folders out of adapter, .*effects.*vehicle"),
+    "another folder": ("stuff/mine.yaml", PAPER, "give one with folders out of adaptation, .*effects.*vehicle"),
     "an effect of the package": ("effects/mine.py", FOULING.replace('"fouling"', '"current"'), "'current' .*rename it"),
     "no Python": ("effects/mine.py", "EFFECTS = (\n", r"mine.py cannot be read \(SyntaxError.*line 1"),
     "no EFFECTS": ("effects/mine.py", "effect = 3\n", "no attribute 'EFFECTS'"),

@@ -12,6 +12,7 @@ from hydra.core.singleton import Singleton
 from hydra.plugins.config_source import ConfigLoadError
 
 from auv_torchrl.config_source import CheckedFiles, check_config_files
+from auv_torchrl.experiment import schema
 from auv_torchrl.paths import CONF, PROJECT, config_path
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import MOST_BYTES, YamlFileError, read_yaml
@@ -106,6 +107,7 @@ def in_folder(folder, group, kind):
 def test_commands_read_such_files_with_the_same_errors(tmp_path, group, kind):
     """Whatever names the file: Hydra loads none that is not checked."""
     path, message = in_folder(tmp_path, group.strip("+"), kind)
+    schema.register()
     check_config_files()
     with initialize_config_dir(str(CONF), version_base="1.3"), pytest.raises(ConfigLoadError, match=message) as error:
         compose("train", [f"{group}=mine", f"hydra.searchpath=[file://{tmp_path}]"])

@@ -25,6 +25,7 @@ _MOTORS = 12  # that actuator_motors has room for
 Topic = Mapping[str, np.ndarray]
 
 
+@np.errstate(invalid="ignore", over="ignore")  # of numbers in a damaged file
 def read(path: Path, options: ReadOptions) -> Streams:
     """The streams of a PX4 log.
 
@@ -52,7 +53,8 @@ def read(path: Path, options: ReadOptions) -> Streams:
 
 
 def _vehicle(found) -> VehicleFacts:
-    parameters = {str(k): float(v) for k, v in found.initial_parameters.items()}
+    given = found.initial_parameters.items()  # of a damaged file also bytes, and numbers that are none
+    parameters = {str(k): float(v) for k, v in given if isinstance(v, int | float) and np.isfinite(v)}
     name = str(found.msg_info_dict.get("sys_name", "PX4"))
     release = found.msg_info_dict.get("ver_sw_release")
     version = "" if not isinstance(release, int) else ".".join(str(release >> s & 255) for s in (24, 16, 8))
