@@ -84,6 +84,10 @@ _VECTORS = {  # section -> key -> length; 0 is a scalar
     "": {"added_mass": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
     "thrusters": {"full_thrust": 0, "asymmetry": 0, "exponent": 0, "dead_band": 0, "limit": 0, "lag": 0, "delay": 0},
 }
+_SENSORS = {  # what a vehicle's own sensors are off by, where that is known; the nominal values are those of true ones
+    "heading_bias": 0.0, "pose_delay": 0.0, "position_scale": 1.0, "depth_scale": 1.0, "depth_bias": 0.0,
+    "velocity_scale": 1.0,
+}  # fmt: skip
 _PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay"}  # one number for all, or one each
 _POSITIVE = {"mass", "inertia", "buoyancy", "full_thrust", "exponent", "limit"}
 _NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "asymmetry", "dead_band", "lag", "delay"}
@@ -156,12 +160,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
         routing=torch.eye(n, dtype=torch.float64),
         gain=one.expand(n),
         battery_sag=zero,
-        heading_bias=zero,
-        pose_delay=zero,
-        position_scale=one,
-        depth_scale=one,
-        depth_bias=zero,
-        velocity_scale=one,
+        **_read_sensors(vehicle.get("sensors", {})),
         position_noise=zero,
         attitude_noise=zero,
         batch_size=[],
@@ -169,7 +168,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
 
 
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
-    known = {"name", "uncertainty", "rigid_body", "thrusters", "mixer", *_VECTORS[""]}
+    known = {"name", "uncertainty", "rigid_body", "thrusters", "mixer", "sensors", *_VECTORS[""]}
     if unknown := set(vehicle) - known:
         odd = sorted(map(str, unknown))
         raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
@@ -199,6 +198,18 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     if "mixer" not in vehicle:
         raise ValueError("vehicle: mixer is missing")
     return fields
+
+
+def _read_sensors(block: Any) -> dict[str, Any]:
+    if not isinstance(block, Mapping):
+        raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(_SENSORS)}")
+    if unknown := set(block) - set(_SENSORS):
+        odd = sorted(map(str, unknown))
+        raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(_SENSORS))}")
+    found = {key: _numbers(f"sensors.{key}", block.get(key, value), ()) for key, value in _SENSORS.items()}
+    if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in _SENSORS if key.endswith("_scale")):
+        raise ValueError("vehicle: sensors has a delay below 0 or a scale of 0: give what the sensors report")
+    return found
 
 
 def _each_thruster(label: str, values: Any, position: Any) -> Tensor:

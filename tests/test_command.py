@@ -67,7 +67,7 @@ def train(monkeypatch, capsys):
         ("+scenario.efects.current.north=0.2", ["'efects'", "did you mean effects"]),
         ("+scenario@scene=swap", ["without @scene"]),
         ("+agent=sac", ["agent=... without +"]),
-        ("vehicle=null", ["there are bluerov2"]),
+        ("vehicle=null", ["there are", "bluerov2_heavy"]),
         (f"policies={__file__}", ["policies", "give a folder"]),
         ("box_m=inf", ["box_m is inf", "above 0"]),
         ("agent.loss=a=b", ["agent.loss", "in quotes"]),

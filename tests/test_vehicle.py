@@ -6,6 +6,7 @@ import pytest
 import torch
 import yaml
 
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.physics.coefficients import total_mass_matrix
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
@@ -56,7 +57,7 @@ def test_table_1_is_reproduced():
 
 def test_an_unknown_name_lists_the_vehicles():
     """The error says what there is."""
-    with pytest.raises(FileNotFoundError, match="there are bluerov2, bluerov2_heavy, paper"):
+    with pytest.raises(FileNotFoundError, match="there are ardusub_sitl, bluerov2, bluerov2_heavy, paper"):
         load_vehicle("submarine")
 
 
@@ -86,12 +87,23 @@ def test_an_unknown_name_lists_the_vehicles():
         ("thrusters.direction", [[0.0, 0.0, 0.0]] * 6, "a row of thrusters.direction is zero"),
         ("thrusters.direction", [[1.0, 0.0, 0.0]] * 5, "thrusters.direction 5"),
         ("mixer", [[1, 0, 0, 0, 0, 0]] * 3, "mixer 3: give one row per thruster"),
+        ("sensors", 1.02, "sensors is 1.02: give a mapping"),
+        ("sensors", {"depth": 1.02}, r"unknown entries \['depth'\] in sensors"),
+        ("sensors", {"depth_scale": 0.0}, "a scale of 0"),
+        ("sensors", {"pose_delay": -0.1}, "a delay below 0"),
     ],
 )
 def test_mistakes_are_named(path, value, message):
     """A missing, unknown, misshapen or unphysical entry is an error that names it and says what to give."""
     with pytest.raises(ValueError, match=message):
         load_vehicle(with_entry(paper(), path.split("."), value))
+
+
+def test_what_sensors_are_known_to_be_off_by_is_nominal():
+    """A gauge that reads sea water as fresh is part of the vehicle, and an effect of it counts from there."""
+    vehicle = load_vehicle(with_entry(paper(), ["sensors"], {"depth_scale": 1.025}))
+    assert float(vehicle.depth_scale) == 1.025 and float(vehicle.position_scale) == 1.0
+    assert EFFECTS["depth_scale"].nominal(vehicle) == {"factor": 1.025}
 
 
 @pytest.mark.parametrize("text", ["", "- 1\n- 2\n", "just words", "mass: [1, 2"])

@@ -3,8 +3,10 @@
 Frames: earth NED, body FRD, angles in radians (ZYX). All arrays are numpy float64.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import or_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,25 @@ ANGLES = ("roll", "pitch", "yaw")
 
 Floats = NDArray[np.float64]
 ALONE = "one_episode"  # code of the finding that no longer holds when logs are joined
+
+
+@dataclass(frozen=True)
+class SampleErrors:
+    """What a log says of its errors, where they are more than white noise on every sample."""
+
+    snapshot_s: float = 0.0  # s between snapshots of commands that change faster; 0 where commands are held
+    drift: Mapping[str, float] = field(default_factory=dict)  # by axis: m/s, rad/s, how fast an estimate goes astray
+
+    @property
+    def coloured(self) -> bool:
+        """Whether there is more than white noise."""
+        return self.snapshot_s > 0 or any(rate > 0 for rate in self.drift.values())
+
+    def __or__(self, other: "SampleErrors") -> "SampleErrors":
+        """The worse of two logs."""
+        axes = {**self.drift, **other.drift}
+        worse = {axis: max(self.drift.get(axis, 0.0), other.drift.get(axis, 0.0)) for axis in axes}
+        return SampleErrors(max(self.snapshot_s, other.snapshot_s), worse)
 
 
 @dataclass(frozen=True)
@@ -68,6 +89,7 @@ class FlightLog:
     axes: tuple[str, ...]  # measured, out of POSE and VELOCITY
     findings: tuple[Finding, ...] = field(default=())
     resolution: dict[str, float] = field(default_factory=dict)  # step in which an axis was written, where it is known
+    errors: SampleErrors = SampleErrors()
 
     @property
     def duration(self) -> float:
@@ -117,7 +139,8 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
     episodes = [episode for log in logs for episode in log.episodes]
     episodes = [replace(with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]
     resolution = {axis: max(log.resolution.get(axis, 0.0) for log in logs) for axis in axes}
-    return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings), resolution)
+    errors = reduce(or_, (log.errors for log in logs))
+    return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings), resolution, errors)
 
 
 def with_axes(episode: Episode, axes: tuple[str, ...]) -> Episode:

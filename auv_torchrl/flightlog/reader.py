@@ -61,7 +61,8 @@ def read_flightlog(
     if len(set(numbers)) < len(numbers):
         numbers = list(range(len(stretches)))
     numbered = zip(numbers, stretches, strict=True)
-    episodes = tuple(_episode(table, axes, number, stretch, checked.filled) for number, stretch in numbered)
+    filled = _not_measured(table, checked.filled)
+    episodes = tuple(_episode(table, axes, number, stretch, filled) for number, stretch in numbered)
     clock = [] if table.units_known else check_clock(episodes, vehicle)
     findings += clock
     seconds = not any(finding.severity is Severity.ERROR for finding in clock)  # rates in another unit show nothing
@@ -73,7 +74,7 @@ def read_flightlog(
         episodes, axes, more = check_frames(episodes, axes, vehicle, table.units_known)
         findings += more
     findings += check_excitation(episodes)
-    return FlightLog(table.name, episodes, axes, tuple(condensed(findings)), checked.resolution)
+    return FlightLog(table.name, episodes, axes, tuple(condensed(findings)), checked.resolution, table.errors)
 
 
 def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions | None) -> Table:
@@ -96,6 +97,13 @@ def _check_information(table: Table, columns: Columns, axes: tuple[str, ...], co
     t = table.columns["t"]
     episode = table.columns["episode"] if columns.episode else np.zeros(len(t))
     return check_information(t, episode, table.row, {axis: table.columns[axis] for axis in axes}, commands)
+
+
+def _not_measured(table: Table, filled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """By axis, the rows whose values are filled in: doubtful ones, and rows that are there for a command alone."""
+    if table.measured is None:
+        return filled
+    return {axis: mask | ~table.measured for axis, mask in filled.items()}
 
 
 def _episode(

@@ -15,7 +15,7 @@ import pyarrow.parquet
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.header import check_number, first_bytes, read_header
-from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.flightlog.log import Floats, SampleErrors
 
 log = logging.getLogger(__name__)
 
@@ -37,6 +37,8 @@ class Table:
     row: np.ndarray
     findings: tuple[Finding, ...]
     units_known: bool = False  # the format of the file says in which units it is written
+    measured: np.ndarray | None = None  # (T,) rows in which something was measured; None is all of them
+    errors: SampleErrors = SampleErrors()
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:

@@ -61,19 +61,38 @@ def control_step(
 ) -> State:
     """Hold ``command`` (..., n) in [-1, 1] for ``control_dt`` seconds: ``substeps`` Runge-Kutta steps of order 4.
 
-    ``advance`` is a compiled form of :func:`runge_kutta_step`, None the plain one.
+    ``advance`` is a compiled form of :func:`runge_kutta_steps`, None the plain one.
     """
-    advance = advance or runge_kutta_step
+    advance = advance or runge_kutta_steps
     xp = array_namespace(command)
     commands = push(state.commands, command) if state.commands.shape[-2] > 1 else command[..., None, :]
     h = control_dt / substeps
     body = xp.concat((state.position, state.quaternion, state.velocity), axis=-1)
-    thrust, time = state.thrust, state.time
-    for target in thrust_targets(c, terms, commands, control_dt, substeps):
-        body, thrust = advance(c, terms, body, thrust, target, time, h)
-        time = time + h
+    targets = thrust_targets(c, terms, commands, control_dt, substeps)
+    body, thrust = advance(c, terms, body, state.thrust, targets, state.time, h)
     position, quaternion, velocity = body[..., :3], body[..., 3:7], body[..., 7:]
     return State(position, quaternion, velocity, thrust, commands, state.time + control_dt)
+
+
+def runge_kutta_steps(
+    c: Coefficients,
+    terms: ActiveTerms,
+    body: Array,
+    thrust: Array,
+    targets: list[Array],
+    time: Array,
+    h: float,
+    step: Callable[..., tuple[Array, Array]] | None = None,
+) -> tuple[Array, Array]:
+    """``body`` and ``thrust`` after a step of ``h`` seconds towards each of ``targets``; see :func:`runge_kutta_step`.
+
+    ``step`` is a compiled form of that, None the plain one.
+    """
+    step = step or runge_kutta_step
+    for target in targets:
+        body, thrust = step(c, terms, body, thrust, target, time, h)
+        time = time + h
+    return body, thrust
 
 
 def runge_kutta_step(

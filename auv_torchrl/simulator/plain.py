@@ -1,12 +1,15 @@
 """The plain simulator: the equations of motion and nothing else, on numpy or torch."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Unpack
 
 import torch
+from torch import Tensor
 
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step
-from auv_torchrl.physics.step import runge_kutta_step
+from auv_torchrl.physics.kernel import Advance
+from auv_torchrl.physics.step import runge_kutta_step, runge_kutta_steps
 from auv_torchrl.simulator.arrays import Array
 from auv_torchrl.simulator.base import Options, Simulator
 from auv_torchrl.vehicle import Vehicle
@@ -15,19 +18,28 @@ from auv_torchrl.vehicle import Vehicle
 class PlainSimulator(Simulator):
     """Vehicles moved by :func:`auv_torchrl.physics.control_step`; on torch all of it stays on the arrays' device.
 
+    On the CPU the steps are those of :mod:`auv_torchrl.physics.kernel`, unless they are differentiated.
+
     Args:
         vehicles, control_dt, options: of every :class:`Simulator`.
-        compiled: compile the Runge-Kutta step at its first use, some 10 s for each set of active terms; worth it
-            for long runs of large fleets on torch. Needs a C++ compiler on the CPU.
+        compiled: let torch compile the Runge-Kutta step at its first use, some 10 s for each set of active terms; for
+            large fleets on a GPU. Needs a C++ compiler on the CPU.
     """
 
     def __init__(
         self, vehicles: Vehicle, control_dt: float, *, compiled: bool = False, **options: Unpack[Options]
     ) -> None:
+        self._steps = Advance()
         super().__init__(vehicles, control_dt, **options)
-        self._runge_kutta_step: Callable[..., tuple[Array, Array]] = (
-            torch.compile(runge_kutta_step, fullgraph=True) if compiled else runge_kutta_step
+        self._advance_body: Callable[..., tuple[Array, Array]] = (
+            partial(runge_kutta_steps, step=torch.compile(runge_kutta_step, fullgraph=True))
+            if compiled
+            else self._steps
         )
 
+    def _begin_phase(self, rows: Tensor, phase: int) -> None:
+        super()._begin_phase(rows, phase)
+        self._steps.forget()
+
     def _advance(self, c: Coefficients, terms: ActiveTerms, command: Array) -> State:
-        return control_step(c, terms, self.state, command, self.control_dt, advance=self._runge_kutta_step)
+        return control_step(c, terms, self.state, command, self.control_dt, advance=self._advance_body)

@@ -42,9 +42,10 @@ def thrusters_right(
 
 def _thrusters_of(entry: str, effect: str, vehicle: Vehicle) -> frozenset[int] | None:
     """Thrusters of a declared entry such as ``thruster_gain 5`` or ``gain_5, gain_6``; None where it is of others."""
-    named, thrusters = split_entry(entry)
-    if named == effect:
-        return thrusters
+    for part in entry.split(" with "):
+        named, thrusters = split_entry(part)
+        if named == effect:
+            return thrusters
     declared, members = get_effect(effect).member_parameters(vehicle), entry.split(", ")
     if not all(member in declared and declared[member].over == "thruster" for member in members):
         return None

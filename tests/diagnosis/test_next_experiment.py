@@ -28,19 +28,20 @@ def marked():
     log = fly(hold(PAPER), {}, seed=2, episodes=2, seconds=12.0)
     problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), hold(PAPER), SETTINGS)
     problem, follow = follow_windows(problem)
-    return problem, Field.of(problem, follow)
+    return problem, Field.of(problem, follow), follow
 
 
-def found(field, *knobs) -> Any:
+def found(marked, *knobs) -> Any:
     """As much of a search's outcome as is looked at: one explanation without rivals."""
+    _, field, follow = marked
     judged = SimpleNamespace(explanation=Explanation(knobs), evidence=0.0, chi2=100.0)
-    return SimpleNamespace(best=judged, polished=[judged], field=field)
+    return SimpleNamespace(best=judged, polished=[judged], field=field, follow=follow)
 
 
 def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
     """A weak thruster 5 could be a weak 6 where both get the same command; turning about the long axis tells."""
-    problem, field = marked
-    weak = found(field, Knob("thruster_gain", ("gain_5",), 0.4))
+    problem = marked[0]
+    weak = found(marked, Knob("thruster_gain", ("gain_5",), 0.4))
     assert ("gain_5", "gain_6") in indistinguishable(problem, weak)
     (mine, theirs, other), *_ = [a for a in alternatives(problem, weak) if "gain_6" in a[1]]
     assert (mine, theirs) == ("gain_5", "gain_6")
@@ -51,11 +52,12 @@ def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
 
 
 def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(marked):
-    """Commands 2 and 3 exchanged look like nothing else, although 2 and 5 look like 2 and 6."""
-    problem, field = marked
+    """Commands 2 and 3 exchanged look like no other exchange, unless the heading were turned round by half a turn."""
+    problem = marked[0]
     knobs = [Knob("thruster_swap", (f"command_{i}",), j, discrete=True) for i, j in ((2, 3.0), (3, 2.0))]
-    assert not indistinguishable(problem, found(field, *knobs))
-    assert choose_experiment(problem, found(field, *knobs), Verdict.EXPLAINED, Where()) is None
+    turned = ("heading_bias with thruster_swap 1 4", "thruster_swap 2 3")
+    assert indistinguishable(problem, found(marked, *knobs)) == (turned,)
+    assert choose_experiment(problem, found(marked, *knobs), Verdict.EXPLAINED, Where()) is None
 
 
 @pytest.mark.parametrize(

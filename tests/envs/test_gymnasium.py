@@ -70,7 +70,7 @@ def test_starts_can_be_given():
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"vehicle": "submarine"}, FileNotFoundError, "there are bluerov2"),
+        ({"vehicle": "submarine"}, FileNotFoundError, "there are .*bluerov2_heavy"),
         ({"scenario": "storm"}, FileNotFoundError, "there are added_mass"),
         ({"backend": "gazebo"}, ValueError, "there are mujoco, torch"),
         ({"task": {"box": 1.0}}, ValueError, "box.*box_m"),

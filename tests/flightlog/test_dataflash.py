@@ -31,11 +31,15 @@ def codes(findings):
 
 def test_a_dive_becomes_rows_of_commands_pose_and_rates(tmp_path):
     """Pulses by the motor map, depth from the barometer outside, radians, rates less the bias of the filter."""
-    columns = tabulate(read_streams(written(tmp_path, dive()))).columns
+    table = tabulate(read_streams(written(tmp_path, dive())))
+    columns = table.columns
     assert set(columns) >= {"x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r", *(f"cmd_{n}" for n in range(1, 9))}
-    assert np.ptp(np.diff(columns["t"])) < 1e-6 and len(columns["t"]) == 199
+    assert np.ptp(np.diff(columns["t"])) < 1e-6 and len(columns["t"]) == 399
+    assert table.measured is not None and table.measured.sum() == 200
+    tenths = columns["t"][table.measured] * 10
+    assert np.abs(tenths - np.round(tenths)).max() < 1e-6
     assert set(np.round(columns["cmd_3"], 6)) == {0.0, 0.5} and not columns["cmd_4"].any()
-    assert columns["z"][0] == pytest.approx(1.005, abs=1e-3)
+    assert columns["z"][0] == pytest.approx(1.0, abs=1e-3)
     assert columns["roll"] == pytest.approx(np.deg2rad(1.0)) and np.abs(columns["yaw"]).max() <= np.pi
     assert columns["p"] == pytest.approx(0.01 - np.deg2rad(1.0), abs=1e-6)
     assert columns["r"] == pytest.approx(0.05 + np.deg2rad(1.0), abs=1e-6)
@@ -46,6 +50,15 @@ def test_a_snapshot_acts_from_half_a_step_before_it(tmp_path):
     columns = tabulate(read_streams(written(tmp_path, dive()))).columns
     first = np.flatnonzero(columns["cmd_3"])[0]
     assert columns["t"][first] == pytest.approx(10.05, abs=1e-6)
+
+
+def test_a_gyro_is_read_for_the_moment_at_which_it_felt(tmp_path):
+    """A low pass of 20 Hz tells of a change 11 ms later; one that is off does not."""
+    off, low = (
+        read_streams(written(tmp_path, dive(given={**ALL, "INS_GYRO_FILTER": corner}))).streams["gyro"].t[0]
+        for corner in (0, 20)
+    )
+    assert off - low == pytest.approx(0.01125, abs=1e-5)
 
 
 def test_a_reversed_motor_direction_turns_the_command(tmp_path):
@@ -109,7 +122,7 @@ def test_modes_choose_their_stretches(tmp_path):
     changes = {10.0: record("MODE", 10.0, 0, 0, 1), 20.0: record("MODE", 20.0, 19, 19, 1)}
     path = written(tmp_path, dive(also=changes))
     t = tabulate(read_streams(path), ReadOptions(modes=("STABILIZE",))).columns["t"]
-    assert t[0] == pytest.approx(5.05) and t[-1] == pytest.approx(14.95)
+    assert t[0] == pytest.approx(5.0) and t[-1] == pytest.approx(14.95)
     with pytest.raises(FlightLogError, match="not flown in AUTO: give modes out of MANUAL, STABILIZE"):
         tabulate(read_streams(path), ReadOptions(modes=("AUTO",)))
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr  # of the normal distribution; scipy.stats has it too, and takes a second to import
 
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, errors, fit, measure_scale, pseudo_huber
@@ -116,12 +116,12 @@ class _Gain:
         paid = cost[0] - cost[1]
         error = paid.std(ddof=1) / np.sqrt(len(paid))
         share = 1 - np.sqrt(cost[1].sum() / cost[0].sum())
-        return _Gain(float(share), float(norm.cdf(paid.mean() / max(error, 1e-12))))
+        return _Gain(float(share), float(ndtr(paid.mean() / max(error, 1e-12))))
 
     @property
     def better(self) -> bool:
         """Whether that is worth it and no luck."""
-        return bool(self.share > WORTH and self.probability > norm.cdf(SURE))
+        return bool(self.share > WORTH and self.probability > ndtr(SURE))
 
 
 def _typical_command(windows: Windows, vehicle: Vehicle) -> float:

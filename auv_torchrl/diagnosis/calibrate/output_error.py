@@ -105,7 +105,7 @@ def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient],
         moved = (starts - windows.guess)[:, entries] / loose
         return float((r**2).sum() + (((point - nominal) / width) ** 2).sum() + (moved**2).sum())
 
-    for round_ in range(rounds):  # the last one only takes the slopes
+    while True:
         step = np.where(at + STEP * width > high, -STEP * width, STEP * width)
         points = [at, *(at + step * unit for unit in np.eye(k)), *[at] * len(entries)]
         starts = np.repeat(start[:, None], len(points), axis=1)
@@ -123,8 +123,9 @@ def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient],
         curvature = 0.5 * (curvature + curvature.T) + np.diag(width**-2.0)
         gradient = np.einsum("kwn,wn->k", slope, r[0]) - np.einsum("wlk,wl->k", cross, offset)
         gradient += (at - nominal) / width**2
-        if round_ == rounds - 1:
-            break
+        fitted, rounds = Fitted(at, np.linalg.inv(curvature), scale), rounds - 1
+        if not rounds:  # the last one only takes the slopes
+            return fitted
         free = ~(((at <= low) & (gradient > 0)) | ((at >= high) & (gradient < 0)))
         trials = []
         for damping in DAMPING:
@@ -139,9 +140,8 @@ def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient],
         costs = [cost(tried[i], trial, starts[:, i]) for i, trial in enumerate(trials)]
         best = int(np.argmin(costs))
         if costs[best] > cost(r[0], at, start) * (1 - SETTLED):
-            break
+            return fitted
         at, start = trials[best], starts[:, best]
-    return Fitted(at, np.linalg.inv(curvature), scale)
 
 
 def start_entries(windows: Windows, vehicle: Vehicle) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.half_turn import turned_round
 from auv_torchrl.diagnosis.identify.hypotheses import Atom
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
@@ -17,9 +18,10 @@ from auv_torchrl.effects import EFFECTS
 def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], ...]:
     """Sets of effects, or of parameters of one effect, of which the log cannot tell which one acts.
 
-    They come from two sides: explanations that fit as well as the best one, and changes whose mark is the same.
+    They come from three sides: explanations that fit as well as the best one, changes whose mark is the same, and
+    thrusters that are exchanged on a vehicle turned round.
     """
-    sets = {frozenset(pair) for pair in [*_rivals(found), *_same_marks(problem, found)]}
+    sets = {frozenset(pair) for pair in [*_rivals(found), *_same_marks(problem, found), *turned_round(problem, found)]}
     return tuple(sorted(tuple(sorted(names)) for names in sets))
 
 

@@ -8,6 +8,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.colour import whiten
 from auv_torchrl.diagnosis.motion.force import force_changes
 from auv_torchrl.diagnosis.motion.reduce import DIVERGED, Freedom, chi_square, settle
 from auv_torchrl.diagnosis.motion.rollout import actuate
@@ -57,6 +58,9 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
         sigma=problem.believed(problem.rough_noise),
     )
     vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
+    if problem.given.errors.coloured:
+        begin = problem.given.guess, rough_force(problem.given, vehicle, problem.layout)
+        problem = replace(problem, windows=whiten(problem.given, vehicle, problem.layout, problem.sigma, begin))
     problem, state = _weigh_outliers(problem, vehicle, follow_freely(problem, problem.windows, vehicle))
     while (
         np.median(misfit(problem.windows, state.residual, problem.sigma)) > FOLLOWED
@@ -67,8 +71,10 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
         problem = replace(problem, layout=Layout.of(problem.windows, problem.vehicle, finer * problem.windows.dt))
         state = follow_freely(problem, problem.windows, vehicle)
     followed = misfit(problem.windows, state.residual, problem.sigma) < LOST
-    measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
-    sigma = problem.believed({n: min(measured.get(n, size), size) for n, size in problem.sigma.items()})
+    sigma = problem.sigma
+    if problem.windows.whitening is None:
+        measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
+        sigma = problem.believed({n: min(measured.get(n, size), size) for n, size in problem.sigma.items()})
     states = flown(actuate(problem.windows, vehicle), problem.layout, *_one_row(state)[:2])[1]
     base = Base(explanation, vehicle, state, states[:, 0])
     problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)

@@ -143,7 +143,9 @@ def _by_dof(motion: Floats, dof: np.ndarray) -> Floats:
 def _folds(parts: Parts, followed: np.ndarray) -> list[tuple[Quadratic, Quadratic]]:
     """Windows to fit to and windows to predict, in turn."""
     turn = np.arange(len(followed)) % FOLDS
-    return [(parts.windows(followed & (turn != k)), parts.windows(followed & (turn == k))) for k in range(FOLDS)]
+    tests = [parts.windows(followed & (turn == k)) for k in range(FOLDS)]
+    others = [[tests[j] for j in range(FOLDS) if j != k] for k in range(FOLDS)]
+    return [(sum(rest[1:], rest[0]), test) for rest, test in zip(others, tests, strict=True)]
 
 
 def _predicted(folds: list[tuple[Quadratic, Quadratic]], chosen: np.ndarray) -> float:

@@ -108,7 +108,7 @@ def reading_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, states
     for row in other:
         shown[..., row] = beyond(after.rows(slice(row, row + 1)), slice(None))[:, 0]
     shown *= windows.trust[..., None]
-    return shown.reshape(len(windows), -1, shown.shape[-1])
+    return windows.whitened(shown.reshape(len(windows), -1, shown.shape[-1]))
 
 
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:

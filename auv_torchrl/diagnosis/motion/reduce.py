@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, flown, noise_per_sample
@@ -12,6 +13,8 @@ from auv_torchrl.vehicle import Vehicle
 
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
 BOUND_PASSES = 4  # of fixing numbers at their bounds and fitting the rest again
+POTRF, POTRS = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)  # Cholesky without scipy's checks of small arrays
+SINGULAR = 1e-13  # of the largest direction: below, a double holds nothing but rounding
 OU_TIME = 1.0  # s, correlation time of the disturbance force
 
 
@@ -24,17 +27,35 @@ class Quadratic:
     A: Floats  # (N, N)
     numbers: int  # measured numbers
 
+    def __add__(self, other: "Quadratic") -> "Quadratic":
+        return Quadratic(
+            self.constant + other.constant, self.b + other.b, self.A + other.A, self.numbers + other.numbers
+        )
+
 
 @dataclass(frozen=True)
 class Parts:
-    """What each of ``W`` windows adds to a quadratic of ``N`` columns."""
+    """What ``W`` windows add to a quadratic of ``N`` columns, as factors: one product of all windows is the fastest."""
 
-    parts: Floats  # (W, 1 + N, 1 + N): constant and b in the first row, A in the others
+    marks: Floats  # (W, K, 1 + N) residual and marks in units of the noise
+    pull: Floats  # (W, L, 1 + N) of each of these on the free numbers
+    moved: Floats  # (W, L, 1 + N) free numbers that fit each of them best
+    constant: Floats  # (W,) chi-square that no column changes: of the prior, or of a window that diverged
     numbers: float  # measured numbers of all of them
 
     def windows(self, chosen: np.ndarray) -> Quadratic:
         """The quadratic of some windows (a boolean mask)."""
         return pooled([self], chosen)
+
+    def pooled(self, chosen: np.ndarray) -> Floats:
+        """Of some windows (W,): constant and b in the first row of (1 + N, 1 + N), A in the others."""
+        marks, pull, moved = (
+            (rows if chosen.all() else rows[chosen]).reshape(-1, rows.shape[-1])
+            for rows in (self.marks, self.pull, self.moved)
+        )
+        whole = marks.T @ marks - pull.T @ moved
+        whole[0, 0] += self.constant[chosen].sum()
+        return whole
 
 
 def pooled(pieces: Iterable[Parts], chosen: np.ndarray) -> Quadratic:
@@ -44,8 +65,8 @@ def pooled(pieces: Iterable[Parts], chosen: np.ndarray) -> Quadratic:
     """
     first, whole, numbers = 0, np.zeros((1, 1)), 0.0
     for piece in pieces:
-        behind = first + len(piece.parts)
-        whole = whole + piece.parts[chosen[first:behind]].sum(0)
+        behind = first + len(piece.constant)
+        whole = whole + piece.pooled(chosen[first:behind])
         numbers += piece.numbers
         first = behind
     return Quadratic(float(whole[0, 0]), whole[0, 1:], whole[1:, 1:], round(round(numbers) * chosen.mean()))
@@ -159,15 +180,28 @@ def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, 
         columns: (W, K, N) marks of the changes.
     """
     away = freedom.away(windows, layout, state.start[:, None], state.bins[:, None])[:, 0]
-    right = np.concatenate([state.residual[..., None], columns], axis=2) * freedom.weight[:, None]  # (W, K, 1 + N)
-    cross = freedom.slope.swapaxes(1, 2) @ right
-    cross[..., 0] -= away @ freedom.precision
-    inner = right.swapaxes(1, 2) @ right - cross.swapaxes(1, 2) @ (freedom.inverse @ cross)
-    inner[:, 0, 0] += ((away @ freedom.precision) * away).sum(-1)
-    diverged = ~np.isfinite(inner).all((1, 2))
-    inner[diverged] = 0.0
-    inner[diverged, 0, 0] = DIVERGED
-    return Parts(inner, windows.numbers - freedom.determined(layout))
+    marks = np.concatenate([state.residual[..., None], columns], axis=2) * freedom.weight[:, None]
+    pull = freedom.slope.swapaxes(1, 2) @ marks
+    pull[..., 0] -= away @ freedom.precision
+    moved = freedom.inverse @ pull
+    constant = ((away @ freedom.precision) * away).sum(-1)
+    size = constant + np.einsum("wkn,wkn->w", marks, marks) + np.einsum("wln,wln->w", pull, moved)
+    diverged = ~np.isfinite(size)
+    marks[diverged], pull[diverged], moved[diverged], constant[diverged] = 0.0, 0.0, 0.0, DIVERGED
+    return Parts(marks, pull, moved, constant, windows.numbers - freedom.determined(layout))
+
+
+def solve_semidefinite(H: Floats, right: Floats) -> Floats:
+    """The shortest ``x`` (N,) or (N, M) with ``H x = right``, of a symmetric ``H`` (N, N) without negative directions.
+
+    Cholesky where ``H`` is far from singular, which is seven times as fast, singular values elsewhere.
+    """
+    factor, failed = POTRF(H, lower=1, clean=0)
+    if not failed and len(H):
+        diagonal = np.diagonal(factor)
+        if diagonal.min() > SINGULAR**0.5 * diagonal.max():
+            return POTRS(factor, right, lower=1)[0]
+    return np.linalg.lstsq(H, right, rcond=SINGULAR)[0]
 
 
 def bounded_minimum(
@@ -180,8 +214,7 @@ def bounded_minimum(
     x = np.zeros(len(g)) if x is None else x.copy()
     free = np.ones(len(g), bool) if free is None else free.copy()
     for _ in range(BOUND_PASSES):
-        right = g[free] - H[np.ix_(free, ~free)] @ x[~free]
-        x[free] = np.linalg.lstsq(H[np.ix_(free, free)], right, rcond=1e-13)[0]
+        x[free] = solve_semidefinite(H[np.ix_(free, free)], g[free] - H[np.ix_(free, ~free)] @ x[~free])
         beyond = free & ((x < low) | (x > high))
         if not beyond.any():
             break

@@ -6,12 +6,13 @@ its commands have left behind, and the targets of all its steps are found at onc
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
-from auv_torchrl.physics.step import runge_kutta_step
+from auv_torchrl.physics.kernel import Steps
 from auv_torchrl.physics.thrusters import thrust_after, thrust_targets
 from auv_torchrl.sensors import Inverse, ages, motion_of, read
 from auv_torchrl.vehicle import Vehicle
@@ -34,6 +35,11 @@ class Actuation:
     whole: np.ndarray  # (R,) grid steps of delay
     thrust: Floats  # (W, R, n) N, at the start of each window
     substeps: int  # Runge-Kutta steps per grid step
+
+    @cached_property
+    def steps(self) -> Steps:
+        """The vehicles' equations of motion."""
+        return Steps(self.c, self.terms, self.windows.dt / self.substeps)
 
     @property
     def late(self) -> bool:
@@ -119,13 +125,18 @@ def _chunks(windows: int, rows: int) -> Iterator[slice]:
 def path(actuation: Actuation, chunk: slice, start: Floats, force: Floats | None, steps: int, rows: int) -> Floats:
     """True states (w, R, steps + 1, 13) on the grid: position, quaternion, body velocity."""
     body = begin(actuation, chunk, start, rows)
-    states = np.empty((*body.shape[:2], steps + 1, 13))
-    states[:, :, 0] = body
-    run = Run(actuation, chunk, steps)
-    for k in range(steps):
-        body = run.step(body, None if force is None else force[chunk, :, min(k, force.shape[2] - 1)])
-        states[:, :, k + 1] = body
-    return states
+    pushed = None if force is None else _lasting(force[chunk], steps)
+    return Run(actuation, chunk, steps).all(body, pushed)
+
+
+def _lasting(force: Floats, steps: int) -> Floats:
+    """A force (w, R, S, 6) during as many steps; the last one goes on."""
+    missing = max(steps - force.shape[2], 0)
+    return (
+        np.concatenate([force, np.repeat(force[:, :, -1:], missing, axis=2)], axis=2)
+        if missing
+        else force[:, :, :steps]
+    )
 
 
 def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Floats:
@@ -135,31 +146,35 @@ def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Float
 
 
 class Run:
-    """Some windows on their way, one grid step after another; rows of one vehicle share its thrust."""
+    """Some windows on their way; rows of one vehicle share its thrust."""
 
     def __init__(self, actuation: Actuation, chunk: slice, steps: int):
         self._actuation = actuation
-        self._targets = actuation.targets(chunk, np.arange(steps), actuation.substeps)
+        self._targets = _by_part(actuation.targets(chunk, np.arange(steps), actuation.substeps))
         self._thrust = actuation.thrust[chunk]
         self._time = actuation.windows.time[chunk, None] - oldest(actuation.windows, actuation.c)
         self._k = 0
 
-    def step(self, body: Floats, force: Floats | None = None) -> Floats:
+    def all(self, body: Floats, force: Floats | None) -> Floats:
+        """States (w, rows, S + 1, 13) from ``body`` (w, rows, 13) on, pushed by a force (w, rows, S, 6)."""
+        return self._actuation.steps.run(body, self._thrust, self._targets, self._time, force)[0]
+
+    def step(self, body: Floats, force: Floats) -> Floats:
         """States (w, rows, 13) one grid step after ``body``, pushed by a force (w, rows, 6) in the body frame."""
-        c, terms = self._actuation.c, self._actuation.terms
-        h = self._actuation.windows.dt / self._actuation.substeps
-        body, pushed = by_number(body), 0.0 if force is None else by_number(force)
-        for targets in self._targets:
-            target = targets[:, :, self._k]
-            body, self._thrust = runge_kutta_step(c, terms, body, self._thrust, target, self._time, h, pushed)
-            self._time = self._time + h
+        targets = self._targets[:, :, self._k, None]
+        states, thrust = self._actuation.steps.run(body, self._thrust, targets, self._time, force[:, :, None])
+        self._thrust = thrust[:, : self._thrust.shape[1]]
+        self._time = self._time + self._actuation.windows.dt
         self._k += 1
-        return body
+        return states[:, :, 1]
 
 
-def by_number(rows: Floats) -> Floats:
-    """The same rows (w, R, k) with each number of all rows in one piece of memory, where physics is twice as fast."""
-    return np.ascontiguousarray(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
+def _by_part(targets: list[Floats]) -> Floats:
+    """Targets (w, R, S, P, n) of ``P`` parts of grid steps; where they are the same ones, they are not copied."""
+    if all(part is targets[0] for part in targets):
+        one = targets[0][..., None, :]
+        return np.broadcast_to(one, (*one.shape[:-2], len(targets), one.shape[-1]))
+    return np.stack(targets, axis=-2)
 
 
 def oldest(windows: Windows, c: Coefficients) -> Floats:

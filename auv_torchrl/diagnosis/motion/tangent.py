@@ -116,7 +116,7 @@ def _respond(
         ahead = values[here, np.minimum(whole + 1, steps)]
         change[:, :, column] = tangent.gain[CHANNELS.index(name)] * ((1 - part) * values[here, whole] + part * ahead)
     change *= windows.trust[..., None]
-    return change.reshape(len(windows), -1, moved.shape[-1])
+    return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
 
 
 def _perturbed(body: Floats, entries: np.ndarray) -> Floats:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
-from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.flightlog.log import ANGLES, SampleErrors
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.sensors import MOTION
 
@@ -39,6 +39,8 @@ class Windows:
     trust: Floats  # (W, m, C) factor on each number: 1 measured, 0 missing or filled in, between them an outlier
     resolution: Floats  # (C,) step in which each channel was written; 0 where it is finer than anything
     guess: Floats  # (W, 12) pose and velocity at the start, from a local fit to the samples
+    errors: SampleErrors = SampleErrors()  # what the log says of errors that are no white noise
+    whitening: Floats | None = None  # (W, K, K) of the K = m C numbers of a window; None: their noise is white
 
     def __len__(self) -> int:
         return len(self.episode)
@@ -60,7 +62,8 @@ class Windows:
 
     def subset(self, chosen: np.ndarray | slice) -> "Windows":
         """Some of the windows."""
-        names = ("episode", "number", "start", "origin", "index", "fraction", "measured", "present", "trust", "guess")
+        names = ["episode", "number", "start", "origin", "index", "fraction", "measured", "present", "trust", "guess"]
+        names += [] if self.whitening is None else ["whitening"]
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def split(self, steps: int) -> "Windows":
@@ -91,16 +94,27 @@ class Windows:
         start = self.start[owner] + np.tile(np.arange(parts) * steps, len(self))
         whole = replace(self.subset(owner), steps=steps, start=start)
         return replace(
-            whole, index=index, fraction=fraction, measured=measured, present=present, trust=trust, guess=guess
-        )
+            whole, index=index, fraction=fraction, measured=measured, present=present, trust=trust, guess=guess,
+            whitening=None,
+        )  # fmt: skip
 
     def residual(self, predicted: Floats) -> Floats:
-        """Measured less predicted (W, ..., m, C), angles wrapped, each number times the trust in it."""
+        """Measured less predicted (W, ..., m, C), angles wrapped, each number times the trust in it, then whitened."""
         extra = predicted.ndim - self.measured.ndim
         shape = (len(self), *(1,) * extra)
         left = self.measured.reshape(*shape, *self.measured.shape[1:]) - predicted
         left[..., self.angular] -= 2 * np.pi * np.round(left[..., self.angular] / (2 * np.pi))
-        return left * self.trust.reshape(*shape, *self.trust.shape[1:])
+        return self.whitened(left * self.trust.reshape(*shape, *self.trust.shape[1:]))
+
+    def whitened(self, numbers: Floats) -> Floats:
+        """Numbers (W, ..., m, C), or (W, K, N), so that errors of all colours are as large as the white noise."""
+        if self.whitening is None:
+            return numbers
+        k = self.whitening.shape[-1]
+        if numbers.shape[1] == k and numbers.ndim == 3:
+            return self.whitening @ numbers
+        rows = numbers.reshape(len(self), -1, k) @ self.whitening.swapaxes(1, 2)
+        return rows.reshape(numbers.shape)
 
 
 def grid_step(log: FlightLog) -> tuple[float, int]:
@@ -137,9 +151,11 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         length = int(np.floor((t[-1] - episode.t[0]) / dt + 1e-6)) + 1
         grids.append(_commands_on_grid(episode, dt, length))
         position = (t - episode.t[0]) / dt
-        for start in range(lead, length - steps + 1, steps):
+        first = _first_seen(position, trusted[:, columns], lead) if log.errors.snapshot_s else lead
+        for start in range(first, length - steps + 1, steps):
             inside = np.flatnonzero((position > start - 1e-6) & (position < start + steps - 1e-6))
             seen = inside[trusted[inside][:, columns].any(1)]
+            inside = seen if log.errors.snapshot_s else inside  # rows that are there for a command alone say nothing
             ends = np.concatenate([[start], position[seen], [start + steps]])
             if len(seen) < 4 or np.diff(ends).max() * dt > max(0.5, 0.25 * window_s):
                 continue
@@ -180,7 +196,14 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         trust=trust,
         resolution=np.array([log.resolution.get(channel, 0.0) for channel in channels]),
         guess=guess,
+        errors=log.errors,
     )
+
+
+def _first_seen(position: Floats, trusted: Floats, lead: int) -> int:
+    """The grid step of the first sample behind the lead, where a window can begin with what was measured."""
+    behind = position[trusted.any(1) & (position > lead - 0.5)]
+    return round(float(behind[0])) if len(behind) else lead
 
 
 def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats, Floats]:

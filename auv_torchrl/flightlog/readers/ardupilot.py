@@ -4,6 +4,7 @@ https://ardupilot.org/sub/docs/logmessages.html lists the messages. Raw sensors 
 filter it is the lane in use. Position and horizontal velocity are taken where the filter says that it has them.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -35,6 +36,7 @@ WANTED = {
     "ATT": ("TimeUS", "Roll", "Pitch", "Yaw"),
     "XKQ": ("TimeUS", "C", "Q1", "Q2", "Q3", "Q4"),
     "XKF1": ("TimeUS", "C", "PN", "PE", "PD", "VN", "VE", "VD", "GX", "GY", "GZ"),
+    "XKF3": ("TimeUS", "C", "IVN", "IVE"),
     "XKF4": ("TimeUS", "C", "SS", "PI"),
     "XKFS": ("TimeUS", "C", "GI"),
     "BARO": ("TimeUS", "I", "Alt"),
@@ -46,6 +48,7 @@ _VELOCITY_KNOWN = 1 << 1  # of XKF4.SS: horizontal velocity; https://mavlink.io/
 _POSITION_KNOWN = (1 << 3) | (1 << 4)  # relative, absolute
 _STANDS_STILL = 1 << 7  # constant position mode: the filter has no position and says 0
 _ARMED, _DISARMED = 10, 11  # EV.Id
+_GROUP_DELAY = np.sqrt(2) / (2 * np.pi)  # periods, of a Butterworth filter of second order below its corner
 
 
 def streams_of(name: str, kind: str, messages: Messages) -> Streams:
@@ -56,7 +59,8 @@ def streams_of(name: str, kind: str, messages: Messages) -> Streams:
     modes = _modes(messages, vehicle)
     end = max((float(c["t"].max()) for c in messages.types.values() if len(c.get("t", ()))), default=0.0)
     found = (
-        _outputs(messages), _attitude(messages, primary, lane), *_imu(messages, primary, lane), sounding,
+        _outputs(messages), _attitude(messages, primary, lane),
+        *_imu(messages, primary, lane, vehicle.parameters), sounding,
         *_filtered(messages, primary, lane), _doppler(messages), _battery(messages),
     )  # fmt: skip
     return Streams(
@@ -162,8 +166,13 @@ def _attitude(messages: Messages, primary: Columns | None, lane: int) -> Stream 
     return stream("attitude", channels, "rad", angles["t"], np.deg2rad(degrees), Sampling.ESTIMATED, "ATT")
 
 
-def _imu(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream | None, Stream | None]:
-    """Gyro, less the bias that the filter found, and accelerometer, of the unit that the lane in use listens to."""
+def _imu(
+    messages: Messages, primary: Columns | None, lane: int, parameters: Mapping[str, float]
+) -> tuple[Stream | None, Stream | None]:
+    """Gyro, less the bias that the filter found, and accelerometer, of the unit that the lane in use listens to.
+
+    Both are logged behind a low pass, and told for the moment at which they were felt.
+    """
     imu = messages.get("IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
     if imu is None:
         return None, None
@@ -174,6 +183,7 @@ def _imu(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream
     if "I" in imu:
         imu = rows(imu, imu["I"] == unit)
     turning = np.stack([imu[f"Gyr{axis}"].astype(np.float64) for axis in "XYZ"], -1)
+    late = {name: _late(parameters.get(f"INS_{name}_FILTER")) for name in ("GYRO", "ACCEL")}
     pushing = np.stack([imu[f"Acc{axis}"].astype(np.float64) for axis in "XYZ"], -1)
     what = f"IMU {unit}"
     drift = messages.get("XKF1", "GX", "GY", "GZ")
@@ -181,10 +191,16 @@ def _imu(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream
         bias = np.stack([drift[f"G{axis}"].astype(np.float64) for axis in "XYZ"], -1)  # degree/s
         turning = turning - np.deg2rad(bias[latest(drift["t"], imu["t"])])
         what += " less the bias of XKF1"
-    gyro = stream("gyro", "pqr", "rad/s", imu["t"], turning, Sampling.MEASURED, what)
+    gyro = stream("gyro", "pqr", "rad/s", imu["t"] - late["GYRO"], turning, Sampling.MEASURED, what)
     return gyro, stream(
-        "accelerometer", ("ax", "ay", "az"), "m/s^2", imu["t"], pushing, Sampling.MEASURED, f"IMU {unit}"
-    )
+        "accelerometer", ("ax", "ay", "az"), "m/s^2", imu["t"] - late["ACCEL"], pushing, Sampling.MEASURED,
+        f"IMU {unit}",
+    )  # fmt: skip
+
+
+def _late(corner: float | None) -> float:
+    """How late in s the firmware's low pass of ``corner`` Hz tells of a change; 0 where it is off or not known."""
+    return float(_GROUP_DELAY / corner) if corner is not None and corner > 0 else 0.0
 
 
 def _filtered(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream | None, Stream | None]:
@@ -203,9 +219,19 @@ def _filtered(messages: Messages, primary: Columns | None, lane: int) -> tuple[S
         moves = (status & _STANDS_STILL) == 0
         place[~(((status & _POSITION_KNOWN) != 0) & moves), :2] = np.nan
         speed[~(((status & _VELOCITY_KNOWN) != 0) & moves), :2] = np.nan
-    what = f"XKF1, lane {lane}"
-    position = stream("position", "xyz", "m", t, place, Sampling.ESTIMATED, what)
+    what, drift = f"XKF1, lane {lane}", _innovation(messages, primary, lane)
+    position = stream("position", "xyz", "m", t, place, Sampling.ESTIMATED, what, drift)
     return position, stream("velocity", ("north", "east", "down"), "m/s", t, speed, Sampling.ESTIMATED, what)
+
+
+def _innovation(messages: Messages, primary: Columns | None, lane: int) -> float | None:
+    """How far measured velocities were off those that the filter expected, m/s: about as far as it is off itself."""
+    told = messages.get("XKF3", "IVN", "IVE")
+    if told is None:
+        return None
+    told = of_lane(told, primary, lane)
+    off = np.hypot(*(told[name].astype(np.float64) for name in ("IVN", "IVE"))) / np.sqrt(2)
+    return float(np.sqrt(np.mean(off[off > 0] ** 2))) if (off > 0).any() else None
 
 
 def _doppler(messages: Messages) -> Stream | None:

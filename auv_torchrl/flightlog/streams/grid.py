@@ -1,8 +1,9 @@
 """From streams to rows: every stream at the times at which commands change, as the checks of a table expect it.
 
 Rows are where commands begin to act. Snapshots of something faster are taken to act from half a step before to half a
-step after, since held from snapshot to snapshot they would be half a step late. What is sampled faster than the rows is
-averaged around each, what is slower is interpolated; nothing is filled in across a pause, and what was not measured
+step after, since held from snapshot to snapshot they would be half a step late; where sensors were read with them, a
+row stands at the snapshot too, and what was measured counts in these rows alone. What is sampled faster than the rows
+is averaged around each, what is slower is interpolated; nothing is filled in across a pause, and what was not measured
 stays NaN.
 """
 
@@ -11,7 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.log import ANGLES, POSE, VELOCITY
+from auv_torchrl.flightlog.log import ANGLES, POSE, VELOCITY, SampleErrors
+from auv_torchrl.flightlog.streams.drift import drift_of
 from auv_torchrl.flightlog.streams.motors import commands_of
 from auv_torchrl.flightlog.streams.stream import Floats, ReadOptions, Sampling, Spans, Stream, Streams
 from auv_torchrl.flightlog.table import MAX_ROWS, Table
@@ -27,6 +29,8 @@ _FASTER = 0.6  # of the interval of the rows: streams whose interval is shorter 
 _ROUNDING_S = 1e-6  # s, of times in a file: what lies on the edge of a window is left out on both sides
 _MOMENT_S = 0.5  # s, within which the streams of a log begin and end
 _MOST_PARTS = 20  # rows into which the time of one command is divided
+_TOGETHER = 0.1  # of the interval of the rows, within which a sample was taken at a row
+_IN_STEP = 0.4  # share of the rows with a sample from which sensors are read in step with the commands
 
 
 def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
@@ -43,7 +47,8 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
             f"{streams.name} measures nothing that a diagnosis can use (it has {', '.join(streams.streams)}): log "
             "attitude, depth, gyro, position or velocity"
         )
-    t, row = row_times(commands, _wanted_interval(commands, chosen))
+    told = _told(chosen)
+    t, row = row_times(commands, _wanted_interval(commands, told))
     number, findings = _episodes(streams, options, t)
     kept = (number >= 0) & ~_before_or_after(t, chosen)
     t, row, number = t[kept], row[kept], number[kept]
@@ -59,7 +64,26 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     columns.update({name: commands.values[row, i] for i, name in enumerate(commands.channels)})
     if "battery" in streams.streams:
         columns["battery"] = sampled(streams.streams["battery"], "voltage", t, interval)
-    return Table(streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True)
+    return Table(
+        streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True,
+        measured=_measured_rows(told, t, interval), errors=_errors(streams, commands, chosen),
+    )  # fmt: skip
+
+
+def _errors(streams: Streams, commands: Stream, chosen: Mapping[str, Stream]) -> SampleErrors:
+    """What the streams say of errors that are no white noise."""
+    snapshot = commands.interval if commands.sampling is Sampling.SNAPSHOT and len(commands) > 1 else 0.0
+    rates = {axis: drift_of(stream, streams.streams.get("gyro")) for axis, stream in chosen.items()}
+    return SampleErrors(snapshot, {axis: rate for axis, rate in rates.items() if rate > 0})
+
+
+def _measured_rows(told: Stream, t: Floats, interval: float) -> np.ndarray | None:
+    """(T,) rows at which ``told`` has a sample, where it is sampled in step with them; None where it is not."""
+    if len(told) < 2 or len(t) < 2:
+        return None
+    after = np.clip(np.searchsorted(told.t, t), 1, len(told) - 1)
+    here = np.minimum(np.abs(told.t[after] - t), np.abs(told.t[after - 1] - t)) < _TOGETHER * interval
+    return here if _IN_STEP < here.mean() < 1 - _IN_STEP else None
 
 
 def choose(streams: Streams) -> dict[str, Stream]:
@@ -84,6 +108,8 @@ def row_times(commands: Stream, interval: float) -> tuple[Floats, np.ndarray]:
         before = np.concatenate(([np.inf], np.diff(t)))
         begin = t - np.where(before > commands.pause, step, before) / 2 if len(t) > 1 else t
     parts = min(_MOST_PARTS, max(1, round(step / interval))) if len(t) > 1 else 1
+    if commands.sampling is Sampling.SNAPSHOT and parts % 2 and step > 1.5 * CONTROL_DT * parts:
+        parts *= 2  # a row at the snapshot itself
     if parts == 1:
         return begin, np.arange(len(t))
     length = np.concatenate((np.diff(begin), [step]))
@@ -116,9 +142,13 @@ def sampled(stream: Stream, channel: str, t: Floats, interval: float) -> Floats:
     return np.arctan2(np.sin(result), np.cos(result)) if angle else result
 
 
-def _wanted_interval(commands: Stream, chosen: Mapping[str, Stream]) -> float:
-    """As often as the attitude is told, or else what is told most often; never more often than a control step."""
-    told = chosen.get("yaw") or chosen.get("roll") or min(chosen.values(), key=lambda stream: stream.interval)
+def _told(chosen: Mapping[str, Stream]) -> Stream:
+    """The attitude, or else what is told most often."""
+    return chosen.get("yaw") or chosen.get("roll") or min(chosen.values(), key=lambda stream: stream.interval)
+
+
+def _wanted_interval(commands: Stream, told: Stream) -> float:
+    """As often as ``told``; never more often than a control step."""
     return max(CONTROL_DT, told.interval) if len(told) > 1 else max(CONTROL_DT, commands.interval)
 
 

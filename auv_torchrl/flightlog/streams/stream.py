@@ -40,6 +40,7 @@ class Stream:
     values: Floats  # (T, channels)
     sampling: Sampling
     source: str  # where in the file, for people
+    drift: float | None = None  # of an estimate: standard deviation of the rate of its error, per s; None is not said
 
     def __len__(self) -> int:
         return len(self.t)
@@ -74,6 +75,7 @@ def stream(
     values: ArrayLike,
     sampling: Sampling,
     source: str,
+    drift: float | None = None,
 ) -> Stream | None:
     """A stream from samples in any order; None if nothing of them can be used.
 
@@ -85,6 +87,7 @@ def stream(
         values: (T, channels), NaN where nothing was given.
         sampling: how samples stand for what was between them.
         source: where in the file, for people.
+        drift: how fast the error of an estimate changes, per s; None where the file does not say.
     """
     channels = tuple(channels)
     units = (units,) * len(channels) if isinstance(units, str) else units
@@ -95,7 +98,7 @@ def stream(
     if np.any(np.diff(t) <= 0):
         t, first = np.unique(t, return_index=True)
         values = values[first]
-    return Stream(name, channels, units, t, values, sampling, source) if len(t) else None
+    return Stream(name, channels, units, t, values, sampling, source, drift) if len(t) else None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,75 @@
+"""A vehicle seen turned round: with the heading off by half a turn, other thrusters seem exchanged.
+
+Most frames look the same from the front and from behind. Where a log does not tell the two apart, thrusters that are
+exchanged at one end under a sound compass are the same as others at the other end under one that points backwards.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
+from auv_torchrl.diagnosis.identify.search import Found
+from auv_torchrl.diagnosis.thresholds import SAME_MARK
+from auv_torchrl.physics import prepare
+from auv_torchrl.sensors import Inverse
+
+NEARLY = 0.1  # rad away from half a turn, in which a value of a scan or of a fit is taken for one
+
+
+def turned_round(problem: Problem, found: Found) -> list[tuple[str, str]]:
+    """What of the best explanation exchanges thrusters, and what leaves the same mark with the heading turned round."""
+    best = found.best.explanation
+    exchanged = [knob for knob in best.knobs if knob.discrete]
+    if not exchanged:
+        return []
+    turned = [
+        knob for knob in best.knobs if not knob.discrete and _angle(problem, Explanation((knob,))) > np.pi - NEARLY
+    ]
+    rest = replace(best, knobs=tuple(knob for knob in best.knobs if knob not in (*exchanged, *turned)))
+    turns = [([], rest)] if turned else _half_turns(problem, rest)
+    others = [
+        (" with ".join([*turn, _exchange(atom.effect, atom.values)]), around.with_atom(atom, problem.vehicle))
+        for turn, around in turns
+        for atom in problem.atoms
+        if atom.discrete
+    ]
+    if not others:
+        return []
+    own = _exchange(exchanged[0].effect, [knob.members[0] for knob in exchanged])
+    mine = " with ".join([*(knob.effect for knob in turned), own])
+    same = _same_mark(problem, found, [best, *(other for _, other in others)])
+    return [(mine, name) for (name, _), is_same in zip(others, same, strict=True) if is_same]
+
+
+def _half_turns(problem: Problem, rest: Explanation) -> list[tuple[list[str], Explanation]]:
+    """``rest`` with the heading turned round, by each change of a sensor that can do so."""
+    found = []
+    for atom in problem.atoms:
+        angle = 0.0 if atom.discrete else _angle(problem, Explanation().with_atom(atom, problem.vehicle))
+        if angle > np.pi - NEARLY:
+            found.append(([atom.effect], rest.with_atom(atom, problem.vehicle, np.pi / angle)))
+    return found
+
+
+def _angle(problem: Problem, explanation: Explanation) -> float:
+    """Angle in rad between the reported and the true heading under an explanation."""
+    c = prepare(batch(problem.vehicle, [explanation.values(problem.vehicle)])).numpy()
+    return float(2 * np.arccos(np.clip(np.abs(Inverse.of(c, problem.windows.channels).turn[0, 0]), 0.0, 1.0)))
+
+
+def _same_mark(problem: Problem, found: Found, explanations: list[Explanation]) -> np.ndarray:
+    """Whether each explanation but the first leaves the mark of the first one (N - 1,)."""
+    q = quadratic(problem, found.follow, explanations, chosen=problem.followed)
+    _, _, A, _, _ = without_slack(problem, q, found.follow.explanation)
+    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    return A[0, 1:] > SAME_MARK * size[0] * size[1:]
+
+
+def _exchange(effect: str, members: Iterable[str]) -> str:
+    """The effect and the thrusters that it exchanges, e.g. ``thruster_swap 1 4``."""
+    return " ".join([effect, *sorted((member.rsplit("_", 1)[1] for member in members), key=int)])

@@ -1,0 +1,116 @@
+"""Errors of a log that are no white noise, as a covariance of all numbers of a window, and how it is taken out.
+
+Two of them are known before anything is explained. Commands that were logged as snapshots changed at some moment
+between two of them, and what the vehicle did until then differs by the force that changed. And the estimates of a
+filter go astray slowly, all samples together. Whitened, samples count for as much as is known of them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, ahead
+from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, local_slopes, noise_per_sample
+from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.flightlog.streams.drift import DRIFT_S
+from auv_torchrl.physics import prepare
+from auv_torchrl.physics.kinematics import matvec
+from auv_torchrl.sensors import Inverse
+from auv_torchrl.vehicle import Vehicle
+
+MOMENTS = 101  # at which a command may have changed between two snapshots, to average over
+# Of what such a change makes, not in proportion to it: a short push at one end of a grid step of 0.05 s is, at the
+# other end, a third less than the same push spread over the step, for a vehicle that answers in 0.04 s.
+BENT = 0.3
+FLICKERS = 2.0  # times the thrust at the edge of the dead band, below which a thruster comes and goes
+
+
+@DIVERGING
+def whiten(
+    windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], begin: tuple[Floats, Floats]
+) -> Windows:
+    """The windows with what turns their errors into white noise of ``sigma``.
+
+    Args:
+        windows: of a log that says what its errors are.
+        vehicle: batch (1,).
+        layout: of the free numbers of a window.
+        sigma: white noise by channel.
+        begin: starts (W, 12) and forces (W, B, D) under which the vehicle moves about as it did.
+    """
+    covariance = drift_covariance(windows)
+    if windows.errors.snapshot_s:
+        marks = command_marks(windows, vehicle, layout, local_slopes(windows, vehicle, layout, *begin))
+        bent = np.eye(marks.shape[1]) * (BENT**2 * (marks**2).sum(-1))[:, None]
+        covariance = covariance + marks @ marks.swapaxes(1, 2) + bent
+    noise = noise_per_sample(windows, sigma)
+    covariance[~np.asarray(np.isfinite(covariance).all((1, 2)))] = 0.0  # no motion to work it out along
+    scaled = covariance / (noise[:, None] * noise)
+    size = np.eye(len(noise)) + scaled
+    inverse = np.linalg.inv(np.linalg.cholesky(size))
+    return replace(windows, whitening=noise[:, None] * inverse / noise)
+
+
+def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed) -> Floats:
+    """What the force that snapshots of commands do not tell would show, (W, K, S n / 2).
+
+    Each column is a standard deviation of the samples of a window, one for each grid step and degree of freedom,
+    independent of the others: the loops of an autopilot act on each axis by itself.
+    """
+    moves = layout.start[: len(layout.start) // 2]
+    unknown = unknown_force(windows, vehicle)[..., moves].reshape(len(windows), 1, -1)
+    unit = np.eye(windows.steps * len(moves)).reshape(1, windows.steps, len(moves), -1)
+    c = prepare(vehicle).numpy()
+    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).gain[0])
+    nothing = np.zeros((1, len(layout.start), unit.shape[-1]))
+    return unknown * respond(windows, layout.start, tangent, nothing, unit, ahead(windows, c)[0])
+
+
+def unknown_force(windows: Windows, vehicle: Vehicle) -> Floats:
+    """Standard deviation (W, S, 6) in N and N m of the force in each grid step that snapshots do not tell.
+
+    A command changed sooner or later than halfway between two snapshots, so that the old force went on or the new one
+    came before; and a thruster at the edge of its dead band may have pushed or not.
+    """
+    actuation = actuate(windows, vehicle)
+    (thrust,) = actuation.targets(slice(0, len(windows)), np.arange(-1, windows.steps + 1))
+    thrust, allocation = thrust[:, 0], actuation.c.allocation[0]  # (W, S + 2, n), (6, n)
+    jump = np.diff(matvec(allocation, thrust), axis=1) ** 2  # (W, S + 1, 6) at the edges of the steps
+    variance = np.zeros((len(windows), windows.steps, 6))
+    for ago, share in enumerate(late_shares(windows.errors.snapshot_s, windows.dt)):
+        variance[:, ago:] += share**2 * jump[:, : windows.steps - ago]  # late
+        variance[:, : windows.steps - ago] += share**2 * jump[:, 1 + ago :]  # early
+    edge = actuation.c.dead_band[0]
+    flickers = np.abs(thrust[:, 1:-1]) < FLICKERS * edge
+    return np.sqrt(variance + flickers * (edge / 2) ** 2 @ (allocation**2).T)
+
+
+def late_shares(snapshot_s: float, dt: float) -> Floats:
+    """Root mean square share of each grid step behind the middle between snapshots before a command changes.
+
+    The change is as likely at any moment between two snapshots.
+    """
+    late = np.linspace(-0.5, 0.5, MOMENTS) * snapshot_s
+    steps = np.arange(max(1, int(np.ceil(snapshot_s / 2 / dt - 1e-3))))
+    covered = np.clip(late[:, None] / dt - steps, 0.0, 1.0)
+    return np.sqrt((covered**2).mean(0))
+
+
+def drift_covariance(windows: Windows) -> Floats:
+    """Covariance (W, K, K) of channels whose error changes at a rate that lasts for a while.
+
+    The rate is a first-order Gauss-Markov process, and its integral what Papoulis (1991, section 10-3) has.
+    """
+    t = (windows.index + windows.fraction) * windows.dt
+    first, last = np.minimum(t[:, :, None], t[:, None]), np.maximum(t[:, :, None], t[:, None])
+    tau = DRIFT_S
+    shape = 2 * tau * first - tau**2 * (1 - np.exp(-first / tau) - np.exp(-last / tau) + np.exp((first - last) / tau))
+    channels = len(windows.channels)
+    covariance = np.zeros((*t.shape, channels, t.shape[1], channels))
+    for column, name in enumerate(windows.channels):
+        rate = windows.errors.drift.get(name, 0.0)
+        trust = windows.trust[..., column]
+        covariance[:, :, column, :, column] = rate**2 * shape * trust[:, :, None] * trust[:, None]
+    k = t.shape[1] * channels
+    return covariance.reshape(len(windows), k, k)

@@ -1,0 +1,137 @@
+"""Machine code of a program: compiled once on this machine by LLVM and kept in the user's cache folder."""
+
+import ctypes
+import hashlib
+import logging
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from auv_torchrl.files import locked, write_whole
+from auv_torchrl.physics.kernel.assembly import ENTRY
+
+log = logging.getLogger(__name__)
+
+CHOICE = "AUV_PHYSICS"  # the environment variable that keeps to numpy where it says so
+LANES = {
+    64: 4,
+    32: 8,
+}  # of an AVX2 register, by bits; 8 doubles were slower without AVX-512, and compile three times as long
+LEVEL = 2  # of code generation: 3 makes nothing faster, nor do LLVM's passes over what is one straight line
+
+_engines: list[Any] = []  # LLVM frees code with its engine
+
+
+def load(name: str, assembled: Callable[[], str]) -> Callable[[int], None] | None:
+    """The function of a program, which takes the address of its table; None where it is left to numpy.
+
+    Numpy is taken where ``AUV_PHYSICS=numpy`` asks for it, and, with a warning, where LLVM does not run.
+
+    Args:
+        name: tells it from other programs of the same source.
+        assembled: its assembly, worked out only where the cache holds no machine code of it.
+    """
+    if os.environ.get(CHOICE, "") == "numpy":
+        return None
+    try:
+        return _linked(_machine_code(name, assembled))
+    except (ImportError, OSError, RuntimeError) as error:
+        _say_once(f"the physics runs on numpy, which is slower but gives the same numbers: {error}")
+        return None
+
+
+@cache
+def _say_once(text: str) -> None:
+    log.warning(text)
+
+
+def cache_folder() -> Path:
+    """Where programs of one user keep what they can work out again."""
+    home = Path.home()
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = home / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
+    return base / "auv_torchrl"
+
+
+def _machine_code(name: str, assembled: Callable[[], str]) -> bytes:
+    path = cache_folder() / f"{name}-{_fingerprint()}.o"
+    known = _read(path)
+    if known is not None:
+        return known
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with locked(path.with_suffix(".lock"), "compiles the physics"):
+            code = _read(path) or _compiled(assembled())
+            write_whole(path, hashlib.sha256(code).digest() + code)
+    except OSError as error:
+        _say_once(f"the compiled physics cannot be kept and is compiled at every start: {error}")
+        code = _compiled(assembled())
+    return code
+
+
+def _read(path: Path) -> bytes | None:
+    """What was kept; None where nothing was, or where it is damaged."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    digest, code = content[:32], content[32:]
+    return code if code and hashlib.sha256(code).digest() == digest else None
+
+
+@cache
+def _fingerprint() -> str:
+    """Tells the physics, this compiler and this machine from others."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    told = hashlib.sha256()
+    for path in sorted(Path(__file__).resolve().parents[1].rglob("*.py")):
+        told.update(path.read_bytes())
+    machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    told.update(repr((llvmlite.__version__, llvm.llvm_version_info, *machine)).encode())
+    return told.hexdigest()[:24]
+
+
+@cache
+def _target() -> Any:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    features = llvm.get_host_cpu_features().flatten()
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=features, opt=LEVEL, jit=True, codemodel="jitdefault"
+    )
+
+
+def _compiled(text: str) -> bytes:
+    import llvmlite.binding as llvm
+
+    machine = _target()
+    log.debug("compiling the physics for this machine, once")
+    module = llvm.parse_assembly(text)
+    module.verify()
+    return machine.emit_object(module)
+
+
+def _linked(code: bytes) -> Callable[[int], None]:
+    import llvmlite.binding as llvm
+
+    machine = _target()
+    library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
+    for name in ("exp", "expf"):  # an unknown one would end the process
+        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _engines.append(engine)
+    return ctypes.CFUNCTYPE(None, ctypes.c_void_p)(engine.get_function_address(ENTRY))

@@ -1,0 +1,152 @@
+"""Many Runge-Kutta steps of many vehicles over many windows in one call of compiled code."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
+
+from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.kernel.assembly import assembly
+from auv_torchrl.physics.kernel.native import LANES, load
+from auv_torchrl.physics.kernel.program import Layout, Program, program
+from auv_torchrl.physics.kernel.symbols import Symbols, Tape
+from auv_torchrl.physics.kernel.table import readable, table
+from auv_torchrl.physics.step import runge_kutta_step
+
+Array = np.ndarray[Any, np.dtype[Any]]
+Shapes = tuple[tuple[int, ...], ...]
+
+
+class Steps:
+    """Vehicles (R,) of which :func:`~auv_torchrl.physics.step.runge_kutta_step` is run again and again.
+
+    The compiled step has all terms: one for vehicles of as many thrusters, whatever they do.
+    """
+
+    def __init__(self, c: Coefficients, terms: ActiveTerms, h: float):
+        """Read the coefficients once.
+
+        Args:
+            c: (R, ...), numpy, in the precision that is computed in, double or single.
+            terms: of them.
+            h: length of a Runge-Kutta step in s.
+        """
+        self._c, self._terms, self._h = c, terms, h
+        shapes = tuple(field.shape[1:] for field in c)
+        self._layout = _layout(shapes)
+        self._dtype = c.lag.dtype
+        self._run = _function(shapes, 8 * self._dtype.itemsize)
+        if self._run is not None:
+            rows = len(c.full_thrust)
+            numbers = [np.asarray(field, self._dtype).reshape(rows, -1) for field in c]
+            self._constants = np.concatenate([*numbers, np.full((rows, 1), h, self._dtype)], axis=-1)[None]
+
+    @property
+    def compiled(self) -> bool:
+        """Whether compiled code runs, not numpy."""
+        return self._run is not None
+
+    def run(
+        self, body: Array, thrust: Array, targets: Array, time: Array, force: Array | None = None
+    ) -> tuple[Array, Array]:
+        """States (W, R, S + 1, 13) from ``body`` on, one after each step, and the last thrust (W, R, n).
+
+        Args:
+            body: (W, R, 13) position, quaternion and velocity before the first step.
+            thrust: (W, R, n) in N.
+            targets: (W, R, S, P, n) in N; each of the ``S`` steps is ``P`` Runge-Kutta steps.
+            time: (W, R) in s since the start of the episode.
+            force: (W, R, S, 6) in N and N m, body frame, that acts besides the thrusters; None for none.
+
+        One in an axis stands for all; the axis of the vehicles may be longer than there are coefficients where there
+        is one vehicle.
+        """
+        force = np.zeros((1, 1, 1, 6), self._dtype) if force is None else force
+        vehicles = (1, len(self._c.full_thrust))
+        windows, rows = np.broadcast_shapes(
+            vehicles, *(given.shape[:2] for given in (body, thrust, targets, time, force))
+        )
+        steps = targets.shape[2]
+        shape = (windows, rows, steps, targets.shape[3])
+        if not windows * rows * steps:
+            states = np.broadcast_to(body[:, :, None], (windows, rows, steps + 1, 13))
+            return states, np.broadcast_to(thrust, (windows, rows, thrust.shape[-1]))
+        call = self._by_machine if self.compiled else self._by_numpy
+        return call(shape, body, thrust, targets, time, force)
+
+    def _by_machine(
+        self, shape: tuple[int, int, int, int], body: Array, thrust: Array, targets: Array, time: Array, force: Array
+    ) -> tuple[Array, Array]:
+        windows, rows, steps, _ = shape
+        dtype = self._dtype
+        states = np.empty((windows, rows, steps + 1, 13), dtype)
+        states[:, :, 0] = body
+        later = np.empty((windows, rows, thrust.shape[-1]), dtype)
+        arrays = {
+            "constants": self._constants,
+            "body": readable(body, dtype),
+            "thrust": readable(thrust, dtype),
+            "time": readable(time[..., None], dtype),
+            "target": readable(targets, dtype),
+            "force": readable(force, dtype),
+            "states": states[:, :, 1:],
+            "final body": np.empty((windows, rows, 13), dtype),
+            "final thrust": later,
+            "final time": np.empty((windows, rows, 1), dtype),
+        }
+        words = table(self._layout, arrays, shape)
+        cast(Callable[[int], None], self._run)(words.ctypes.data)
+        return states, later
+
+    def _by_numpy(
+        self, shape: tuple[int, int, int, int], body: Array, thrust: Array, targets: Array, time: Array, force: Array
+    ) -> tuple[Array, Array]:
+        windows, rows, steps, parts = shape
+        states = np.empty((windows, rows, steps + 1, 13), self._dtype)
+        states[:, :, 0] = body
+        body = _by_number(np.broadcast_to(body, (windows, rows, 13)))
+        for step in range(steps):
+            pushed = _by_number(force[:, :, min(step, force.shape[2] - 1)])
+            for part in range(parts):
+                target = targets[:, :, step, part]
+                body, thrust = runge_kutta_step(self._c, self._terms, body, thrust, target, time, self._h, pushed)
+                time = time + self._h
+            states[:, :, step + 1] = body
+        return states, np.broadcast_to(thrust, (windows, rows, thrust.shape[-1]))
+
+
+def _by_number(rows: Array) -> Array:
+    """The same rows (w, R, k) with each number of all rows in one piece of memory, where numpy is twice as fast."""
+    return np.ascontiguousarray(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
+
+
+def _layout(shapes: Shapes) -> Layout:
+    sizes = {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
+    thrusters = sizes["full_thrust"]
+    return Layout(
+        constants={**sizes, "h": 1},
+        carried={"body": 13, "thrust": thrusters, "time": 1},
+        given={"target": thrusters, "force": 6},
+        written={"states": 13},
+    )
+
+
+@cache
+def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
+    name = f"steps-{_layout(shapes).carried['thrust']}-{bits}"
+    return load(name, lambda: assembly(traced_step(shapes), LANES[bits], bits))
+
+
+def traced_step(shapes: Shapes) -> Program:
+    """A Runge-Kutta step with all terms, of vehicles whose coefficients have these shapes."""
+    tape, layout = Tape(), _layout(shapes)
+    pairs = zip(Coefficients._fields, shapes, strict=True)
+    c = Coefficients(*(tape.inputs(name, shape) for name, shape in pairs))
+    body, thrust, target, force = (
+        tape.inputs(name, (size,)) for name, size in (layout.carried | layout.given).items() if name != "time"
+    )
+    time, h = tape.inputs("time", ()), tape.inputs("h", ())
+    step: Any = runge_kutta_step  # on a third array library
+    body, thrust = step(c, ActiveTerms.everything(), body, thrust, target, time, h, force)
+    return program(tape, layout, {"body": body, "thrust": thrust, "time": time + h, "states": Symbols(body.numbers)})

@@ -1,0 +1,67 @@
+"""The table of a kernel: where its arrays lie and how far their rows are apart, so that nothing is copied or spread."""
+
+from typing import Any
+
+import numpy as np
+
+from auv_torchrl.physics.kernel.assembly import array_names
+from auv_torchrl.physics.kernel.native import LANES
+from auv_torchrl.physics.kernel.program import Layout
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+NEW_VEHICLE = 1.5  # steps that reading the coefficients of other vehicles takes
+
+
+def readable(array: Any, dtype: Any) -> Array:
+    """The same numbers in a precision, those of a row side by side."""
+    array = np.asarray(array, dtype=dtype)
+    return array if array.strides[-1] == array.itemsize else np.ascontiguousarray(array)
+
+
+def table(layout: Layout, arrays: dict[str, Array], shape: tuple[int, int, int, int]) -> Array:
+    """The words of a call.
+
+    Args:
+        layout: of the kernel.
+        arrays: by name, as :func:`~auv_torchrl.physics.kernel.assembly.array_names` lists them; axes windows, rows,
+            steps, parts and numbers, those left out at the end but for the numbers. One in an axis stands for all.
+        shape: windows, rows, steps and parts of the call, all at least 1.
+
+    Raises:
+        ValueError: for an array that does not have these axes; compiled code would read beside it.
+    """
+    numbers = {"constants": sum(layout.constants.values()), **layout.carried, **layout.given, **layout.written}
+    strides = {}
+    for name, array in arrays.items():
+        wanted = (*shape[: array.ndim - 1], numbers[name.removeprefix("final ")])
+        if array.shape[-1] != wanted[-1] or any(
+            size not in (1, axis) for size, axis in zip(array.shape, wanted, strict=True)
+        ):
+            raise ValueError(f"{name} must have the shape {wanted}, or 1 in place of an axis, and has {array.shape}")
+        strides[name] = _strides(array)
+    lanes = LANES[8 * arrays["constants"].itemsize]
+    windows_first = _windows_are_lanes(shape, strides["constants"], lanes)
+    windows, rows, steps, parts = shape
+    words = [rows, windows, steps, parts] if windows_first else [windows, rows, steps, parts]
+    for name in array_names(layout):
+        window, row, step, part = strides[name]
+        words += [arrays[name].ctypes.data, *((row, window) if windows_first else (window, row)), step, part]
+    return np.array(words, dtype=np.int64)
+
+
+def _strides(array: Array) -> list[int]:
+    """Bytes between windows, rows, steps and parts: none where there is but one."""
+    known = [0 if size == 1 else stride for size, stride in zip(array.shape[:-1], array.strides[:-1], strict=True)]
+    return known + [0] * (4 - len(known))
+
+
+def _windows_are_lanes(shape: tuple[int, int, int, int], constants: list[int], lanes: int) -> bool:
+    """Whether vectors hold several windows of one vehicle; several vehicles of one window otherwise."""
+    windows, rows, steps, parts = shape
+    vectors = [rows * -(-windows // lanes), windows * -(-rows // lanes)]
+    if constants[1]:
+        work = [vectors[0] * steps * parts + NEW_VEHICLE * rows, vectors[1] * (steps * parts + NEW_VEHICLE)]
+    else:
+        work = [vectors[0] * steps * parts, vectors[1] * steps * parts]
+    return work[0] <= work[1]
