@@ -58,9 +58,9 @@ class InFlightAdapter(ThrusterTransform):
         """Thrusts (N, n) whose wrench is that of ``nominal`` (N, n) on the source vehicle, plus dither in a search."""
         return self.learner.thrusts(nominal)
 
-    def withheld(self, wanted: Array, given: Array) -> None:
+    def withheld(self, wanted: Array, command: Array) -> None:
         """Let the learner give later what the dead band withholds."""
-        self.learner.withheld(wanted, given)
+        self.learner.withheld(wanted, self.delivered(command))
 
     def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
         """Learn from the step and report."""

@@ -4,7 +4,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtr, chdtri  # of chi-square; scipy.stats has them too, and takes a second to import
 
 Array = Any
 _CELLS = 120  # of the sum's range in the calculation of the run length
@@ -29,7 +29,7 @@ class ChangeDetector:
     def __init__(self, degrees: int, smallest_shift: float, steps_between_false_alarms: float, capped_share: float):
         self.reference = degrees + smallest_shift**2 / 2
         self.degrees = degrees
-        self.cap = float(chi2.isf(capped_share, degrees))
+        self.cap = float(chdtri(degrees, capped_share))
         self.threshold = _threshold(degrees, self.reference, self.cap, steps_between_false_alarms)
 
     def advance(self, total: Array, square: Array, usable: Array) -> Array:
@@ -59,7 +59,7 @@ def _run_length(degrees: int, reference: float, cap: float, threshold: float) ->
     width = threshold / _CELLS
     # from the centre of cell i a step ends below the upper edge of cell j; cell 0 takes all that is below it
     edge = (np.arange(-_CELLS, _CELLS) + 0.5) * width + reference
-    below = np.where(edge < cap, chi2.cdf(edge, degrees), 1.0)
+    below = np.where(edge < cap, chdtr(degrees, np.maximum(edge, 0.0)), 1.0)
     cell = np.arange(_CELLS)
     stay = np.diff(below[_CELLS + cell[None, :] - cell[:, None]], axis=1, prepend=0.0)
     return float(np.linalg.solve(np.eye(_CELLS) - stay, np.ones(_CELLS))[0])

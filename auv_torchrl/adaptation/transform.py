@@ -48,8 +48,8 @@ class ThrusterTransform(CommandMap):
     def thrusts(self, nominal: Array) -> Array:
         """Thrusts (N, n), shares of full thrust, where the source vehicle would get ``nominal`` (N, n); numpy."""
 
-    def withheld(self, wanted: Array, given: Array) -> None:
-        """Called with the thrusts (N, n) that were wanted and those that dead band and limits left; does nothing."""
+    def withheld(self, wanted: Array, command: Array) -> None:
+        """Called with the thrusts (N, n) that were wanted and the commands (N, n) given for them; does nothing."""
 
     def learn(self, share: Array, before: TensorDictBase, after: TensorDictBase) -> None:
         """Called after every step with the thrusts (N, n) that were commanded; may write to ``after``; does nothing."""
@@ -72,7 +72,7 @@ class ThrusterTransform(CommandMap):
         wanted = self.thrusts(self.delivered(channels @ self._mixer.T))
         command = self.command_for(wanted)
         command = np.where(sane & np.isfinite(command).all(-1, keepdims=True), command, 0.0)
-        self.withheld(wanted, self.delivered(command))
+        self.withheld(wanted, command)
         return torch.from_numpy(command.astype(np.float32)).to(action.device)
 
     def command(self, tensordict: TensorDictBase) -> Tensor:

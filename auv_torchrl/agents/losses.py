@@ -20,7 +20,7 @@ class FusedSACLoss(SACLoss):
     """
 
     log_alpha: Tensor
-    target_entropy: Tensor
+    target_entropy: Tensor  # pyright: ignore[reportIncompatibleMethodOverride]  # a property of SACLoss that gives one
 
     def __init__(self, **settings: Any):
         super().__init__(**settings)
@@ -35,7 +35,6 @@ class FusedSACLoss(SACLoss):
         """TD(0) with discount ``gamma``."""
         super().make_value_estimator(ValueEstimators.TD0 if value_type is None else value_type, gamma=gamma, **unused)
         self._gamma = gamma
-        return self
 
     @dispatch()
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:

@@ -11,8 +11,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from auv_torchrl.files import write_whole as write_whole  # for the store of models
-
 _STORAGE = {  # what an operating system says of a folder that cannot hold files, rather than of a defect of ours
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOTDIR,
     errno.EEXIST, errno.EISDIR,

@@ -124,11 +124,11 @@ def _trained(
         log.info("policy %s: training", key)
     trainer.run()
     policy = SourcePolicy(
-        trainer.best.eval(),
+        trainer.learner.best.eval(),
         {
             "hash": key,
             "ingredients": dict(ingredients),
-            "network": trainer.network,
+            "network": trainer.learner.network,
             "result": {"best_m": trainer.curve[-1]["best_m"], "train_s": trainer.curve[-1]["wall_s"]},
             "curve": trainer.curve,
         },

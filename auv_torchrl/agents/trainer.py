@@ -15,29 +15,16 @@ import torch
 from tensordict import TensorDict
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
-from torch.optim.swa_utils import get_ema_multi_avg_fn
 from torchrl.collectors import Collector
-from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.checkpoint import CheckpointError, load_checkpoint, save_checkpoint
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.interrupt import Interrupted, interruptible
-from auv_torchrl.agents.losses import make_loss
-from auv_torchrl.agents.networks import make_policy
+from auv_torchrl.agents.learner import LOSS_KEYS, Learner
 from auv_torchrl.agents.progress import CurvePoint, Progress
 from auv_torchrl.agents.score import Score
-from auv_torchrl.agents.updater import Updater, leaves
 
-STORED = (
-    "observation",
-    "action",
-    ("next", "observation"),
-    ("next", "reward"),
-    ("next", "done"),
-    ("next", "terminated"),
-)
-LOSS_KEYS = ("loss_qvalue", "loss_actor", "alpha", "entropy")
 CHECKPOINT = "checkpoint.pt"
 
 
@@ -75,24 +62,7 @@ class Trainer:
         self.device = fleet.device
         self._generator = None if self.device.type == "cpu" else torch.get_device_module(self.device)
         observations, actions = fleet.observation_spec["observation"].shape[-1], fleet.action_spec.shape[-1]
-        self.network = {"observations": observations, "actions": actions, "hidden": list(config.hidden)}
-        loss = make_loss(
-            config.loss, **self.network, gamma=config.gamma,
-            target_entropy=config.target_entropy, alpha_init=config.alpha_init,
-            device=self.device,
-        )  # fmt: skip
-        self.updater = Updater(loss, config.learning_rate, config.alpha_learning_rate, config.tau)
-        self.exploring, self.averaged, self.best = (make_policy(**self.network, device=self.device) for _ in range(3))
-        self._actor = [p.data for p in leaves(loss, "actor_network_params")]
-        self._average = [p.data for p in self.averaged.parameters()]
-        for shared, average, weight in zip(self.exploring.parameters(), self._average, self._actor, strict=True):
-            shared.data = weight  # what explores is the actor itself
-            average.copy_(weight)
-        self._move_average = get_ema_multi_avg_fn(config.average)  # AveragedModel sorts all weights anew at every step
-        self.buffer = TensorDictReplayBuffer(
-            storage=LazyTensorStorage(config.buffer_size, device=self.device),
-            batch_size=config.batch_size * config.updates_per_step * config.steps_per_batch,
-        )
+        self.learner = Learner(observations, actions, config, self.device)
         self.curve: list[CurvePoint] = []
         self.stretch = 0
         self.frames = 0
@@ -107,11 +77,8 @@ class Trainer:
             critic_frames: transitions until the actor moves: critics that know nothing would spoil it.
         """
         self.critic_frames = critic_frames
-        for module in (self.averaged, self.best):
-            module.load_state_dict(policy.state_dict())
-        for weight, start in zip(self._actor, self.averaged.parameters(), strict=True):
-            weight.copy_(start.data)
-        self.start_m = self.examine(self.best).mean_m
+        self.learner.start_from(policy)
+        self.start_m = self.examine(self.learner.best).mean_m
 
     def run(self) -> None:
         """Train to the end, from the beginning or from where :meth:`resume` left off.
@@ -155,11 +122,12 @@ class Trainer:
         rewards: list[Tensor] = []
         losses: Mapping[str, Tensor] = dict.fromkeys(LOSS_KEYS, torch.tensor(float("nan")))  # before the first update
         for data in self._collect():
-            self.buffer.extend(data.select(*STORED).reshape(-1))
+            self.learner.remember(data)
             self.frames += data.numel()
             rewards.append(data["next", "reward"].mean())
             if self.frames > config.random_frames:
-                losses = self._update()
+                done = self.frames / (config.stretches * config.stretch_frames)
+                losses = self.learner.update(done, actor=self.frames > self.critic_frames)
             progress.advance(data.numel())
         if self.frames > config.random_frames and not all(math.isfinite(loss) for loss in losses.values()):
             found = ", ".join(f"{name} {float(loss):g}" for name, loss in losses.items())
@@ -168,10 +136,10 @@ class Trainer:
                 "give a smaller agent.learning_rate or agent.gamma"
             )
         self.stretch += 1
-        score = self.examine(self.averaged)
+        score = self.examine(self.learner.averaged)
         best_m = min([score.mean_m, self.start_m, *(point["best_m"] for point in self.curve[-1:])])
         if score.mean_m == best_m:
-            self.best.load_state_dict(self.averaged.state_dict())
+            self.learner.keep_best()
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         before = self.curve[-1] if self.curve else {"wall_s": 0.0, "cpu_s": 0.0}
         self.curve.append(
@@ -198,7 +166,7 @@ class Trainer:
         random_frames = max(0, config.random_frames - self.frames)
         collector = Collector(
             self.make_fleet(self.seed * 100_003 + self.stretch),
-            self.exploring,
+            self.learner.exploring,
             frames_per_batch=batch,
             total_frames=config.stretch_frames,
             init_random_frames=-(-random_frames // batch) * batch,
@@ -207,18 +175,6 @@ class Trainer:
         )
         yield from collector
         collector.shutdown()
-
-    def _update(self) -> dict[str, Tensor]:
-        """The updates that are due after one batch of transitions; returns the means of their losses."""
-        config = self.config
-        fraction = self.frames / (config.stretches * config.stretch_frames)
-        self.updater.scale_learning_rate(1 + (config.learning_rate_end - 1) * fraction)
-        losses = []
-        moves = self.frames > self.critic_frames
-        for batch in self.buffer.sample().split(config.batch_size):
-            losses.append(self.updater.step(batch, moves))
-            self._move_average(self._average, self._actor, 0)
-        return {key: torch.stack([loss[key].detach() for loss in losses]).mean() for key in LOSS_KEYS}
 
     def save(self) -> None:
         """Write the checkpoint."""
@@ -242,14 +198,8 @@ class Trainer:
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that the rest of the training depends on."""
-        # cloned, because saving a slice would write the memory of the whole buffer
-        stored = self.buffer[:].clone().flatten_keys(".").to_dict() if len(self.buffer) else {}
         return {
-            "updater": self.updater.state_dict(),
-            "averaged": self.averaged.state_dict(),
-            "best": self.best.state_dict(),
-            "transitions": {key: value for key, value in stored.items() if key != "index"},
-            "cursor": self.buffer.writer.state_dict(),
+            **self.learner.state_dict(),
             "random": torch.get_rng_state(),
             "random_on_device": None if self._generator is None else self._generator.get_rng_state(self.device),
             "curve": self.curve,
@@ -259,14 +209,7 @@ class Trainer:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from :meth:`state_dict`."""
-        self.updater.load_state_dict(state["updater"])
-        self.averaged.load_state_dict(state["averaged"])
-        self.best.load_state_dict(state["best"])
-        if state["transitions"]:
-            transitions = TensorDict(state["transitions"], device=self.device).auto_batch_size_(1).unflatten_keys(".")
-            self.buffer.empty()
-            self.buffer.extend(transitions)
-        self.buffer.writer.load_state_dict(state["cursor"])
+        self.learner.load_state_dict(state)
         torch.set_rng_state(state["random"])
         if self._generator is not None:
             self._generator.set_rng_state(state["random_on_device"], self.device)

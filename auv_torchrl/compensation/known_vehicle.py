@@ -22,7 +22,7 @@ from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix
 from auv_torchrl.physics.kinematics import wrap_angle as wrap
 from auv_torchrl.physics.step import push
-from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_target
 from auv_torchrl.sensors import MOTION, Inverse, ages
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.rows import with_rows
@@ -93,6 +93,7 @@ class KnownVehicle(ThrusterTransform):
         self._receiver = c.routing.argmax(0)  # (n,) the thruster that a command reaches
         curve = ("full_thrust", "exponent", "asymmetry", "dead_band", "limit")
         self.actuation = Actuation(changed(source, **{name: getattr(known, name)[self._receiver] for name in curve}))
+        self._curve = self.actuation.coefficients.numpy()
         self._limits = [array(limit) for limit in self.actuation.share_limits]
         start = np.zeros(1)
         reach = np.abs(self._source.rate_per_share(start)[0])
@@ -121,11 +122,10 @@ class KnownVehicle(ThrusterTransform):
         share = Allocation(self._weight, low, high)(wanted, self._effect, reference=nominal)
         return now + (share - now) / quickness
 
-    def withheld(self, wanted: Array, given: Array) -> None:
+    def withheld(self, wanted: Array, command: Array) -> None:
         """Remember the acceleration between what was aimed at, ``wanted`` (N, n), and what the dead band leaves."""
-        device = self.actuation.mixer.device
-        command = torch.from_numpy(self.command_for(wanted)).to(device)
-        missing = np.clip(wanted, *self._limits) - array(self.actuation.delivered(command))
+        given = thrust_target(self._curve, self.actuation.terms, command) / self._curve.full_thrust
+        missing = np.clip(wanted, *self._limits) - given
         lost = missing * self._quickness[self._receiver]
         carried = self._kept * self._carried + (self._effect @ lost[..., None])[..., 0]
         self._carried = np.clip(np.nan_to_num(carried), -self._carry_limit, self._carry_limit)

@@ -12,9 +12,10 @@ from safetensors.torch import save
 from torch import Tensor
 
 from auv_torchrl.agents.policy import fingerprint
-from auv_torchrl.agents.storage import all_finite, digest, storing, write_whole
+from auv_torchrl.agents.storage import all_finite, digest, storing
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.pretraining import PretrainingConfig, pretrain
+from auv_torchrl.files import write_whole
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 

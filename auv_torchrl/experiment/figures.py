@@ -100,9 +100,10 @@ def errors(flights: Flights, scenario: str) -> Figure:
         axes.fill_between(time, low, high, color=CONTROLLER[name], alpha=0.18, linewidth=0)
         axes.plot(time, middle, _DASH[name], color=CONTROLLER[name], linewidth=2)
         axes.plot(time, error.max(axis=0), _DASH[name], color=CONTROLLER[name], linewidth=0.8)
-    axes.axvspan(STEADY_FROM_S, time[-1], color=NEUTRAL, alpha=0.08, linewidth=0)
+    end = float(next(iter(flights.values())).time[0, -1])
+    axes.axvspan(STEADY_FROM_S, end, color=NEUTRAL, alpha=0.08, linewidth=0)
     axes.text(STEADY_FROM_S + 0.1, 0.02, "averaged in the table", transform=axes.get_xaxis_transform(), fontsize=9)
-    axes.set(yscale="log", xlabel="time in s", ylabel="distance to the target in m", xlim=(0, time[-1]))
+    axes.set(yscale="log", xlabel="time in s", ylabel="distance to the target in m", xlim=(0, end))
     bare(axes)
     note = "thick: median, band: 5 to 95 % of the starts, thin: worst"
     figure.legend(handles=_keys(flights), loc="outside lower center", ncols=3, frameon=False, title=note)

@@ -1,34 +1,39 @@
 """What can be wrong with a log while its vehicle is what it was: damages of the raw columns that a file holds.
 
-A damage changes columns as they are logged and says by which names an answer tells of it: codes of findings, or
-effects. Columns are arrays (T,) by name: ``episode``, ``t`` in s since the start of the episode, measured axes in SI
-units, commands.
+A damage changes columns as they are logged (``damage_acts.py``) and says by which names an answer tells of it: codes of
+findings, or effects.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.flightlog import POSE, VELOCITY
-from auv_torchrl.physics.kinematics import wrap_angle
-
-Rng = np.random.Generator
-Columns = dict[str, np.ndarray]
-Damaged = tuple[Columns, tuple[str, ...]]  # the columns of the file, and the names of those that are not true
+from benchmarks.blind.damage_acts import (
+    VELOCITIES,
+    Act,
+    Columns,
+    Damaged,
+    Rng,
+    coarse,
+    constant,
+    frozen,
+    jump,
+    late_velocity,
+    nothing,
+    one_sided,
+    repeats,
+    scaled_velocity,
+    slow_sensor,
+    spikes,
+    times,
+    turned,
+)
 
 POSES = ("x", "y", "z", "yaw")
-VELOCITIES = ("u", "v", "w", "r")
 BOTH = POSES + VELOCITIES
 HEAVE, HORIZONTAL = "heave", "horizontal"  # where a fault can show
 ALL = frozenset((HEAVE, HORIZONTAL))
 FOOT, CENTIMETRE, KNOT = 0.3048, 0.01, 0.514444  # m, m, m/s
-STANDSTILL_S = (5.0, 20.0)  # how long a column stands still
-EDGE_S = 2.0  # nothing begins or ends so close to the ends of an episode
-SPIKE = {"x": 0.2, "y": 0.2, "z": 0.2, "yaw": 0.5}  # m and rad
-SPIKED, REPEATED = 0.01, 0.1  # shares of the rows
-JUMP, COARSE = 0.1, 0.01  # m
-SLOW_ROWS = 4  # 5 Hz in a log of 20 Hz
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,7 @@ class Damage:
     """One way to damage a log, and how an answer names it."""
 
     name: str
-    act: Callable[[Columns, Rng], Damaged]  # gives new columns, those it gets stay
+    act: Act  # gives new columns, those it gets stay
     codes: tuple[str, ...]  # of findings, one of which names it,
     effects: tuple[str, ...] = ()  # as does one of these effects
     partly: tuple[str, ...] = ()  # effects that are no wrong cause beside what names it, such as "thruster_gain 5 6"
@@ -86,134 +91,6 @@ FAULTS = {  # of the library that stay visible beside a damage, and where
 }
 
 
-def _measured(columns: Columns) -> tuple[str, ...]:
-    return tuple(name for name in POSE + VELOCITY if name in columns)
-
-
-def _constant(*names: str, value: float | None = None) -> Callable[[Columns, Rng], Damaged]:
-    """Columns that hold their first value, or one that is given, all along; no name stands for all measurements."""
-
-    def act(columns: Columns, rng: Rng) -> Damaged:
-        still = names or _measured(columns)
-        hold = {name: np.full_like(columns[name], columns[name][0] if value is None else value) for name in still}
-        return {**columns, **hold}, still
-
-    return act
-
-
-def _frozen(*names: str) -> Callable[[Columns, Rng], Damaged]:
-    """One of the columns stands still for a while within an episode."""
-
-    def act(columns: Columns, rng: Rng) -> Damaged:
-        name = str(rng.choice(names))
-        rows = _rows_of_an_episode(columns, rng)
-        t = columns["t"][rows]
-        room = max(t[-1] - t[0] - 2 * EDGE_S, 0.0)
-        length = min(rng.uniform(*STANDSTILL_S), room)
-        begin = t[0] + EDGE_S + rng.uniform(0.0, 1.0) * (room - length)
-        still = rows[(t >= begin) & (t <= begin + length)]
-        return _changed(columns, name, still, columns[name][still[:1]]), (name,)
-
-    return act
-
-
-def _changed(columns: Columns, name: str, rows: np.ndarray, values: np.ndarray | float) -> Columns:
-    column = columns[name].copy()
-    column[rows] = values
-    return {**columns, name: column}
-
-
-def _rows_of_an_episode(columns: Columns, rng: Rng) -> np.ndarray:
-    number = columns["episode"]
-    return np.flatnonzero(number == rng.choice(np.unique(number)))
-
-
-def _turned(*angles: float) -> Callable[[Columns, Rng], Damaged]:
-    """The heading is off by one of the angles in rad."""
-
-    def act(columns: Columns, rng: Rng) -> Damaged:
-        return {**columns, "yaw": np.asarray(wrap_angle(columns["yaw"] + rng.choice(angles)))}, ("yaw",)
-
-    return act
-
-
-def _times(names: tuple[str, ...], factor: float) -> Callable[[Columns, Rng], Damaged]:
-    """Columns in another unit, or of the other sign."""
-
-    def act(columns: Columns, rng: Rng) -> Damaged:
-        return {**columns, **{name: factor * columns[name] for name in names}}, names
-
-    return act
-
-
-def _spikes(columns: Columns, rng: Rng) -> Damaged:
-    """Single values of one column are far off."""
-    name = str(rng.choice(list(SPIKE)))
-    count = len(columns["t"])
-    rows = rng.choice(count, max(1, round(SPIKED * count)), replace=False)
-    spiked = columns[name][rows] + SPIKE[name] * rng.choice((-1.0, 1.0), len(rows))
-    return _changed(columns, name, rows, np.asarray(wrap_angle(spiked)) if name == "yaw" else spiked), (name,)
-
-
-def _repeats(columns: Columns, rng: Rng) -> Damaged:
-    """Rows repeat all measurements of the row before."""
-    count = len(columns["t"])
-    first = np.concatenate(([True], np.diff(columns["episode"]) != 0))
-    fresh = first | (rng.random(count) >= REPEATED)
-    return _held(columns, np.maximum.accumulate(np.where(fresh, np.arange(count), 0)))
-
-
-def _slow_sensor(columns: Columns, rng: Rng) -> Damaged:
-    """All measurements come at a lower rate than the rows and are held in between."""
-    index = np.arange(len(columns["t"]))
-    first = np.maximum.accumulate(np.where(np.concatenate(([True], np.diff(columns["episode"]) != 0)), index, 0))
-    return _held(columns, index - (index - first) % SLOW_ROWS)
-
-
-def _held(columns: Columns, source: np.ndarray) -> Damaged:
-    names = _measured(columns)
-    return {**columns, **{name: columns[name][source] for name in names}}, names
-
-
-def _jump(columns: Columns, rng: Rng) -> Damaged:
-    """From one moment within an episode on, a position is off by a constant."""
-    name = str(rng.choice(("x", "y", "z")))
-    rows = _rows_of_an_episode(columns, rng)
-    begin = rows[int(rng.uniform(0.2, 0.8) * len(rows))]
-    after = np.arange(begin, len(columns["t"]))
-    return _changed(columns, name, after, columns[name][after] + JUMP * rng.choice((-1.0, 1.0))), (name,)
-
-
-def _coarse(columns: Columns, rng: Rng) -> Damaged:
-    """Positions are rounded."""
-    names = ("x", "y", "z")
-    return {**columns, **{name: COARSE * np.round(columns[name] / COARSE) for name in names}}, names
-
-
-def _one_sided(columns: Columns, rng: Rng) -> Damaged:
-    """Commands are logged from 0 to 1, with rest at 0.5."""
-    names = tuple(name for name in columns if name.startswith("cmd_"))
-    return {**columns, **{name: (columns[name] + 1) / 2 for name in names}}, names
-
-
-def _scaled_velocity(columns: Columns, rng: Rng) -> Damaged:
-    factor = float(rng.choice((rng.uniform(0.4, 0.7), rng.uniform(1.4, 2.5))))
-    return _times(("u", "v", "w"), factor)(columns, rng)
-
-
-def _late_velocity(columns: Columns, rng: Rng) -> Damaged:
-    """Velocities lag behind the pose."""
-    index = np.arange(len(columns["t"]))
-    first = np.maximum.accumulate(np.where(np.concatenate(([True], np.diff(columns["episode"]) != 0)), index, 0))
-    step = float(np.median(np.diff(columns["t"])))
-    source = np.maximum(index - round(rng.uniform(0.3, 0.6) / step), first)
-    return {**columns, **{name: columns[name][source] for name in VELOCITIES}}, VELOCITIES
-
-
-def _nothing(columns: Columns, rng: Rng) -> Damaged:
-    return dict(columns), ()
-
-
 _ONLY_HEAVE, _ONLY_HORIZONTAL = frozenset((HEAVE,)), frozenset((HORIZONTAL,))
 _DISAGREE = ("pose_velocity_disagree",)
 _LATE = ("pose_delay", "command_delay")  # held values are older than their rows
@@ -221,39 +98,39 @@ _LATE = ("pose_delay", "command_delay")  # held values are older than their rows
 DAMAGES = {
     damage.name: damage
     for damage in (
-        Damage("depth_zero", _constant("z", value=0.0), ("constant_column",), ("depth_scale",),
+        Damage("depth_zero", constant("z", value=0.0), ("constant_column",), ("depth_scale",),
                mentions=True, hides=_ONLY_HEAVE),
-        Damage("depth_constant", _constant("z"), ("constant_column",), ("depth_scale",),
+        Damage("depth_constant", constant("z"), ("constant_column",), ("depth_scale",),
                mentions=True, hides=_ONLY_HEAVE),
-        Damage("depth_frozen", _frozen("z"), ("frozen",), mentions=True),
-        Damage("column_frozen", _frozen("x", "y", "yaw"), ("frozen",), mentions=True),
-        Damage("all_constant", _constant(), ("constant_column", "frozen"), mentions=True, hides=ALL),
-        Damage("horizontal_zero", _constant("x", "y", value=0.0), ("constant_column",), mentions=True,
+        Damage("depth_frozen", frozen("z"), ("frozen",), mentions=True),
+        Damage("column_frozen", frozen("x", "y", "yaw"), ("frozen",), mentions=True),
+        Damage("all_constant", constant(), ("constant_column", "frozen"), mentions=True, hides=ALL),
+        Damage("horizontal_zero", constant("x", "y", value=0.0), ("constant_column",), mentions=True,
                hides=_ONLY_HORIZONTAL),
-        Damage("heading_backwards", _turned(np.pi), ("heading_offset",), ("heading_bias",)),
-        Damage("heading_quarter", _turned(-np.pi / 2, np.pi / 2), ("heading_offset",), ("heading_bias",)),
-        Damage("feet", _times(("x", "y", "z"), 1 / FOOT), ("length_unit",), ("position_scale",), ("depth_scale",),
+        Damage("heading_backwards", turned(np.pi), ("heading_offset",), ("heading_bias",)),
+        Damage("heading_quarter", turned(-np.pi / 2, np.pi / 2), ("heading_offset",), ("heading_bias",)),
+        Damage("feet", times(("x", "y", "z"), 1 / FOOT), ("length_unit",), ("position_scale",), ("depth_scale",),
                hides=ALL),
-        Damage("centimetres", _times(("x", "y", "z"), 1 / CENTIMETRE), ("length_unit",), ("position_scale",),
+        Damage("centimetres", times(("x", "y", "z"), 1 / CENTIMETRE), ("length_unit",), ("position_scale",),
                ("depth_scale",), hides=ALL),
-        Damage("knots", _times(("u", "v", "w"), 1 / KNOT), ("speed_unit",), ("velocity_scale",), hides=ALL,
+        Damage("knots", times(("u", "v", "w"), 1 / KNOT), ("speed_unit",), ("velocity_scale",), hides=ALL,
                axes=VELOCITIES),
-        Damage("clock_doubled", _times(("t",), 2.0), ("time_unit",), ("clock_scale",), hides=ALL),
-        Damage("clock_halved", _times(("t",), 0.5), ("time_unit",), ("clock_scale",), hides=ALL),
+        Damage("clock_doubled", times(("t",), 2.0), ("time_unit",), ("clock_scale",), hides=ALL),
+        Damage("clock_halved", times(("t",), 0.5), ("time_unit",), ("clock_scale",), hides=ALL),
         # Where z alone is negated, no log of poses can tell it from two reversed vertical thrusters.
-        Damage("z_up", _times(("z",), -1.0), ("z_up", "z_up_or_reversed", "wrong_frame"), ("depth_scale",),
+        Damage("z_up", times(("z",), -1.0), ("z_up", "z_up_or_reversed", "wrong_frame"), ("depth_scale",),
                ("thruster_gain 5 6",), hides=_ONLY_HEAVE),
-        Damage("spikes", _spikes, ("outliers", "position_spike"), mentions=True),
-        Damage("held_samples", _repeats, ("held_samples",), (), _LATE),
-        Damage("slow_sensor", _slow_sensor, ("held_samples",), (), _LATE),
-        Damage("jump", _jump, ("jump", "position_jump"), mentions=True),
-        Damage("coarse", _coarse, ("coarse",), mentions=True),
-        Damage("commands_one_sided", _one_sided, ("one_sided_commands",), hides=ALL),
-        Damage("velocity_negated", _times(VELOCITIES, -1.0), (*_DISAGREE, "wrong_frame"), ("velocity_scale",),
+        Damage("spikes", spikes, ("outliers", "position_spike"), mentions=True),
+        Damage("held_samples", repeats, ("held_samples",), (), _LATE),
+        Damage("slow_sensor", slow_sensor, ("held_samples",), (), _LATE),
+        Damage("jump", jump, ("jump", "position_jump"), mentions=True),
+        Damage("coarse", coarse, ("coarse",), mentions=True),
+        Damage("commands_one_sided", one_sided, ("one_sided_commands",), hides=ALL),
+        Damage("velocity_negated", times(VELOCITIES, -1.0), (*_DISAGREE, "wrong_frame"), ("velocity_scale",),
                hides=ALL, axes=BOTH),
-        Damage("velocity_scaled", _scaled_velocity, (*_DISAGREE, "speed_unit"), ("velocity_scale",), hides=ALL,
+        Damage("velocity_scaled", scaled_velocity, (*_DISAGREE, "speed_unit"), ("velocity_scale",), hides=ALL,
                axes=BOTH),
-        Damage("velocity_late", _late_velocity, _DISAGREE, hides=ALL, axes=BOTH),
-        Damage("healthy_with_fault", _nothing, ("healthy_not_healthy",), hides=ALL, healthy=True),
+        Damage("velocity_late", late_velocity, _DISAGREE, hides=ALL, axes=BOTH),
+        Damage("healthy_with_fault", nothing, ("healthy_not_healthy",), hides=ALL, healthy=True),
     )
 }  # fmt: skip

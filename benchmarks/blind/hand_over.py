@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog import FlightLog, raw_columns
-from benchmarks.blind.damages import DAMAGES, Columns, damaged, shows_fault
+from benchmarks.blind.damage_acts import Columns
+from benchmarks.blind.damages import DAMAGES, damaged, shows_fault
 
 
 class HandedOver(NamedTuple):

@@ -1,11 +1,11 @@
 """Write the tables as Markdown, beside the answers and between the markers of a document."""
 
-import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from auv_torchrl.files import write_whole
 from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score import tables
@@ -32,7 +32,7 @@ def write_report(judgements: Sequence[Judgement], folder: Path, command: str) ->
             *map(_picture, pictures),
         ]
     )
-    (folder / "results.md").write_text(text.replace(f"({FIGURES}/", "(") + "\n", encoding="utf-8")
+    write_whole(folder / "results.md", (text.replace(f"({FIGURES}/", "(") + "\n").encode())
     return text
 
 
@@ -59,9 +59,7 @@ def publish(text: str, pictures: Path, document: Path) -> None:
     for name in CAPTIONS:
         if (pictures / f"{name}.png").exists():
             shutil.copyfile(pictures / f"{name}.png", document.parent / FIGURES / f"{name}.png")
-    partial = document.with_name(f".{document.name}.partial")
-    partial.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
-    os.replace(partial, document)
+    write_whole(document, f"{before}{BEGIN}\n\n{text}\n\n{END}{after}".encode())
 
 
 def _picture(path: Path) -> str:

@@ -5,13 +5,13 @@ The digest of the labels is written down before anything is diagnosed and compar
 
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import auv_torchrl.diagnosis
+from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, write_columns
 from benchmarks.blind.hand_over import hand_over
 
@@ -22,9 +22,7 @@ LOGS = "logs"
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON, all or nothing."""
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n")
-    os.replace(partial, path)
+    write_whole(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
 
 
 def examiner_version() -> str:

@@ -14,6 +14,8 @@ import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from auv_torchrl.files import write_whole
+
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
 PARTS = {  # module: what it measures
     "env_steps": "Control steps per second of the fleets",
@@ -101,9 +103,7 @@ def main() -> int:
             failed += 1
             continue
         document = replace_section(DOCUMENT.read_text(), name, f"{where}\n\n{text}")
-        draft = DOCUMENT.with_suffix(".md.part")
-        draft.write_text(document)
-        draft.replace(DOCUMENT)
+        write_whole(DOCUMENT, document.encode())
     return failed
 
 

@@ -1,222 +1,29 @@
 """Every method on every scenario, from the same starts: python -m benchmarks.control.comparison [--scenarios NAME ...].
 
 What has been flown lies in outputs/comparison and is not flown again, so that a killed run goes on; --fresh flies all
-again. Tables and picture: comparison_tables.py.
+again. The methods: methods.py; tables and picture: comparison_tables.py.
 """
 
 import argparse
 import json
 import sys
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import torch
 import yaml
-from torchrl.envs import TransformedEnv
 
-from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
-from auv_torchrl.agents.config import AgentConfig, load_agent_config
-from auv_torchrl.agents.fine_tune import FineTuning
-from auv_torchrl.agents.pid import PID
-from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, pulse_test, weigh_particles
-from auv_torchrl.compensation.close import Closed, close
-from auv_torchrl.compensation.diagnosed import Diagnosed
-from auv_torchrl.compensation.target_log import Excitation, fly_target_log
-from auv_torchrl.ddr import AdapterConfig, DDRAdapter, adapt
-from auv_torchrl.ddr.store import load_or_pretrain
-from auv_torchrl.ddr.transform import observing
-from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.envs import FleetEnv, make_fleet
-from auv_torchrl.evaluation import Flight, Metrics, draw_starts, fly
+from auv_torchrl.evaluation import Metrics
+from auv_torchrl.files import write_whole
 from auv_torchrl.paths import PROJECT, config_names, config_path
 from auv_torchrl.scenario import Scenario, read_scenario
-from auv_torchrl.tasks import StationKeeping, Task
-from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control.comparison_tables import Cell, draw, report
-from benchmarks.control.source import BACKEND, STORE, source_policy
+from benchmarks.control.methods import METHODS, Bench, ranges
+from benchmarks.control.source import STORE, source_policy
 
-BUDGET = Excitation(episodes=4, episode_s=15.0)  # of target data, for every method that learns before the judged flight
-NEVER_SETTLED = 1e-9  # standard error of DDR's map: the dither stays on, for the flight is paid for
-RETRAINING_FRAMES = 51_200  # transitions of a training for one scenario, a third of the source policy's
-INTEGRAL = (0.5, 0.5, 0.5, 0.2)  # 1/(m s) and 1/(rad s)
 CELLS = PROJECT / "outputs" / "comparison"
 PICTURE = PROJECT / "docs" / "comparison.png"
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """What a method did in a scenario."""
-
-    flight: Flight
-    target_data_s: float = 0.0  # flown on the target before the judged flight
-    compute_s: float = 0.0  # CPU time before the judged flight
-    notes: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Bench:
-    """One scenario with everything that methods need; they all fly the same starts."""
-
-    vehicle: Vehicle
-    scenario: Scenario
-    policies: Path
-    count: int
-    source: SourcePolicy
-
-    @property
-    def policy(self) -> Any:
-        """u_s."""
-        return self.source.module
-
-    @property
-    def target(self) -> Vehicle:
-        """The vehicle when every effect has begun, no batch."""
-        return self.scenario.vehicle_at(self.vehicle, max((c.start_s for c in self.scenario.changes), default=0.0))
-
-    def task(self, thruster_commands: bool = False) -> StationKeeping:
-        """The judged task: 20 s from starts in ±1 m."""
-        return replace(StationKeeping().for_evaluation(1.0), thruster_commands=thruster_commands)
-
-    def fleet(self, count: int, thruster_commands: bool = False, task: Task | None = None) -> FleetEnv:
-        """Target vehicles."""
-        task = task or self.task(thruster_commands)
-        return make_fleet(BACKEND, self.vehicle, task, count, scenario=self.scenario, seed=0)
-
-    def fly(self, policy: Any, transform: Any = None, thruster_commands: bool = False) -> Flight:
-        """The judged flight."""
-        fleet: Any = self.fleet(self.count, thruster_commands)
-        if transform is not None:
-            fleet = TransformedEnv(fleet, transform)
-        task = self.task()
-        return fly(fleet, policy, draw_starts(task, self.count, seed=2023), task.steps)
-
-
-def cpu_s(policy: SourcePolicy) -> float:
-    """What its training took, whenever that was."""
-    return policy.metadata["curve"][-1]["cpu_s"]
-
-
-def ranges(name: str) -> dict[str, Any]:
-    """What ``conf/randomization`` says."""
-    return yaml.safe_load(config_path("randomization", name).read_text())
-
-
-def ddr(bench: Bench, kind: str) -> Attempt:
-    """The paper's method: target data with dither, then a map fitted to all of it."""
-    models = load_or_pretrain(bench.vehicle, bench.task(), bench.policies)
-    thrusters = kind == "thrusters"
-    task = replace(bench.task(thrusters), episode_s=BUDGET.episode_s)
-    pairs = round(BUDGET.seconds / task.control_dt)
-    config = AdapterConfig(map=kind, target_data_s=BUDGET.seconds, bag_least=pairs, tolerance=NEVER_SETTLED)
-    began = time.process_time()
-    fitted = adapt(lambda count: bench.fleet(count, task=task), bench.policy, models, config).adapter
-    spent = time.process_time() - began
-    adapter = DDRAdapter(models, config)
-    adapter.load_state_dict(fitted.state_dict())
-    return Attempt(bench.fly(bench.policy, adapter, thrusters), BUDGET.seconds, spent)
-
-
-def online(bench: Bench) -> Attempt:
-    """Learn the thrusters in flight."""
-    adapter = InFlightAdapter(bench.vehicle, bench.task(), load_adaptation_config(), bench.count)
-    return Attempt(bench.fly(bench.policy, observing(adapter, bench.task()), True))
-
-
-def signs(bench: Bench) -> Attempt:
-    """Pulse every thruster, correct its sign."""
-    began = time.process_time()
-    found = pulse_test(bench.fleet(1, True), bench.vehicle)
-    spent = time.process_time() - began
-    return Attempt(bench.fly(bench.policy, FixedSigns(bench.vehicle, found.signs), True), found.target_data_s, spent)
-
-
-def particles(bench: Bench) -> Attempt:
-    """Weigh vehicles of wide ranges by a flight of the target, train again around the likely ones."""
-    began = time.process_time()
-    task = replace(bench.task(), episode_s=BUDGET.episode_s)
-    starts = draw_starts(task, BUDGET.episodes, seed=1)
-    flight = fly(bench.fleet(BUDGET.episodes, task=task), bench.policy, starts, task.steps)
-    prior = {**ranges("wide"), "thruster_gain": {"gain": [-1.5, 1.7]}}
-    weighed = weigh_particles(bench.vehicle, prior, flight, task.control_dt)
-    spent = time.process_time() - began
-    policy = source_policy(bench.vehicle, bench.policies, weighed.ranges(), short())
-    notes = {"effective_number": weighed.effective_number}
-    return Attempt(bench.fly(policy.module), BUDGET.seconds, spent + cpu_s(policy), notes)
-
-
-def diagnosed(bench: Bench) -> Attempt:
-    """Log the target, diagnose it, put what was found into simulator and controller."""
-    task = bench.task()
-    flown = fly_target_log(lambda task, count: bench.fleet(count, task=task), task, BUDGET, bench.scenario.name)
-    began = time.process_time()
-    found = Diagnosed.of(diagnose(flown, bench.vehicle, vehicle_name="paper"), bench.vehicle)
-    looked = time.process_time()
-    closed = closing(bench, found)
-    spent = time.process_time() - looked
-    said = found.diagnosis
-    assert said is not None
-    notes = {
-        "verdict": said.verdict.key,
-        "summary": said.summary,
-        "prediction_closed": said.gap.closed,
-        "input_mappable": said.input_mappable,
-        "tuned": closed.tuned,
-        "rehearsed_m": {"before": closed.before_m, "mapped": closed.mapped_m, "tuned": closed.tuned_m},
-    }
-    flight = bench.fly(closed.policy.module, closed.adapter(), True)
-    return Attempt(flight, BUDGET.seconds, looked - began + max(spent, tuning_s(closed)), notes)
-
-
-def told(bench: Bench) -> Attempt:
-    """As if the diagnosis were the truth: its map, and training on the target where the map is not enough."""
-    truth = Scenario("told", tuple(replace(change, start_s=0.0) for change in bench.scenario.changes))
-    closed = closing(bench, Diagnosed(bench.vehicle, truth, {}))
-    notes = {"tuned": closed.tuned}
-    return Attempt(bench.fly(closed.policy.module, closed.adapter(), True), 0.0, tuning_s(closed), notes)
-
-
-def closing(bench: Bench, found: Diagnosed) -> Closed:
-    """What is believed, put into simulator and controller."""
-    agent = load_agent_config()
-    return close(found, bench.source, StationKeeping(), 1.0, agent, FineTuning(), 0, BACKEND, bench.policies)
-
-
-def tuning_s(closed: Closed) -> float:
-    """CPU seconds of its training, if there was any."""
-    return cpu_s(closed.policy) if closed.tuned else 0.0
-
-
-def robust(bench: Bench) -> Attempt:
-    """One policy trained over wide ranges of all effects that a vehicle may meet."""
-    policy = source_policy(bench.vehicle, bench.policies, ranges("wide"))
-    return Attempt(bench.fly(policy.module), 0.0, cpu_s(policy))
-
-
-def short() -> AgentConfig:
-    """A training for one scenario."""
-    return load_agent_config(overrides={"total_frames": RETRAINING_FRAMES})
-
-
-METHODS: dict[str, Callable[[Bench], Attempt]] = {
-    "u_s": lambda b: Attempt(b.fly(b.policy)),
-    "PID": lambda b: Attempt(b.fly(PID(b.task()))),
-    "PID with integral": lambda b: Attempt(b.fly(PID(b.task(), integral=INTEGRAL))),
-    "pulse test, fixed signs": signs,
-    "recursive least squares": lambda b: Attempt(
-        b.fly(b.policy, RecursiveLeastSquares(b.vehicle, b.task(), b.count), True)
-    ),
-    "DDR, 4 channels": lambda b: ddr(b, "affine"),
-    "DDR to the thrusters": lambda b: ddr(b, "thrusters"),
-    "online, in flight": online,
-    "diagnosed, then closed": diagnosed,
-    "told the target (oracle)": told,
-    "robust SAC": robust,
-    "particle weights, trained again": particles,
-}
 
 
 def cell(bench: Bench, method: str, folder: Path, fresh: bool) -> Cell:
@@ -233,9 +40,7 @@ def cell(bench: Bench, method: str, folder: Path, fresh: bool) -> Cell:
     judged = Metrics.of(attempt.flight)
     made = Cell(judged.mean_m, judged.p95_m, judged.worst_m, attempt.target_data_s, attempt.compute_s, attempt.notes)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps({"key": key, **made._asdict()}, indent=2) + "\n")
-    partial.replace(path)
+    write_whole(path, (json.dumps({"key": key, **made._asdict()}, indent=2) + "\n").encode())
     print(f"{method}: {bench.scenario.name}: {made.mean_m:.4f} m", file=sys.stderr, flush=True)
     return made
 

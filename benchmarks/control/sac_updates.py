@@ -61,6 +61,7 @@ def stable_baselines(hidden: int, batch: int) -> Callable[[int], None]:
     model = SAC("MlpPolicy", Spaces(), learning_rate=1e-3, batch_size=batch, policy_kwargs=policy, device="cpu")
     model.set_logger(configure(None, []))
     rng = np.random.default_rng(0)
+    assert model.replay_buffer is not None
     for _ in range(10_000):
         observation, following = rng.normal(size=(2, 1, OBSERVATIONS)).astype(np.float32)
         action = rng.uniform(-1, 1, (1, ACTIONS)).astype(np.float32)
