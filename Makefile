@@ -18,11 +18,11 @@ help: ## list the targets
 
 env: $(READY) ## set up .venv with the locked versions
 
+# Modules are compiled when they are first imported: pip would compile all there are, for as long as it installs.
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; assert (3, 11) <= sys.version_info[:2] <= (3, 12), f"Python 3.11 or 3.12 is needed, this is {sys.version.split()[0]}: make PYTHON=python3.12 env"'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,logs]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev,logs]'
 	touch $@
 
 train: $(READY) ## train, break and adapt: SCENARIO=thruster_gain
@@ -35,7 +35,7 @@ sweep: $(READY) ## all scenarios x seeds on the local cores, one table and one p
 	$(BIN)/python train.py -m +experiment=sweep
 
 test: check $(READY) ## lint, types and all tests: JOBS=2
-	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile
+	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-fast: $(READY) ## the tests that take seconds
 	$(BIN)/python -m pytest -m "not slow"

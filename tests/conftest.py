@@ -1,5 +1,6 @@
 """What tests of several packages share."""
 
+from collections import Counter
 from collections.abc import Callable
 
 import pytest
@@ -34,6 +35,15 @@ DAMPING = torch.tensor((0.5, 0.5, 0.5, 0.3))  # per m/s and per rad/s
 def pytest_addoption(parser: pytest.Parser) -> None:
     """How many damaged logs the fuzz of the diagnosis draws."""
     parser.addoption("--damages", type=int, help="examples of tests/diagnosis/test_fuzz_diagnosis.py; few without it")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests come first, so that none is begun when the other processes have run out of work.
+
+    A file stays in one process (``--dist loadfile``), which makes what its tests share once.
+    """
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])
 
 
 def pd_controller(tensordict: TensorDictBase) -> TensorDictBase:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from typing import Any, cast
 
 import pytest
@@ -13,16 +14,21 @@ from auv_torchrl.adaptation.cost import cost_per_step
 from auv_torchrl.adaptation.recovery import recoveries
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
+from auv_torchrl.compensation.target_log import Excitation
+from auv_torchrl.ddr import PretrainingConfig
+from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control import __main__ as bench_command
-from benchmarks.control.comparison import METHODS, Bench, cell
+from benchmarks.control import methods
+from benchmarks.control.comparison import cell
 from benchmarks.control.comparison_tables import CLOSED, ORACLE, SOURCE, Cell, draw, report, share_closed
 from benchmarks.control.fault_recovery import CONDITIONS, fly_fault, row
 from benchmarks.control.least_delay import least_delays
+from benchmarks.control.methods import METHODS, Bench
 
 VEHICLE = load_vehicle("paper")
 
@@ -36,8 +42,11 @@ def bench(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_every_method_flies_the_same_starts(bench):
+def test_every_method_flies_the_same_starts(bench, monkeypatch):
     """All methods that train nothing fly a swap, and those that map commands beat the source policy."""
+    few = PretrainingConfig(transitions=3000, iterations=100)  # models that are good enough to adapt a little
+    monkeypatch.setattr(methods, "load_or_pretrain", partial(load_or_pretrain, config=few))
+    monkeypatch.setattr(methods, "BUDGET", Excitation(episodes=2, episode_s=7.5))
     flights = {}
     for method in ("u_s", "PID with integral", "pulse test, fixed signs", "recursive least squares", "DDR, 4 channels",
                    "DDR to the thrusters", "online, in flight", "told the target (oracle)"):  # fmt: skip

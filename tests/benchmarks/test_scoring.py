@@ -27,8 +27,8 @@ VEHICLE = load_vehicle("paper")
 @pytest.fixture(scope="module")
 def labels():
     """Labels of a benchmark with every family."""
-    cases = draw_cases(60, dict.fromkeys(FAMILIES, 1.0), seed=4)
-    short = [replace(case, plant="foreign", episodes=1, episode_s=30.0) for case in cases]
+    cases = draw_cases(2 * len(FAMILIES), dict.fromkeys(FAMILIES, 1.0), seed=4)
+    short = [replace(case, plant="foreign", episodes=1, episode_s=20.0) for case in cases]
     return [{**label, "named_by": hand_over(log, label).named_by} for log, label in fly(short, VEHICLE, seed=1)]
 
 
@@ -98,7 +98,7 @@ def gain_label(thruster):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("prefix", ["thruster_gain ", "gain_"])
+@pytest.mark.parametrize("prefix", ["thruster_gain ", "gain_", "heading_bias with thruster_gain "])
 def test_a_wrong_thruster_counts_unless_it_was_declared_exchangeable(prefix):
     """Naming thruster 6 for 5 is wrong, and right where the log cannot tell them apart and the answer says so."""
     label, answer = gain_label(5), perfect(gain_label(6))

@@ -46,6 +46,13 @@ def test_a_heading_that_is_far_off_is_a_compass_and_not_four_thrusters(angle):
     assert abs(np.angle(np.exp(1j * off))) < 0.02
 
 
+def test_exchanged_thrusters_on_a_vehicle_turned_round_are_declared_beside_those_that_would_look_the_same():
+    """A compass that points backwards and two thrusters exchanged in front are two exchanged behind to any such log."""
+    given = {"heading_bias": {"angle": np.pi}, "thruster_swap": {"command_2": 3.0, "command_3": 2.0}}
+    diagnosis = diagnose(fly(HELD, given, seed=15, episodes=4, seconds=15.0), HELD)
+    assert {"heading_bias with thruster_swap 2 3", "thruster_swap 1 4"} in map(set, diagnosis.indistinguishable)
+
+
 @pytest.mark.parametrize(("effect", "value"), [("position_scale", 1.25), ("position_scale", 0.8)])
 def test_a_scale_of_the_position_is_named_with_its_value(effect, value):
     """A sensor that is a fifth off is no drag, thrust or inertia."""

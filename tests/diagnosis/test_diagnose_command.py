@@ -16,6 +16,7 @@ from auv_torchrl.flightlog import write_flightlog
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
+from tests.command_lines import answers_of
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
 
 SHIPPED = PROJECT / "examples" / "flight.csv"
@@ -34,13 +35,6 @@ BAD = {  # what is wrong: command line, what the answer names
     "misspelt key": ([f"log={SHIPPED}", "lgo=3"], "did you mean log"),
     "wrong type": ([f"log={SHIPPED}", "trust_log=maybe"], "trust_log"),
 }
-
-
-def python(*arguments, given=None) -> subprocess.CompletedProcess[str]:
-    """Run Python in the project's folder."""
-    environment = {**os.environ, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, input=given, cwd=PROJECT, env=environment)
 
 
 @pytest.fixture(scope="module")
@@ -62,15 +56,15 @@ def answers(folder):
     lines["used"] = [f"log={SHIPPED}", f"output={folder / 'used'}"]
     lines["enu"] = [f"log={enu}", f"output={folder / 'enu'}"]
     lines["help"] = ["--help"]
-    run = python("-m", "tests.diagnosis.command_lines", given=json.dumps(list(lines.values())))
-    assert run.returncode == 0, run.stderr
-    return dict(zip(lines, json.loads(run.stdout.splitlines()[-1]), strict=True))
+    return answers_of("diagnose", lines)
 
 
 def test_the_shipped_log_is_explained(folder):
     """The log in examples is diagnosed as it was made: thruster 4 gives 55 %, and nothing else is wrong."""
     out = folder / "shipped"
-    run = python("diagnose.py", f"log={SHIPPED}", f"output={out}")
+    command = [sys.executable, "diagnose.py", f"log={SHIPPED}", f"output={out}"]
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
+    run = subprocess.run(command, capture_output=True, text=True, cwd=PROJECT, env=environment)
     assert run.returncode == 0, run.stderr
     diagnosis = from_json(json.loads((out / "diagnosis.json").read_text()))
     assert [(effect.name, effect.thrusters) for effect in diagnosis.effects] == [("thruster_gain", (4,))]
