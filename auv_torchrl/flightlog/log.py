@@ -56,6 +56,7 @@ class Episode:
     battery: Floats | None = None  # (T,) V
     source: str = ""  # file and episode in it, for people
     filled: Floats | None = None  # (T, 12) 1 where a pose or velocity is filled in, not measured; None is nowhere
+    parts: Floats | None = None  # (T, P, n) commands in P equal parts of the time to the next row; None: they are held
 
     def __len__(self) -> int:
         return len(self.t)
@@ -69,6 +70,7 @@ class Episode:
         """The samples ``start`` to ``stop - 1`` as an episode of its own."""
         battery = None if self.battery is None else self.battery[start:stop]
         filled = None if self.filled is None else self.filled[start:stop]
+        parts = None if self.parts is None else self.parts[start:stop]
         return replace(
             self,
             t=self.t[start:stop],
@@ -77,6 +79,7 @@ class Episode:
             commands=self.commands[start:stop],
             battery=battery,
             filled=filled,
+            parts=parts,
         )
 
 

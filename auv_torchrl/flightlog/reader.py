@@ -126,7 +126,7 @@ def _episode(
     battery = stretch.mean(table.columns["battery"]) if "battery" in table.columns else None
     source = f"{table.name}, rows {table.row[stretch.rows[0]]} to {table.row[stretch.rows[-1]]}"
     return Episode(
-        number, stretch.t, measured(POSE), measured(VELOCITY), stretch.commands, battery, source, filled=shares
+        number, stretch.t, measured(POSE), measured(VELOCITY), stretch.commands, battery, source, shares, stretch.parts
     )
 
 

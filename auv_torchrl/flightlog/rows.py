@@ -16,6 +16,8 @@ GAP_S = 0.3  # if it is also longer than this
 SHORTEST_S = 0.5  # stretches below this show nothing
 SHORTEST_ROWS = 8
 GLITCH_SHARE = 0.1  # up to this share of rows out of order are single glitches, more are a clock that was reset
+MOST_PARTS = 10  # of the time between rows in which commands are told apart: 5 ms, within which no thruster answers
+SAME_COMMAND = 1e-6  # rounding of sums over an hour, and below what any log writes
 SPARSE_SHARE = 0.5  # an axis that alone costs more than this share of the rows is left out
 
 _WRAP = 3.0  # nothing else moves as far within one control step
@@ -31,6 +33,7 @@ class Stretch(NamedTuple):
     rows: Index  # (T,) rows of the table
     around: Index  # (T, w) rows to average each measurement over, w odd; the row itself where there are none
     commands: Floats  # (T, n) mean over the time until the next row
+    parts: Floats | None  # (T, P, n) mean over P equal parts of that time; None where commands are held for all of it
 
     def mean(self, column: Floats, filled: np.ndarray | None = None) -> Floats:
         """A column of the table (T,), averaged around each row; not across the jump of a wrapped angle.
@@ -187,8 +190,9 @@ def _cut_at_gaps(
             continue
         kept = part[::every]
         acting = _mean_until_next(t[run], commands[run], kept)
+        parts = _parts_until_next(t[run], commands[run], kept, min(every, MOST_PARTS))
         around = run[part[_windows(len(part), every)]]
-        stretches.append(Stretch(episode, t[run[kept]] - t[run[0]], run[kept], around, acting))
+        stretches.append(Stretch(episode, t[run[kept]] - t[run[0]], run[kept], around, acting, parts))
     return stretches
 
 
@@ -216,6 +220,20 @@ def _mean_until_next(t: Floats, commands: Floats, kept: Index) -> Floats:
     single = np.diff(kept) == 1
     mean[single] = commands[kept[:-1]][single]  # exact where nothing was left out
     return np.concatenate((mean, commands[kept[-1:]]))
+
+
+def _parts_until_next(t: Floats, commands: Floats, kept: Index, parts: int) -> Floats | None:
+    """The same, averaged over each of ``parts`` equal parts (T, P, n) of that time; None where they do not differ."""
+    if parts == 1:
+        return None
+    step = np.diff(t[kept])
+    starts = t[kept[:-1], None] + step[:, None] * (np.arange(parts) / parts)
+    edges = np.append(starts.reshape(-1), t[kept[-1]])
+    held = np.concatenate((np.zeros((1, commands.shape[1])), np.cumsum(commands[:-1] * np.diff(t)[:, None], axis=0)))
+    integral = np.stack([np.interp(edges, t, column) for column in held.T], axis=-1)
+    mean = np.diff(integral, axis=0).reshape(len(step), parts, -1) / (step / parts)[:, None, None]
+    mean = np.concatenate((mean, np.repeat(commands[None, kept[-1:]], parts, axis=1)))
+    return mean if np.ptp(mean, axis=1).max() > SAME_COMMAND else None
 
 
 def _too_short(table: Table, run: Index, findings: list[Finding]) -> list[Stretch]:

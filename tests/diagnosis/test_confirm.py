@@ -1,5 +1,7 @@
 """Held-out stretches flown again in MuJoCo agree with the plain model, whatever the effect."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flown_logs import AXES, fly, hold
@@ -8,6 +10,9 @@ from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_setting
 from auv_torchrl.diagnosis.validate.confirm import confirm, fly_again
 from auv_torchrl.diagnosis.validate.predict import errors_by_kind, held_out_windows, predict
 from auv_torchrl.effects.effect import changed
+from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.simulator import PlainSimulator, at_rest, replay
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
@@ -41,6 +46,31 @@ def test_mujoco_confirms_the_effect_that_was_flown(effect):
     assert confirmed.position_m.before == pytest.approx(plain.before, rel=0.02, abs=0.003)
     assert np.all(np.array(confirmed.position_m.after) < 2 * np.array(confirmed.position_m.floor))
     assert confirmed.closed > 0.9
+
+
+def test_mujoco_flies_commands_that_change_within_a_grid_step():
+    """A log with commands at 100 Hz about the dead band is flown again as it was, not by mean commands."""
+    rng = np.random.default_rng(0)
+    fast = rng.uniform(-0.25, 0.25, (1200, 1, 6)) + np.repeat(rng.uniform(-0.3, 0.3, (24, 1, 6)), 50, axis=0)
+    simulator = PlainSimulator(HELD.expand(1), 0.01)
+    simulator.resume(at_rest(np.zeros((1, 3)), np.zeros(1), 6))
+    flown = replay(simulator, fast.swapaxes(0, 1)).states[0, :-1]
+    rows = flown[::5]
+    pose = np.concatenate([rows[:, :3], np.stack(euler_angles(rows[:, 3:7]), -1)], -1)
+    pose[:, 3:5] = np.nan
+    parts = fast.reshape(-1, 5, 6)
+    t = 0.05 * np.arange(len(rows))
+    episode = Episode(0, t, pose, np.full_like(pose, np.nan), parts.mean(1), parts=parts)
+    log = FlightLog("fast", (episode,), AXES)
+    means = replace(log, episodes=(replace(episode, parts=None),))
+    after = {}
+    for name, given in {"parts": log, "means": means}.items():
+        predictions = predict(given, [HELD, HELD], SETTINGS, NOISE, FORCE)
+        again = confirm(predictions, [HELD, HELD]).position_m.after[-1]
+        assert again == pytest.approx(errors_by_kind(predictions)["position_m"].after[-1], abs=0.003)
+        after[name] = again
+    assert after["parts"] < 0.002
+    assert after["means"] > 3 * after["parts"]
 
 
 def test_late_poses_and_immediate_velocities_are_both_reported():

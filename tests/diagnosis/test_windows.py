@@ -1,5 +1,7 @@
 """Cutting a log into windows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,8 @@ from hypothesis import strategies as st
 from auv_torchrl.diagnosis.motion.rollout import LEAST_STEP, actuate
 from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import load_vehicle
 
 
@@ -42,6 +46,25 @@ def test_regular_samples_fall_on_the_grid():
     assert not windows.fraction.any()
     assert windows.present.all()
     np.testing.assert_allclose(windows.commands[0], commands, atol=1e-9)
+
+
+@pytest.mark.parametrize("read", [False, True])
+def test_thrusts_within_a_grid_step_are_averaged_and_not_commands(read):
+    """At 100 Hz the thrust of a grid step is the mean of five thrusts: the dead band has cut each of them by itself."""
+    vehicle = load_vehicle("paper").expand(1)
+    commands = np.random.default_rng(0).uniform(-0.2, 0.2, (500, 6))
+    log = _log(0.01 * np.arange(500), commands)
+    if read:  # thinned by the reader, which keeps the parts
+        (fast,) = log.episodes
+        slow = replace(_log(0.05 * np.arange(100), commands.reshape(100, 5, 6).mean(1)).episodes[0], number=fast.number)
+        log = replace(log, episodes=(replace(slow, parts=commands.reshape(100, 5, 6)),))
+    windows = cut_windows(log, 2.0, 0.0)
+    actuation = actuate(windows, vehicle)
+    (found,) = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))
+    c = prepare(vehicle).numpy()
+    thrusts = thrust_target(c, ActiveTerms.of(c), commands).reshape(100, 5, 6).mean(1)
+    assert 0 < (thrusts == 0).mean() < 0.5
+    np.testing.assert_allclose(found[:, 0], thrusts[: 40 * len(windows)].reshape(-1, 40, 6), atol=1e-9)
 
 
 def test_a_log_without_a_window_says_what_is_needed():

@@ -318,6 +318,10 @@ def test_a_fast_log_is_averaged_without_delay(paper, tmp_path):
     assert abs((episode.pose[:, 0] - 0.2 * episode.t).mean()) < 1e-3
     np.testing.assert_allclose(np.cos(episode.pose[:, 5] - 0.5 * episode.t), 1, atol=1e-6)
     np.testing.assert_allclose(episode.commands[3], commands[15:20].mean(axis=0), atol=1e-6)
+    np.testing.assert_allclose(episode.parts[:-1], commands[:-5].reshape(-1, 5, 6), atol=1e-6)
+    held = replace(fast, episodes=(replace(fast.episodes[0], commands=np.repeat(commands[::5], 5, axis=0)),))
+    path = write_flightlog(held, tmp_path / "held.csv")
+    assert read_flightlog(path, paper).episodes[0].parts is None
 
 
 def test_many_findings_of_one_kind_become_one(pose_only, paper, tmp_path):

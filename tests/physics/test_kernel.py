@@ -195,6 +195,14 @@ def test_numpy_takes_over_and_says_so_once(empty_cache, monkeypatch, caplog):
         steps._function.cache_clear()
 
 
+def test_numpy_is_taken_wherever_it_is_asked_for(monkeypatch):
+    """The variable counts from the moment that it is set, although the same steps were compiled before."""
+    c = prepare(load_any("paper").expand(1)).numpy()
+    assert Steps(c, ActiveTerms.of(c), H).compiled
+    monkeypatch.setenv(native.CHOICE, "numpy")
+    assert not Steps(c, ActiveTerms.of(c), H).compiled
+
+
 def test_processes_that_start_together_share_one_compilation(tmp_path):
     """Of two processes with an empty cache both run compiled code, and one file is left of it."""
     code = (

@@ -4,7 +4,7 @@ Thrust depends on commands alone, so it is worked out before the body moves: eac
 its commands have left behind, and the targets of all its steps are found at once.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -54,9 +54,12 @@ class Actuation:
         arrived = grid[:, None] - shifts[:, None]  # (w, R or 1, S)
         ages = (0, 1) if self.late else (0,)
         episode = windows.episode[chunk, None, None]
-        held = np.stack([windows.commands[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
+        held = np.stack([windows.held[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
         by_step = self.c.rows((slice(None), None))
-        return thrust_targets(by_step, self.terms, held, windows.dt, parts)
+        each = [thrust_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
+        if not self.late:  # all parts are the same
+            return [_mean([targets[0] for targets in each])] * parts
+        return [_mean(part) for part in zip(*each, strict=True)]
 
 
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
@@ -153,20 +156,37 @@ class Run:
         self._targets = _by_part(actuation.targets(chunk, np.arange(steps), actuation.substeps))
         self._thrust = actuation.thrust[chunk]
         self._time = actuation.windows.time[chunk, None] - oldest(actuation.windows, actuation.c)
-        self._k = 0
 
     def all(self, body: Floats, force: Floats | None) -> Floats:
         """States (w, rows, S + 1, 13) from ``body`` (w, rows, 13) on, pushed by a force (w, rows, S, 6)."""
         return self._actuation.steps.run(body, self._thrust, self._targets, self._time, force)[0]
 
-    def step(self, body: Floats, force: Floats) -> Floats:
-        """States (w, rows, 13) one grid step after ``body``, pushed by a force (w, rows, 6) in the body frame."""
-        targets = self._targets[:, :, self._k, None]
-        states, thrust = self._actuation.steps.run(body, self._thrust, targets, self._time, force[:, :, None])
-        self._thrust = thrust[:, : self._thrust.shape[1]]
-        self._time = self._time + self._actuation.windows.dt
-        self._k += 1
-        return states[:, :, 1]
+    def each(self, body: Floats, force: Floats) -> Floats:
+        """States (w, S, rows, 13) one grid step after ``body`` (w, S, rows, 13), each pushed by its force likewise."""
+        steps = body.shape[1]
+        time = self._time[:, None] + self._actuation.windows.dt * np.arange(steps)[:, None]
+        targets = self._targets.swapaxes(1, 2)[:, :, :, None]
+        given = (body, self._thrusts(), targets, time, force[:, :, :, None])
+        flat = (np.reshape(array, (-1, *array.shape[2:])) for array in given)
+        return self._actuation.steps.run(*flat)[0][:, :, 1].reshape(body.shape)
+
+    def _thrusts(self) -> Floats:
+        """Thrust (w, S, R, n) in N at the start of each grid step."""
+        c, terms, targets = self._actuation.c, self._actuation.terms, self._targets
+        h = self._actuation.windows.dt / self._actuation.substeps
+        thrust = np.broadcast_to(self._thrust, targets[:, :, 0, 0].shape)
+        found = np.empty((len(targets), targets.shape[2], *thrust.shape[1:]))
+        for step in range(targets.shape[2]):
+            found[:, step] = thrust
+            if terms.lag:
+                for part in range(targets.shape[3]):
+                    thrust = thrust_after(c, terms, thrust, targets[:, :, step, part], h)
+        return found
+
+
+def _mean(targets: Sequence[Floats]) -> Floats:
+    """Of thrusts, and not of commands, because the dead band is not linear."""
+    return targets[0] if len(targets) == 1 else sum(targets[1:], start=targets[0]) / len(targets)
 
 
 def _by_part(targets: list[Floats]) -> Floats:

@@ -45,26 +45,19 @@ def linearise(
     """
     actuation = actuate(windows, vehicle)
     moves = entries[: len(entries) // 2]
-    rows = 1 + len(entries) + len(moves)
     everything = slice(0, len(windows))
     steps = windows.steps + late_steps(windows, actuation.c)
-    body = begin(actuation, everything, start[:, None], rows)
+    lasting = force[:, np.minimum(np.arange(steps), force.shape[1] - 1)]
     run = Run(actuation, everything, steps)
-    states = np.empty((len(windows), 1, steps + 1, 13))
-    transition = np.empty((len(windows), steps, len(entries), len(entries)))
-    push = np.empty((len(windows), steps, len(entries), len(moves)))
-    for k in range(steps):
-        states[:, :, k] = body[:, :1]
-        pushed = np.repeat(force[:, None, min(k, force.shape[1] - 1)], rows, axis=1)
-        pushed[:, 1 + len(entries) + np.arange(len(moves)), moves] += STEP_FORCE[moves]
-        body = run.step(_perturbed(body, entries), pushed)
-        change = motion_of(body)
-        change = change[:, 1:] - change[:, :1]
-        change[..., ANGULAR] -= 2 * np.pi * np.round(change[..., ANGULAR] / (2 * np.pi))
-        change = change[..., entries].swapaxes(1, 2)
-        transition[:, k] = change[..., : len(entries)] / STEP_STATE
-        push[:, k] = change[..., len(entries) :] / STEP_FORCE[moves]
-    states[:, :, steps] = body[:, :1]
+    states = run.all(begin(actuation, everything, start[:, None], 1), lasting[:, None])
+    pushed = np.repeat(lasting[:, :, None], 1 + len(entries) + len(moves), axis=2)
+    pushed[:, :, 1 + len(entries) + np.arange(len(moves)), moves] += STEP_FORCE[moves]
+    after = motion_of(run.each(_perturbed(states[:, 0, :-1, None], entries, pushed.shape[2]), pushed))
+    change = after[:, :, 1:] - after[:, :, :1]
+    change[..., ANGULAR] -= 2 * np.pi * np.round(change[..., ANGULAR] / (2 * np.pi))
+    change = change[..., entries].swapaxes(2, 3)
+    transition = change[..., : len(entries)] / STEP_STATE
+    push = change[..., len(entries) :] / STEP_FORCE[moves]
     residual = windows.residual(sample(windows, everything, actuation.c, states))[:, 0]
     return residual.reshape(len(windows), -1), Tangent(
         transition, push, Inverse.of(actuation.c, windows.channels).gain[0]
@@ -119,9 +112,9 @@ def _respond(
     return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
 
 
-def _perturbed(body: Floats, entries: np.ndarray) -> Floats:
-    """The first row's state in every row, moved by one step in each of ``entries`` from the second row on."""
-    numbers = np.repeat(motion_of(body[:, :1]), body.shape[1], axis=1)
-    numbers[:, 1 + np.arange(len(entries)), entries] += STEP_STATE
+def _perturbed(states: Floats, entries: np.ndarray, rows: int) -> Floats:
+    """States (..., 1, 13) in ``rows`` rows, moved by one step in each of ``entries`` from the second row on."""
+    numbers = np.repeat(motion_of(states), rows, axis=-2)
+    numbers[..., 1 + np.arange(len(entries)), entries] += STEP_STATE
     quaternion = quaternion_from_euler(*np.moveaxis(numbers[..., 3:6], -1, 0))
     return np.concatenate([numbers[..., :3], quaternion, numbers[..., 6:]], axis=-1)

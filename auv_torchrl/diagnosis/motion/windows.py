@@ -39,6 +39,7 @@ class Windows:
     trust: Floats  # (W, m, C) factor on each number: 1 measured, 0 missing or filled in, between them an outlier
     resolution: Floats  # (C,) step in which each channel was written; 0 where it is finer than anything
     guess: Floats  # (W, 12) pose and velocity at the start, from a local fit to the samples
+    parts: Floats | None = None  # (E, T, P, n) commands in P equal parts of each grid step, where they change within
     errors: SampleErrors = SampleErrors()  # what the log says of errors that are no white noise
     whitening: Floats | None = None  # (W, K, K) of the K = m C numbers of a window; None: their noise is white
 
@@ -54,6 +55,11 @@ class Windows:
     def time(self) -> Floats:
         """(W,) s since the start of the episode at the start of each window."""
         return self.origin + self.start * self.dt
+
+    @property
+    def held(self) -> Floats:
+        """Commands (E, T, P, n) that were held for equal parts of each grid step; P is 1 where they change between."""
+        return self.commands[:, :, None] if self.parts is None else self.parts
 
     @property
     def numbers(self) -> float:
@@ -140,6 +146,7 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         ValueError: if no episode holds a window.
     """
     dt, merged = grid_step(log)
+    within = max([merged, *(episode.parts.shape[1] for episode in log.episodes if episode.parts is not None)])
     pair = 2 * max(1, round(bin_s / dt))
     steps = pair * max(1, round(window_s / (pair * dt))) if bin_s else max(4, round(window_s / dt))
     channels = tuple(axis for axis in CHANNELS if axis in log.axes)
@@ -149,7 +156,7 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
     for order, episode in enumerate(log.episodes):
         t, values, trusted = _merge(episode, merged)
         length = int(np.floor((t[-1] - episode.t[0]) / dt + 1e-6)) + 1
-        grids.append(_commands_on_grid(episode, dt, length))
+        grids.append(_commands_on_grid(episode, dt / within, length * within).reshape(length, within, -1))
         position = (t - episode.t[0]) / dt
         first = _first_seen(position, trusted[:, columns], lead) if log.errors.snapshot_s else lead
         for start in range(first, length - steps + 1, steps):
@@ -179,12 +186,13 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         measured[w, :k], present[w, :k], trust[w, :k] = values[:, columns], True, trusted[:, columns]
         guess[w] = _guess_start(position * dt, values)
     longest = max(len(grid) for grid in grids)
-    commands = np.stack([np.pad(grid, ((0, longest - len(grid)), (0, 0)), mode="edge") for grid in grids])
+    parts = np.stack([np.pad(grid, ((0, longest - len(grid)), (0, 0), (0, 0)), mode="edge") for grid in grids])
     return Windows(
         dt=dt,
         steps=steps,
         channels=channels,
-        commands=commands,
+        commands=parts.mean(2),
+        parts=parts if np.ptp(parts, axis=2).any() else None,
         episode=np.array([row[0] for row in rows]),
         number=np.array([row[1].number for row in rows]),
         start=np.array([row[2] for row in rows]),
@@ -225,10 +233,15 @@ def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats, Floats]:
 
 
 def _commands_on_grid(episode: Episode, dt: float, length: int) -> Floats:
-    """Mean command (length, n) during each grid step, exact for commands held from row to row."""
+    """Mean command (length, n) during each grid step, exact for commands held from row to row or for parts of it."""
     edges = episode.t[0] + np.arange(length + 1) * dt
     ends = np.append(episode.t, max(edges[-1], episode.t[-1]) + dt)
-    impulse = np.cumsum(np.diff(ends)[:, None] * episode.commands, axis=0)
+    commands = episode.commands
+    if episode.parts is not None:
+        count = episode.parts.shape[1]
+        ends = np.append(ends[:-1, None] + np.diff(ends)[:, None] * np.arange(count) / count, ends[-1])
+        commands = episode.parts.reshape(len(ends) - 1, -1)
+    impulse = np.cumsum(np.diff(ends)[:, None] * commands, axis=0)
     impulse = np.concatenate([np.zeros((1, impulse.shape[1])), impulse])
     at_edges = np.stack([np.interp(edges, ends, column) for column in impulse.T], axis=1)
     return np.clip(np.diff(at_edges, axis=0) / dt, -1.0, 1.0)

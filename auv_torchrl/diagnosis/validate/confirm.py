@@ -59,21 +59,24 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
     c = prepare(one).numpy()
     late = oldest(windows, c)
     in_report_time = changed(one, delay=one.delay + torch.from_numpy(late), pose_delay=torch.zeros_like(one.pose_delay))
-    simulator = MujocoSimulator(cast(Vehicle, in_report_time[torch.arange(width).repeat(number)]), windows.dt)
+    parts = windows.held.shape[2]
+    held = windows.held.reshape(len(windows.held), -1, windows.held.shape[-1])
+    control_dt = windows.dt / parts
+    simulator = MujocoSimulator(cast(Vehicle, in_report_time[torch.arange(width).repeat(number)]), control_dt)
     steps = windows.steps + late_steps(windows, c)
-    memory = memory_length(float(in_report_time.delay.max()), windows.dt)
-    begin, episode = windows.start[:, None], windows.episode[:, None]
+    memory = memory_length(float(in_report_time.delay.max()), control_dt)
+    begin, episode = parts * windows.start[:, None], windows.episode[:, None]
     ago = np.clip(begin - 1 - np.arange(memory), 0, None)
-    ahead = np.clip(begin + np.arange(steps), None, windows.commands.shape[1] - 1)
+    ahead = np.clip(begin + np.arange(parts * steps), None, held.shape[1] - 1)
     flat = starts.reshape(number * width, 13)
     start = State(
         position=flat[:, :3],
         quaternion=flat[:, 3:7],
         velocity=flat[:, 7:],
         thrust=actuate(windows, one).thrust.reshape(number * width, -1),
-        commands=np.repeat(windows.commands[episode, ago], width, axis=0),
+        commands=np.repeat(held[episode, ago], width, axis=0),
         time=(windows.time[:, None] - late).reshape(-1),
     )
     simulator.resume(start)
-    commands = np.repeat(windows.commands[episode, ahead], width, axis=0)
-    return replay(simulator, commands).states.reshape(number, width, steps + 1, 13)
+    commands = np.repeat(held[episode, ahead], width, axis=0)
+    return replay(simulator, commands).states[:, ::parts].reshape(number, width, steps + 1, 13)

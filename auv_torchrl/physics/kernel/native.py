@@ -25,17 +25,18 @@ LEVEL = 2  # of code generation: 3 makes nothing faster, nor do LLVM's passes ov
 _engines: list[Any] = []  # LLVM frees code with its engine
 
 
-def load(name: str, assembled: Callable[[], str]) -> Callable[[int], None] | None:
-    """The function of a program, which takes the address of its table; None where it is left to numpy.
+def is_wanted() -> bool:
+    """Whether compiled code is to run; ``AUV_PHYSICS=numpy`` asks for numpy, at any time."""
+    return os.environ.get(CHOICE, "") != "numpy"
 
-    Numpy is taken where ``AUV_PHYSICS=numpy`` asks for it, and, with a warning, where LLVM does not run.
+
+def load(name: str, assembled: Callable[[], str]) -> Callable[[int], None] | None:
+    """The function of a program, which takes the address of its table; None, with a warning, where LLVM does not run.
 
     Args:
         name: tells it from other programs of the same source.
         assembled: its assembly, worked out only where the cache holds no machine code of it.
     """
-    if os.environ.get(CHOICE, "") == "numpy":
-        return None
     try:
         return _linked(_machine_code(name, assembled))
     except (ImportError, OSError, RuntimeError) as error:

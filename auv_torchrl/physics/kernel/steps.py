@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, load
+from auv_torchrl.physics.kernel.native import LANES, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
@@ -36,7 +36,7 @@ class Steps:
         shapes = tuple(field.shape[1:] for field in c)
         self._layout = _layout(shapes)
         self._dtype = c.lag.dtype
-        self._run = _function(shapes, 8 * self._dtype.itemsize)
+        self._run = _function(shapes, 8 * self._dtype.itemsize) if is_wanted() else None
         if self._run is not None:
             rows = len(c.full_thrust)
             numbers = [np.asarray(field, self._dtype).reshape(rows, -1) for field in c]
