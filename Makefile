@@ -10,6 +10,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export MPLBACKEND := Agg
+# Where it is set, each process would compile the libraries anew, for 8 s.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help env train diagnose sweep test test-fast check format bench blind clean
 

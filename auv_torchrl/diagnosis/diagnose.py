@@ -93,7 +93,7 @@ def diagnose(
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
-    effects = found_effects(problem, found, probability, closed) if verdict is not Verdict.NO_GAP else ()
+    effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)
     same = indistinguishable(problem, found)
     report("confirming in MuJoCo", 0.95)

@@ -1,5 +1,8 @@
 """The effects of the best explanation, as their reader sees them."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from auv_torchrl.diagnosis.axes import unseen
@@ -14,15 +17,24 @@ from auv_torchrl.effects import EFFECTS
 
 
 def found_effects(
-    problem: Problem, found: Found, probability: dict[str, float], closed: float | None
+    problem: Problem,
+    found: Found,
+    probability: dict[str, float],
+    closed: float | None,
+    autopilot: Mapping[str, float],
 ) -> tuple[FoundEffect, ...]:
-    """The effects of the best explanation with values, intervals and shares, the one that closes most first."""
+    """The effects of the best explanation with values, intervals, shares and advice, what closes most first.
+
+    ``autopilot`` holds the parameters of the autopilot that the log tells.
+    """
     shares = leave_one_out(found)
     explanation, covariance = as_sure(problem, found.best)
-    effects = [
-        _found_effect(problem, explanation, covariance, name, probability[name], (closed or 0.0) * shares[name])
-        for name in explanation.effects
-    ]
+    effects = []
+    for name in explanation.effects:
+        share = (closed or 0.0) * shares[name]
+        effect = _found_effect(problem, explanation, covariance, name, probability[name], share)
+        values = {member: estimate.value for member, estimate in effect.parameters.items()}
+        effects.append(replace(effect, advice=EFFECTS[name].advise(problem.vehicle, values, autopilot)))
     return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
 
 

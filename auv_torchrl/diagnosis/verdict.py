@@ -6,6 +6,7 @@ A field that is None could not be told from the log. Shares are of the gap, in [
 from dataclasses import dataclass, field
 from enum import Enum
 
+from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding
 from auv_torchrl.flightlog.log import Floats
 
@@ -66,6 +67,7 @@ class FoundEffect:
     thrusters: tuple[int, ...]  # at fault, from 1
     gap_closed: float | None  # share lost when this effect alone is taken out again
     sentence: str
+    advice: tuple[Advice, ...] = ()  # what to do about it
     calibrates: bool = False  # it corrects what the vehicle's file says, rather than naming a fault
 
 

@@ -24,6 +24,7 @@ from auv_torchrl.diagnosis.verdict import (
     Verdict,
     Where,
 )
+from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding, Severity
 
 VERSION = 1
@@ -113,7 +114,10 @@ def _errors(content: Mapping[str, Any] | None) -> Errors | None:
 
 def _found_effect(content: Mapping[str, Any]) -> FoundEffect:
     parameters = {name: _estimate(estimate) for name, estimate in content["parameters"].items()}
-    return FoundEffect(**{**content, "parameters": parameters, "thrusters": tuple(content["thrusters"])})
+    advice = tuple(Advice(**entry) for entry in content.get("advice", ()))
+    return FoundEffect(
+        **{**content, "parameters": parameters, "thrusters": tuple(content["thrusters"]), "advice": advice}
+    )
 
 
 def _finding(content: Mapping[str, Any]) -> Finding:

@@ -6,6 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, Same, Valley, changed, in_proportion, mean, own, sets
 from auv_torchrl.vehicle import Vehicle
 
@@ -25,6 +26,7 @@ thruster_gain = Effect(
         ),
     ),
     change=_gain,
+    advice=advice.thruster_gain,
 )
 
 
@@ -73,6 +75,7 @@ thruster_swap = Effect(
     ),
     change=_swap,
     shorthand=_read_swap,
+    advice=advice.thruster_swap,
 )
 
 
@@ -93,6 +96,7 @@ thruster_misalignment = Effect(
         ),
     ),
     change=_misalignment,
+    advice=advice.thruster_misalignment,
 )
 
 
@@ -111,6 +115,7 @@ thrust_limit = Effect(
     ),
     change=sets(limit="limit"),
     same_as=_dead,
+    advice=advice.thrust_limit,
 )
 
 
@@ -127,6 +132,9 @@ dead_band = Effect(
         Parameter("width", "N", own("dead_band"), 0.0, 30.0, "the thrusters give nothing below {value:.1f} N"),
     ),
     change=_dead_band,
+    advice=advice.said(
+        "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
+    ),
 )
 
 
@@ -162,6 +170,7 @@ thrust_curve = Effect(
     ),
     change=_curve,
     valley=Valley("exponent", ("dead_band", "width"), _same_commands),
+    advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
 )
 
 
@@ -179,6 +188,7 @@ thruster_lag = Effect(
         Parameter("time_constant", "s", own("lag"), 0.0, 1.5, "thrust follows the command with a lag of {value:.2f} s"),
     ),
     change=_lag,
+    advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
 )
 
 
@@ -189,6 +199,7 @@ command_delay = Effect(
     source="network and driver latency; a T200's own dead time is 13 ms",
     parameters=(Parameter("delay", "s", own("delay"), 0.0, 0.8, "commands arrive {value:.2f} s late"),),
     change=sets(delay="delay"),
+    advice=advice.said("look for what holds commands back: a filter, a slow link, a busy computer"),
 )
 
 
@@ -201,6 +212,7 @@ battery_sag = Effect(
         Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {value:.0%} of its value per minute"),
     ),
     change=sets(rate="battery_sag"),
+    advice=advice.said("charge or change the battery, and log its volts"),
 )
 
 EFFECTS = (

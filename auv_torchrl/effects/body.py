@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
@@ -27,6 +28,9 @@ added_mass = Effect(
         Parameter("scale", "1", 1.0, 0.2, 5.0, "the inertia in {which} is {value:.2f} times the nominal one", PER_DOF),
     ),
     change=_added_mass,
+    advice=advice.said(
+        "look for water caught in frames and shells; if it belongs there, enter the inertia in the vehicle file"
+    ),
 )
 
 
@@ -47,6 +51,7 @@ payload = Effect(
         Parameter("z", "m", 0.0, -1.0, 1.0, "the load sits {value:+.2f} m below the origin"),
     ),
     change=_payload,
+    advice=advice.payload,
 )
 
 
@@ -62,6 +67,7 @@ buoyancy = Effect(
     parameters=(Parameter("force", "N", 0.0, -60.0, 60.0, "it is {value:+.1f} N heavier in water than assumed"),),
     change=_buoyancy,
     shows="idle",
+    advice=advice.buoyancy,
 )
 
 
@@ -80,6 +86,7 @@ mass_offset = Effect(
         Parameter("y", "m", 0.0, -0.3, 0.3, "the centre of mass is {value:+.3f} m to starboard of where it should be"),
     ),
     change=_mass_offset,
+    advice=advice.mass_offset,
 )
 
 EFFECTS = (added_mass, payload, buoyancy, mass_offset)

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.effects.advice import Advice
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
@@ -92,7 +93,21 @@ class Effect:
     shows: str = (
         ""  # what a pilot sees of it where it is fitted: "axes", "idle" or "turning" of the answers to commands
     )
+    advice: Callable[[Mapping[str, float], Mapping[str, float]], tuple[Advice, ...]] | None = (
+        None  # what to do about it
+    )
     is_noise: bool = False  # white noise of sensors: the floor of predictions, measured and not looked for
+
+    def advise(
+        self, vehicle: Vehicle, values: Mapping[str, float], autopilot: Mapping[str, float]
+    ) -> tuple[Advice, ...]:
+        """What its owner can do where the parameters have these ``values``; nothing where none departs from nominal.
+
+        ``autopilot`` holds the parameters of the autopilot that the log tells.
+        """
+        nominal = self.nominal(vehicle)
+        departed = {name: value for name, value in values.items() if value != nominal[name]}
+        return self.advice(departed, autopilot) if self.advice and departed else ()
 
     def member_parameters(self, vehicle: Vehicle) -> dict[str, Parameter]:
         """Every full parameter name for this vehicle with its declaration."""

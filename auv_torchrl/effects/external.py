@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
 from auv_torchrl.vehicle import Vehicle
 
@@ -25,6 +26,7 @@ tether = Effect(
         Parameter("slack", "m", 0.0, 0.0, 100.0, "the tether has {value:.2f} m of slack"),
     ),
     change=_tether,
+    advice=advice.said("give the tether more slack, or fly nearer to where it leads"),
 )
 
 EFFECTS = (tether,)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from auv_torchrl.effects import advice
 from auv_torchrl.effects.body import per_dof
 from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
@@ -74,6 +75,9 @@ hull = Effect(
 )
 
 
+_LOOK = "look for weed, line and what was put on or lost; if it is meant, enter the drag in the vehicle file"
+
+
 def _linear(vehicle: Vehicle, scale: Tensor) -> Vehicle:
     return changed(vehicle, linear_drag=per_dof(scale)[..., :, None] * vehicle.linear_drag)
 
@@ -89,6 +93,7 @@ linear_drag = Effect(
         ),
     ),
     change=_linear,
+    advice=advice.said(_LOOK),
 )
 
 
@@ -107,6 +112,7 @@ quadratic_drag = Effect(
         ),
     ),
     change=_quadratic,
+    advice=advice.said(_LOOK),
 )
 
 COUPLINGS = tuple(f"{to}_from_{by}" for to in PER_DOF for by in PER_DOF if to != by)
@@ -138,6 +144,7 @@ drag_coupling = Effect(
     ),
     change=_coupling,
     shows="turning",
+    advice=advice.said("look for what sits or trails on one side alone"),
 )
 
 
@@ -150,6 +157,7 @@ coriolis = Effect(
         Parameter("strength", "1", own("coriolis"), 0.0, 2.0, "Coriolis terms act at {value:.2f} of full strength"),
     ),
     change=sets(strength="coriolis"),
+    advice=advice.said("enter how far Coriolis terms act in the vehicle file"),
 )
 
 
@@ -168,6 +176,7 @@ current = Effect(
         Parameter("down", "m/s", 0.0, -2.0, 2.0, "the water moves down at {value:+.2f} m/s"),
     ),
     change=_current,
+    advice=advice.said("nothing is broken: fly where the water stands still, or train for this current"),
 )
 
 EFFECTS = (hull, linear_drag, quadratic_drag, drag_coupling, coriolis, current)

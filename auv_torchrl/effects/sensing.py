@@ -4,6 +4,7 @@ import math
 
 from torch import Tensor
 
+from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.vehicle import Vehicle
 
@@ -19,6 +20,7 @@ heading_bias = Effect(
     source="compass deviation near iron, or a mocap frame turned against the body",
     parameters=(Parameter("angle", "rad", 0.0, -math.pi, math.pi, "the compass is off by {value:+.2f} rad"),),
     change=_heading_bias,
+    advice=advice.heading_bias,
 )
 
 
@@ -29,6 +31,7 @@ pose_delay = Effect(
     source="motion-capture and acoustic positioning latency",
     parameters=(Parameter("delay", "s", own("pose_delay"), 0.0, 0.8, "the pose is reported {value:.2f} s late"),),
     change=sets(delay="pose_delay"),
+    advice=advice.said("look at the delay of the positioning system, and tell the estimator of it"),
 )
 
 
@@ -42,6 +45,9 @@ position_scale = Effect(
         Parameter("factor", "1", own("position_scale"), 0.2, 5.0, "positions are reported {value:.2f} times as large"),
     ),
     change=sets(factor="position_scale"),
+    advice=advice.said(
+        "look at the unit of positions, and at the calibration and speed of sound of the positioning system"
+    ),
 )
 
 
@@ -55,6 +61,7 @@ depth_scale = Effect(
         Parameter("factor", "1", own("depth_scale"), -5.0, 5.0, "depths are reported {value:.2f} times as large"),
     ),
     change=sets(factor="depth_scale"),
+    advice=advice.said("look at unit and sign of the depth, and at the water density that the sensor assumes"),
 )
 
 
@@ -67,6 +74,7 @@ depth_bias = Effect(
         Parameter("offset", "m", own("depth_bias"), -20.0, 20.0, "the depth reading is off by {value:+.2f} m"),
     ),
     change=sets(offset="depth_bias"),
+    advice=advice.depth_bias,
 )
 
 
@@ -82,6 +90,7 @@ velocity_scale = Effect(
         ),
     ),
     change=sets(factor="velocity_scale"),
+    advice=advice.said("look at the unit of speeds, and at the speed of sound that the Doppler log assumes"),
 )
 
 

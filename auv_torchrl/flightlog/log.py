@@ -93,6 +93,7 @@ class FlightLog:
     findings: tuple[Finding, ...] = field(default=())
     resolution: dict[str, float] = field(default_factory=dict)  # step in which an axis was written, where it is known
     errors: SampleErrors = SampleErrors()
+    autopilot: Mapping[str, float] = field(default_factory=dict)  # its parameters, where the log has them
 
     @property
     def duration(self) -> float:
@@ -143,7 +144,9 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
     episodes = [replace(with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]
     resolution = {axis: max(log.resolution.get(axis, 0.0) for log in logs) for axis in axes}
     errors = reduce(or_, (log.errors for log in logs))
-    return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings), resolution, errors)
+    first, *others = (log.autopilot for log in logs)
+    autopilot = {name: value for name, value in first.items() if all(other.get(name) == value for other in others)}
+    return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings), resolution, errors, autopilot)
 
 
 def with_axes(episode: Episode, axes: tuple[str, ...]) -> Episode:

@@ -74,7 +74,8 @@ def read_flightlog(
         episodes, axes, more = check_frames(episodes, axes, vehicle, table.units_known)
         findings += more
     findings += check_excitation(episodes)
-    return FlightLog(table.name, episodes, axes, tuple(condensed(findings)), checked.resolution, table.errors)
+    said = tuple(condensed(findings))
+    return FlightLog(table.name, episodes, axes, said, checked.resolution, table.errors, table.autopilot)
 
 
 def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions | None) -> Table:

@@ -3,12 +3,12 @@
 import logging
 import os
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
@@ -39,6 +39,7 @@ class Table:
     units_known: bool = False  # the format of the file says in which units it is written
     measured: np.ndarray | None = None  # (T,) rows in which something was measured; None is all of them
     errors: SampleErrors = SampleErrors()
+    autopilot: Mapping[str, float] = field(default_factory=dict)  # its parameters, where the file has them
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -143,6 +144,8 @@ def _numbers(array: pa.Array) -> tuple[Floats, list[tuple[int, str]]]:
     try:
         return _floats(array.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)), []
     except pa.ArrowException:  # some entry is no number: find out which
+        import pandas as pd  # 0.7 s, for files that need it
+
         text = array.cast(pa.string()).to_pandas().str.strip()
     values = _floats(pd.to_numeric(text, errors="coerce"))
     odd = np.isnan(values) & text.notna().to_numpy() & ~text.str.lower().isin(_NOT_FINITE).to_numpy()

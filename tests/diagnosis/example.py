@@ -21,6 +21,7 @@ from auv_torchrl.diagnosis.verdict import (
     Window,
 )
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding, Severity
 from tests.flightlog.simulate import simulated_logs
 
@@ -70,7 +71,13 @@ def example() -> Diagnosis:
         ),
         effects=(
             FoundEffect(
-                "thruster_gain", 0.993, {"gain_4": gain}, (4,), 0.97, "Thruster 4 gives 0.55 times its nominal thrust."
+                "thruster_gain",
+                0.993,
+                {"gain_4": gain},
+                (4,),
+                0.97,
+                "Thruster 4 gives 0.55 times its nominal thrust.",
+                advice=(Advice("set MOT_4_DIRECTION to 1", {"MOT_4_DIRECTION": 1.0}), Advice("look for weed")),
             ),
         ),
         candidates=tuple(Candidate(n, p, p) for n, p in zip(ranked, _falling(len(ranked)), strict=True)),

@@ -109,6 +109,7 @@ def test_the_page_says_what_the_diagnosis_says(diagnosis, paper):
     words += ["Confirmed in MuJoCo", "0.44 → <b>0.019 m</b>", "96 %"]
     words += [regime.when for regime in diagnosis.where.regime] + list(diagnosis.cannot_tell)
     words += [diagnosis.next_experiment.why, diagnosis.findings[0].sentence, "rows 9 to 10", "thruster gain of 4"]
+    words += ["Set MOT_4_DIRECTION to 1.", "Look for weed."]
     for text in words:
         assert text in page
 
@@ -239,7 +240,7 @@ def test_no_effect_is_the_empty_scenario(paper):
 
 
 def test_the_table_names_value_and_interval(diagnosis):
-    """The console shows summary, value, interval and the share that is closed."""
+    """The console shows summary, value, interval, the share that is closed, and what to do."""
     table = summary_table(diagnosis).replace("\u202f", " ")
     for text in (
         diagnosis.summary,
@@ -250,6 +251,9 @@ def test_the_table_names_value_and_interval(diagnosis):
         "5 s",
         "0.44 → 0.019 (0.011)",
         "there: 96 %",
+        "what to do",
+        f"Fly next_experiment.csv: {diagnosis.next_experiment.why}",
+        "Set MOT_4_DIRECTION to 1.",
     ):
         assert text in table
     assert "not defined" in summary_table(no_gap())

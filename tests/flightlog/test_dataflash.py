@@ -65,6 +65,7 @@ def test_a_reversed_motor_direction_turns_the_command(tmp_path):
     """What the vehicle wanted of the motor is the command, whichever way its pulses go."""
     path = written(tmp_path, dive(given={**ALL, "MOT_3_DIRECTION": -1}))
     assert tabulate(read_streams(path)).columns["cmd_3"].min() == pytest.approx(-0.5)
+    assert read_flightlog(path, HEAVY).autopilot["MOT_3_DIRECTION"] == -1
 
 
 def test_motors_are_found_on_the_outputs_that_the_functions_say(tmp_path):

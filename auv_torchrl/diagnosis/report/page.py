@@ -12,6 +12,7 @@ from auv_torchrl import __version__
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.svg import between, number
+from auv_torchrl.diagnosis.report.wording import sentence, words
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Gap, Verdict, Window
 from auv_torchrl.effects import EFFECTS, Origin
@@ -110,16 +111,6 @@ def _leads(diagnosis: Diagnosis) -> list[str]:
     found += [f"{percent(s)} goes with {LOOKS_LIKE[Origin(n)]}" for n, s in where.origin.items() if s > _CLEAR_SHARE]
     found += [f"{percent(where.thruster[str(i)])} of that with thruster {i}" for i in suspects(where)]
     return found + [f"it is {number(r.gap, 2)} times as large with {r.when}" for r in where.regime[:2]]
-
-
-def words(name: str) -> str:
-    """``thruster_gain`` as people write it; ``gain_4`` is left alone."""
-    return name.replace("_", " ")
-
-
-def sentence(text: str) -> str:
-    """A clause with a capital and a full stop."""
-    return text[:1].upper() + text[1:].rstrip(".") + "." if text else ""
 
 
 def _clear_axes(diagnosis: Diagnosis) -> list[str]:

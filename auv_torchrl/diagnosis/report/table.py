@@ -2,13 +2,14 @@
 
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.svg import between, number
+from auv_torchrl.diagnosis.report.wording import to_do
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Gap
 
 _CANDIDATES = 3
 
 
 def summary_table(diagnosis: Diagnosis) -> str:
-    """Summary sentence, effects with their values, and errors before and after."""
+    """Summary sentence, effects with their values, errors before and after, and what to do."""
     lines = [f"{diagnosis.verdict.key.replace('_', ' ')}: {diagnosis.summary}"]
     if diagnosis.effects:
         lines += [
@@ -28,6 +29,8 @@ def summary_table(diagnosis: Diagnosis) -> str:
         ranked = (f"{c.name} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
         lines += ["", f"most probable: {', '.join(ranked)}"]
     lines += ["", *_errors(diagnosis)]
+    if advice := to_do(diagnosis):
+        lines += ["", "what to do", *(f"  {line}" for line in advice)]
     return "\n".join(lines)
 
 

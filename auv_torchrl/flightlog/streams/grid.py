@@ -67,6 +67,7 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     return Table(
         streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True,
         measured=_measured_rows(told, t, interval), errors=_errors(streams, commands, chosen),
+        autopilot={**options.parameters, **streams.vehicle.parameters},
     )  # fmt: skip
 
 

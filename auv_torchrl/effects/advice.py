@@ -1,0 +1,145 @@
+"""What to do about an effect that was found, in the words of the vehicle's owner.
+
+Each function takes the values that depart from nominal, by member, and the autopilot's parameters as far as the log
+tells them. An effect of one's own declares such a function as its ``advice``.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+Values = Mapping[str, float]
+
+GRAVITY = 9.81  # m/s^2
+LEAD = 1.1  # kg of lead for each kg in water: 11,340 kg/m^3 against 1,025 kg/m^3
+DEAD = 0.1  # of the thrust, below which a thruster is said to give nothing
+REVERSED = -0.5  # times the thrust, beyond which it is the direction alone that is wrong
+SOUND = 1.0
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One thing to do."""
+
+    do: str  # a sentence without its full stop
+    param: Values = field(default_factory=dict)  # parameters of the autopilot to set, where they are the remedy
+
+
+def thruster_gain(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a thruster that is dead, weak, strong or turns the wrong way."""
+    return tuple(_gain(which(member), gain, autopilot) for member, gain in values.items())
+
+
+def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
+    if gain <= -DEAD:
+        weak = "" if gain <= REVERSED else "; it is weak, too: look for weed or a propeller of the other hand"
+        name = f"MOT_{thruster}_DIRECTION"
+        if name in autopilot:
+            set_to = -autopilot[name]
+            return Advice(f"set {name} to {set_to:g} (it is {autopilot[name]:g}){weak}", {name: set_to})
+        return Advice(
+            f"thruster {thruster} turns the wrong way: change the sign of {name}, or exchange two of its three "
+            f"phase wires{weak}"
+        )
+    if gain < DEAD:
+        return Advice(
+            f"thruster {thruster} gives nothing: look whether its propeller is there and free, then at its plug, its "
+            "speed controller and the output that it is on"
+        )
+    if gain < SOUND:
+        return Advice(
+            f"thruster {thruster} gives {gain:.0%} of its thrust: look for weed or line, a broken blade or a bad phase"
+        )
+    return Advice(
+        f"thruster {thruster} gives {gain:.0%} of its thrust: compare its propeller and its volts with the vehicle file"
+    )
+
+
+def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of thrusters that get each other's commands."""
+    giver = {which(member): f"{command:.0f}" for member, command in values.items()}
+    pairs = sorted({tuple(sorted((to, by), key=int)) for to, by in giver.items() if giver.get(by) == to})
+    paired = {thruster for pair in pairs for thruster in pair}
+    found = [Advice(f"exchange the plugs of motors {a} and {b}, or SERVO{a}_FUNCTION and SERVO{b}_FUNCTION")
+             for a, b in pairs]  # fmt: skip
+    found += [Advice(f"thruster {to} is plugged in where thruster {by} belongs: put it on its own output")
+              for to, by in giver.items() if to not in paired]  # fmt: skip
+    return tuple(found)
+
+
+def thruster_misalignment(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a thruster that points elsewhere."""
+    return tuple(
+        Advice(
+            f"turn thruster {which(member)} by {-math.degrees(angle):+.0f}° about the vertical, clockwise from above "
+            "positive, and look at its bracket"
+        )
+        for member, angle in values.items()
+    )
+
+
+def thrust_limit(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of thrusters that saturate."""
+    named = _numbered(values)
+    return (Advice(f"look at the volts under load, and at the current and pulse limits of {named}"),)
+
+
+def buoyancy(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a vehicle too heavy or too light."""
+    (force,) = values.values()
+    grams = abs(force) / GRAVITY * 1000
+    if force > 0:
+        return (
+            Advice(f"look for water inside and for what it carries, then add about {grams:.0f} g of lift in float"),
+        )
+    return (Advice(f"add about {grams:.0f} g of ballast as weighed in water, which is {LEAD * grams:.0f} g of lead"),)
+
+
+def payload(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of something that is carried."""
+    place = ", ".join(
+        f"{abs(values[axis]):.2f} m {ahead if values[axis] > 0 else behind}"
+        for axis, ahead, behind in (("x", "forward", "aft"), ("y", "to starboard", "to port"), ("z", "below", "above"))
+        if axis in values
+    )
+    found = [Advice(f"look for what it carries{' ' + place + ' of the origin' if place else ''}")]
+    if weight := values.get("weight", 0.0):
+        grams = abs(weight) / GRAVITY * 1000
+        trim = f"{grams:.0f} g of lift in float" if weight > 0 else f"{LEAD * grams:.0f} g of lead"
+        found.append(Advice(f"if it is to stay, trim it with about {trim} at the same place"))
+    return tuple(found)
+
+
+def mass_offset(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a centre of mass that lies elsewhere."""
+    names = {"x": ("aft", "forward"), "y": ("to port", "to starboard")}
+    moves = [f"{abs(at) * 100:.1f} cm {names[axis][0 if at > 0 else 1]}" for axis, at in values.items()]
+    return (Advice(f"move ballast so that the centre of mass goes {' and '.join(moves)}, or look for what shifted"),)
+
+
+def heading_bias(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a compass that is off."""
+    (angle,) = values.values()
+    degrees = f"{math.degrees(angle):+.0f}°"
+    return (Advice(f"calibrate the compass away from iron: it is off by {degrees}; turn a motion-capture frame back"),)
+
+
+def depth_bias(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a pressure sensor that was not zeroed."""
+    (offset,) = values.values()
+    return (Advice(f"zero the pressure sensor at the surface before the dive: it reads {offset:+.2f} m too much"),)
+
+
+def said(do: str) -> Callable[[Values, Values], tuple[Advice, ...]]:
+    """The same sentence whatever the values."""
+    return lambda values, autopilot: (Advice(do),)
+
+
+def which(member: str) -> str:
+    """The number of the thruster in ``gain_4``."""
+    return member.rsplit("_", 1)[1]
+
+
+def _numbered(members: Values) -> str:
+    numbers = sorted((which(member) for member in members), key=int)
+    return f"thruster{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}"
