@@ -8,6 +8,8 @@ from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kinematics import matvec
 
 Array = Any
+# What thrust targets depend on: vehicles that are equal in these have the same.
+TARGET_FIELDS = ("delay", "routing", "exponent", "asymmetry", "full_thrust", "limit", "dead_band")
 
 
 def delayed(memory: Array, delay: Array, control_dt: float) -> Array:

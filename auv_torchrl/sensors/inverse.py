@@ -60,6 +60,21 @@ class Inverse:
         """Whether all vehicles move as reported, but for a shift of where they are."""
         return bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
 
+    def kinds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of vehicles whose sensors do what those of most do, and of the others."""
+        numbers = np.concatenate([self.gain, self.offset, self.speed], axis=1)
+        _, kind, count = np.unique(numbers, axis=0, return_inverse=True, return_counts=True)
+        common = kind.reshape(-1) == np.argmax(count)
+        return np.flatnonzero(common), np.flatnonzero(~common)
+
+    def shared(self) -> "Inverse":
+        """One row for all where all vehicles have the same sensors."""
+        fields = (self.gain, self.offset, self.speed, self.turn)
+        if not all((field == field[:1]).all() for field in fields):
+            return self
+        gain, offset, speed, turn = (field[:1] for field in fields)
+        return Inverse(gain, offset, speed, turn, self.by_position)
+
     def by_step(self) -> "Inverse":
         """The same for vehicles (R, 1), so that steps are a batch axis."""
         gain, offset, speed, turn = (field[:, None] for field in (self.gain, self.offset, self.speed, self.turn))

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis.motion.rollout import LEAST_STEP, actuate
 from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
@@ -86,3 +88,19 @@ def test_speeds_that_no_vehicle_has_do_not_make_a_rollout_endless(name, decades)
     substeps = actuate(windows, vehicle.expand(1)).substeps
     assert 1 <= substeps <= np.ceil(windows.dt / LEAST_STEP)
     assert decades > 1 or substeps <= 2
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_vehicles_that_do_the_same_with_commands_are_worked_out_once(name):
+    """Whatever an effect changes, the thrusts of a batch are those of each of its vehicles alone."""
+    vehicle, effect = load_vehicle("paper"), EFFECTS[name]
+    declared, nominal = effect.member_parameters(vehicle), effect.nominal(vehicle)
+    ends = [{}] + [{m: p.high if p.high > nominal[m] else p.low} for m, p in declared.items() if not p.discrete]
+    ends += [{m: 1.0} for m, p in declared.items() if p.discrete]
+    changed = [effect.apply(vehicle.expand(1), values) for values in ends]
+    windows = cut_windows(_log(0.05 * np.arange(100), np.random.default_rng(0).uniform(-1, 1, (100, 6))), 2.0, 1.0)
+    both = torch.cat([*changed, *changed])
+    together = actuate(windows, both).targets(slice(0, len(windows)), np.arange(windows.steps))[0]
+    for row, one in enumerate([*changed, *changed]):
+        alone = actuate(windows, one).targets(slice(0, len(windows)), np.arange(windows.steps))[0]
+        np.testing.assert_allclose(together[:, row], alone[:, 0], atol=1e-12)

@@ -5,11 +5,11 @@ drifted from the measured path in a simulation. That makes every effect nearly l
 included, and one rollout per effect gives its mark on the measurements.
 """
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate, ahead, oldest
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate, actuate_prepared, ahead, oldest
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -43,13 +43,14 @@ def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: 
     sensors = Inverse.of(sound.c, windows.channels)
     seen = sensors.reported_state(motion)
     before, mass = accelerations(sound, seen), sound.c.mass_matrix[:, None]
-    rows = changed.batch_size[0]
-    pieces = []
-    for first in range(0, rows, CANDIDATES_AT_ONCE):
-        some = slice(first, min(rows, first + CANDIDATES_AT_ONCE))
-        beyond = accelerations(actuate(windows, cast(Vehicle, changed[some])), seen) - before
-        pieces.append(matvec(mass, sensors.true_rate(beyond, seen[:, None])))
-    return np.concatenate(pieces, axis=1)
+    c = prepare(changed).numpy()
+    forces = np.empty((len(windows), changed.batch_size[0], windows.steps, 6))
+    for alike in Inverse.of(c, windows.channels).kinds():
+        for first in range(0, len(alike), CANDIDATES_AT_ONCE):
+            some = alike[first : first + CANDIDATES_AT_ONCE]
+            beyond = accelerations(actuate_prepared(windows, c.rows(some)), seen) - before
+            forces[:, some] = matvec(mass, sensors.true_rate(beyond, seen[:, None]))
+    return forces
 
 
 def accelerations(actuation: Actuation, motion: Floats) -> Floats:
@@ -66,9 +67,10 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
             left = thrust_after(c, terms, left, target[:, :, step], windows.dt)
     time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - oldest(windows, c)[:, None]
     wrench = body_wrench(by_step, terms, thrust, time)
-    sensors = Inverse.of(c, windows.channels).by_step()
+    sensors = Inverse.of(c, windows.channels).shared().by_step()
     true = sensors.true_state(motion[:, None])
     rotation = rotation_matrix((motion[:, None] if sensors.is_true else true)[..., 3:7])  # one for all that are true
+    true = np.broadcast_to(true, (*wrench.shape[:-1], true.shape[-1]))
     rate = acceleration(by_step, terms, rotation, true[..., :3], true[..., 7:], wrench)
     return sensors.reported_rate(rate, true, motion[:, None])
 

@@ -13,7 +13,7 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.kernel import Steps
-from auv_torchrl.physics.thrusters import thrust_after, thrust_targets
+from auv_torchrl.physics.thrusters import TARGET_FIELDS, thrust_after, thrust_targets
 from auv_torchrl.sensors import Inverse, ages, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
@@ -49,22 +49,41 @@ class Actuation:
     def targets(self, chunk: slice, steps: np.ndarray, parts: int = 1) -> list[Floats]:
         """Mean thrust target (w, R, S, n) in N during each of ``parts`` parts of grid steps (S,) of some windows."""
         windows = self.windows
+        kinds, kind = self._kinds
         grid = np.clip(windows.start[chunk, None] + steps, 0, windows.commands.shape[1] - 1)
-        shifts = self.whole[:1] if (self.whole == self.whole[0]).all() else self.whole
+        shifts = self.whole[kinds]
         arrived = grid[:, None] - shifts[:, None]  # (w, R or 1, S)
         ages = (0, 1) if self.late else (0,)
         episode = windows.episode[chunk, None, None]
         held = np.stack([windows.held[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
-        by_step = self.c.rows((slice(None), None))
+        by_step = self.c.rows((kinds, None))
         each = [thrust_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
+
+        def of_all(targets: Sequence[Floats]) -> Floats:
+            mean = _mean(targets)
+            shape = (len(mean), len(kind), *mean.shape[2:])
+            return np.broadcast_to(mean, shape) if len(kinds) == 1 else mean[:, kind]
+
         if not self.late:  # all parts are the same
-            return [_mean([targets[0] for targets in each])] * parts
-        return [_mean(part) for part in zip(*each, strict=True)]
+            return [of_all([targets[0] for targets in each])] * parts
+        return [of_all(part) for part in zip(*each, strict=True)]
+
+    @cached_property
+    def _kinds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vehicles that do different things with a command, and as which of them each does: most change elsewhere."""
+        fields = [getattr(self.c, name).reshape(len(self.whole), -1) for name in TARGET_FIELDS]
+        numbers = np.concatenate([self.whole[:, None], *fields], axis=1)
+        _, kinds, kind = np.unique(numbers, axis=0, return_index=True, return_inverse=True)
+        return kinds, kind.reshape(-1)
 
 
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
-    """Delay the commands and let the lag run up to the start of each window; ``vehicle`` is a batch (R,)."""
-    c = prepare(vehicle).numpy()
+    """What vehicles, a batch (R,), do with the commands of windows."""
+    return actuate_prepared(windows, prepare(vehicle).numpy())
+
+
+def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
+    """Delay the commands and let the lag run up to the start of each window; coefficients of vehicles (R,)."""
     total = np.maximum(c.delay + oldest(windows, c), 0.0)  # late reports see the motion that older commands made
     whole = np.floor(total / windows.dt + 1e-6)
     c = c._replace(delay=np.maximum(total - whole * windows.dt, 0.0))
