@@ -10,6 +10,8 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.reduce import Freedom
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import BLOCK_S, FEWEST_BLOCKS, FEWEST_WINDOWS, LARGER, ONSET_CLEAR, SPEAKS
 from auv_torchrl.vehicle import Vehicle
 
@@ -34,14 +36,15 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     windows, layout = problem.windows, problem.layout
     width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt))), layout.bins)
     count = layout.bins // width
-    bins = follow.state.bins[:, : count * width] / problem.wide
-    force = bins.reshape(len(bins), count, width, -1).mean(2)
+    bins = follow.state.bins[:, : count * width]
+    scatter, floor = _scatter(problem, follow, count, width)
+    force = bins.reshape(len(bins), count, width, -1).mean(2) / scatter
     time = windows.time[:, None] + np.arange(count) * width * layout.steps_per_bin * windows.dt
     owner = np.repeat(np.arange(len(windows)), count)
     order = np.lexsort((time.ravel(), windows.episode[owner]))
     force = force.reshape(len(owner), -1)
     order = order[np.isfinite(force[order]).all(1)]  # a window that nothing follows says nothing of when
-    energy = np.cumsum(force[order] ** 2, axis=0)
+    energy = np.cumsum(force[order] ** 2 + floor, axis=0)
     total = len(energy)
     if total <= 2 * FEWEST_BLOCKS:
         return None
@@ -65,6 +68,24 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     if early.sum() < FEWEST_WINDOWS or late.sum() < FEWEST_WINDOWS:
         return None
     return Onset(float(passed) + within, int(windows.number[window]), within, early, late)
+
+
+def _scatter(problem: Problem, follow: Base, count: int, width: int) -> tuple[Floats, float]:
+    """What the mean force in blocks of ``width`` bins scatters by, (D,) or (W, count, D), and its square that is noise.
+
+    White noise is the same everywhere, and it takes no size. Other errors come with manoeuvres, which begin and end: a
+    force that they account for tells of no change.
+    """
+    if problem.windows.whitening is None:
+        return problem.wide, 0.0
+    state, layout = follow.state, problem.layout
+    covariance = Freedom.of(problem.windows, layout, state.slope, problem.sigma, problem.wide).inverse
+    first, axes = len(layout.start), len(layout.dof)
+    scatter = np.empty((len(state.bins), count, axes))
+    for block, axis in np.ndindex(count, axes):
+        at = first + np.arange(block * width, (block + 1) * width) * axes + axis
+        scatter[:, block, axis] = np.sqrt(covariance[:, at[:, None], at].mean((1, 2)))
+    return scatter, 1.0
 
 
 def is_absent(problem: Problem, onset: Onset, explanation: Explanation, vehicle: Vehicle, settings: Settings) -> bool:

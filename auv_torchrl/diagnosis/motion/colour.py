@@ -39,17 +39,23 @@ def whiten(
         sigma: white noise by channel.
         begin: starts (W, 12) and forces (W, B, D) under which the vehicle moves about as it did.
     """
+    windows = replace(windows, whitening=None)  # they may come from a log that was whitened for another vehicle
+    noise = noise_per_sample(windows, sigma)
+    scaled = colour_covariance(windows, vehicle, layout, begin) / (noise[:, None] * noise)
+    inverse = np.linalg.inv(np.linalg.cholesky(np.eye(len(noise)) + scaled))
+    return replace(windows, whitening=noise[:, None] * inverse / noise)
+
+
+@DIVERGING
+def colour_covariance(windows: Windows, vehicle: Vehicle, layout: Layout, begin: tuple[Floats, Floats]) -> Floats:
+    """Covariance (W, K, K) of what is no white noise, in windows not yet whitened; arguments as of :func:`whiten`."""
     covariance = drift_covariance(windows)
     if windows.errors.snapshot_s:
         marks = command_marks(windows, vehicle, layout, local_slopes(windows, vehicle, layout, *begin))
         bent = np.eye(marks.shape[1]) * (BENT**2 * (marks**2).sum(-1))[:, None]
         covariance = covariance + marks @ marks.swapaxes(1, 2) + bent
-    noise = noise_per_sample(windows, sigma)
     covariance[~np.asarray(np.isfinite(covariance).all((1, 2)))] = 0.0  # no motion to work it out along
-    scaled = covariance / (noise[:, None] * noise)
-    size = np.eye(len(noise)) + scaled
-    inverse = np.linalg.inv(np.linalg.cholesky(size))
-    return replace(windows, whitening=noise[:, None] * inverse / noise)
+    return covariance
 
 
 def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed) -> Floats:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, batch
+from auv_torchrl.diagnosis.motion.colour import colour_covariance, whiten
 from auv_torchrl.diagnosis.motion.rollout import actuate, fly, simulate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
@@ -49,7 +50,10 @@ def predict(
     begin = windows.split(head).subset(np.arange(0, len(windows) * parts, parts))
     layout = Layout.of(begin, vehicles[0], settings.bin_s)
     best = batch(vehicles[-1], [{}])
-    state = follow(begin, best, layout, sigma, force, rough_force(begin, best, layout))
+    rough = rough_force(begin, best, layout)
+    if begin.errors.coloured:
+        begin = whiten(begin, best, layout, sigma, (begin.guess, rough))
+    state = follow(begin, best, layout, sigma, force, rough)
     slope = state.slope / noise_per_sample(begin, sigma)[:, None]
     precision = np.concatenate([layout.loose**-2.0, np.tile(force**-2.0, layout.bins)])
     covariance = np.linalg.inv(slope.swapaxes(1, 2) @ slope + np.diag(precision))
@@ -60,7 +64,7 @@ def predict(
     change = left[:, 1:] - left[:, :1]
     change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
     noise = np.array([sigma[channel] for channel in windows.channels])
-    spread = np.sqrt(((change / SMALL) ** 2).sum(1) + noise**2)
+    spread = np.sqrt(((change / SMALL) ** 2).sum(1) + noise**2 + colour_of(windows, best, settings, state.start))
     errors, states = [], []
     for vehicle in vehicles:
         one = batch(vehicle, [{}])
@@ -68,6 +72,16 @@ def predict(
         errors.append(windows.residual(predicted)[:, 0])
         states.append(passed[:, 0])
     return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1))
+
+
+def colour_of(windows: Windows, vehicle: Vehicle, settings: Settings, start: Floats) -> Floats:
+    """Variance (W, m, C) of samples of which commands and estimates of a filter do not tell; ``vehicle`` is (1,)."""
+    if not windows.errors.coloured:
+        return np.zeros(windows.measured.shape)
+    layout = Layout.of(windows, vehicle, settings.bin_s)
+    still = np.zeros((len(windows), layout.bins, len(layout.dof)))
+    covariance = colour_covariance(windows, vehicle, layout, (start, still))
+    return np.einsum("wkk->wk", covariance).reshape(windows.measured.shape)
 
 
 def cut_stretches(log: FlightLog, settings: Settings) -> tuple[Windows, int]:
