@@ -16,8 +16,9 @@ from auv_torchrl.diagnosis.identify.attitude import (
 )
 from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import leaves_much
+from auv_torchrl.diagnosis.identify.judged import Base, leaves_much
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
@@ -67,13 +68,29 @@ def look(
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is not None:
         behind = Problem.of(problem.windows.subset(onset.behind), own, settings, known)
-        found = search(*follow_agreeing(behind), report, hints, others, below)
+        found = _search_colours(*follow_agreeing(behind), report, hints, others, below)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
             return Looked(found, sound, onset)
         hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]
-        whole = search(problem, follow, report, hints[:POLISHED], Others.NONE)
+        whole = _search_colours(problem, follow, report, hints[:POLISHED], Others.NONE, np.inf)
         return Looked(replace(whole, promise=found.promise), sound)
-    return Looked(search(problem, follow, report, hints, others, below), sound)
+    return Looked(_search_colours(problem, follow, report, hints, others, below), sound)
+
+
+def _search_colours(
+    problem: Problem, follow: Base, report: Progress, hints: Sequence[Explanation], others: Others, below: float
+) -> Found:
+    """Search, and where something is left of a log whose errors are no white noise, again along what was found.
+
+    What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
+    large fault sound samples look like outliers.
+    """
+    found = search(problem, follow, report, hints, others, below)
+    best = replace(found.best.explanation, slack={})
+    if not problem.given.errors.coloured or not best.effects or excess(found) < problem.settings.excess:
+        return found
+    again = search(*follow_windows(problem, best), report, [best], others, below)
+    return again if excess(again) < excess(found) else found
 
 
 def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:

@@ -25,7 +25,7 @@ class Blocks(NamedTuple):
     attitude: Floats  # (B, 3) rad, in the middle; roll and pitch 0 where not measured, yaw NaN
     rate: Floats  # (B, 4) d(x, y, z, yaw)/dt in m/s and rad/s, earth; NaN where not measured
     velocity: Floats  # (B, 6) measured body velocity; NaN where not measured
-    thrust: Floats  # (B + 1, n) N; mean from the middle of the block before to the middle of this one
+    thrust: Floats  # (B, n) N; mean from the middle of the block before to the middle of this one
     length: Floats  # (B,) s
     joined: np.ndarray  # (B,) whether the block follows the one before without a break
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.clock import check_clock
 from auv_torchrl.flightlog.columns import DEMANDS, Columns, choose_columns
+from auv_torchrl.flightlog.contact import leave_out_contact
 from auv_torchrl.flightlog.excitation import check_excitation
 from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
 from auv_torchrl.flightlog.frames import check_frames
@@ -72,6 +73,9 @@ def read_flightlog(
     episodes = tuple(_wrapped(episode) for episode in episodes)
     if seconds:
         episodes, axes, more = check_frames(episodes, axes, vehicle, table.units_known)
+        findings += more
+    if "z" in axes:
+        episodes, more = leave_out_contact(episodes, vehicle)
         findings += more
     findings += check_excitation(episodes)
     said = tuple(condensed(findings))
