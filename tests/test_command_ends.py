@@ -262,6 +262,7 @@ def test_signs_that_a_terminal_lacks_are_spelt(monkeypatch):
         ("log='quoted, already.csv'", "quoted, already.csv"),
         ("log=[a.csv,b.csv]", ["a.csv", "b.csv"]),
         ("log=null", None),
+        ("log={MOT_1_DIRECTION: -1}", {"MOT_1_DIRECTION": -1}),
         ("log=${oc.env:HOME}/a.csv", "${oc.env:HOME}/a.csv"),
     ],
 )

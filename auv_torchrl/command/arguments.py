@@ -60,7 +60,7 @@ def _quote_argument(given: str, files: Sequence[str], sweep: bool) -> str:
     key, value = parts[1], parts[3]
     parsed = _parse(given)
     if parsed is not None and not parsed.is_sweep_override():
-        plain = isinstance(parsed.value(), str | list | None)  # else a name that looks like a number
+        plain = isinstance(parsed.value(), str | list | dict | None)  # else a name that looks like a number
         return given if plain else key + _quoted(value)
     if "," in value and not sweep and Path(value).exists():
         return key + _quoted(value)

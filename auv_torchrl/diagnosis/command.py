@@ -17,7 +17,7 @@ log = logging.getLogger("diagnose")
 register()
 
 
-@command("diagnose", files=("log", "healthy", "test", "output", "vehicle"))
+@command("diagnose", files=("log", "healthy", "test", "params", "output", "vehicle"))
 def main(config: DictConfig) -> None:
     """Read the logs, diagnose them, print the verdict, write the files."""
     with checking_input():

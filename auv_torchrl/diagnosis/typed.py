@@ -2,6 +2,7 @@
 
 import math
 import types
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -42,8 +43,8 @@ def _check(value: Any, hint: Any, where: str, infinite: bool) -> None:
             raise _wrong(where, value, f"{len(kinds)} entries")
         for index, (each, kind) in enumerate(zip(value, kinds, strict=True)):
             _check(each, kind, f"{where}[{index}]", False)
-    elif origin is dict:
-        if not isinstance(value, dict):
+    elif origin in (dict, Mapping):
+        if not isinstance(value, Mapping):
             raise _wrong(where, value, "a mapping")
         for name, each in value.items():
             _check(each, arguments[1], f"{where}.{name}", False)

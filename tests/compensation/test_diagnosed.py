@@ -95,6 +95,8 @@ GAIN = ("effects", 0, "parameters", "gain_4")
         (("effects", 0, "probability"), 7.0, "probability of thruster_gain is 7"),
         (("effects", 0, "thrusters"), [12], "names thruster 12, the vehicle has 6"),
         (("effects", 0, "thrusters"), ["one"], "instead of a whole number"),
+        (("effects", 0, "advice"), [{"do": 3}], "do is 3 instead of a text"),
+        (("effects", 0, "advice"), [{"do": "turn it", "param": {"MOT_1_DIRECTION": "left"}}], "instead of a number"),
         (("effects", 0, "colour"), "red", "colour"),
         (("effects",), {"thruster_gain": 0.5}, "is no diagnosis"),
         (("effects",), ..., "'effects' is missing"),

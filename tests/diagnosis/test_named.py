@@ -24,10 +24,11 @@ def test_a_thruster_that_two_values_move_has_their_sum_and_one_interval(monkeypa
     found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), polished=[])
     problem: Any = SimpleNamespace(vehicle=PAPER)
     monkeypatch.setattr(named, "as_sure", lambda _, judged: (judged.explanation, judged.covariance))
-    (effect,) = found_effects(problem, found, {"thruster_gain": 0.9}, 1.0)
+    (effect,) = found_effects(problem, found, {"thruster_gain": 0.9}, 1.0, {})
     gains = {name: estimate.value for name, estimate in effect.parameters.items()}
     assert gains == pytest.approx({**dict.fromkeys(everyone, 0.8), "gain_2": 0.3})
     second = effect.parameters["gain_2"]
     deviation = np.sqrt(0.01**2 + 0.02**2 - 2 * 0.5e-4)
     assert second.high - second.value == pytest.approx(Z95 * np.hypot(deviation, MODEL_ERROR * 0.7))
     assert effect.sentence.count("thruster 2") == 1
+    assert ["thruster 2" in advice.do for advice in effect.advice] == [False, True, False, False, False, False]
