@@ -99,6 +99,15 @@ def test_nothing_is_closed_where_there_was_no_gap():
     assert confirm(predict(log, [HELD, HELD], SETTINGS, NOISE, FORCE), [HELD, HELD]).closed is None
 
 
+def test_simulated_flights_are_shown_as_their_sensors_would_report_them():
+    """A vehicle with its compass and gauge off is drawn where the log has it, the one before where it is not."""
+    change = {"heading_bias": {"angle": 0.5}, "depth_scale": {"factor": 1.3}, "depth_bias": {"offset": 2.0}}
+    log = fly(HELD, change, seed=5, episodes=2, seconds=12.0)
+    windows = held_out_windows(predict(log, [HELD, apply_values(HELD, change)], SETTINGS, NOISE, FORCE), log)
+    for window in windows:
+        assert np.nanmax(np.abs(window.after.pose - window.measured.pose)) < 0.1
+
+
 def test_simulated_headings_do_not_jump_at_half_a_turn():
     """Where the heading passes south, simulated headings go on from the measured one, as the log does."""
     log = fly(HELD, {}, seed=5, episodes=2, seconds=12.0)

@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows, cut_windows, grid_step
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
-from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.sensors import motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
@@ -30,6 +30,7 @@ class Predictions:
     error: Floats  # (W, V, m, C) measured less predicted
     spread: Floats  # (W, m, C) standard deviation that sensor noise and the estimated start leave to a true model
     states: Floats  # (W, V, S + 1, 13) true states on the grid
+    reported: Floats  # (W, V, m, C) what the sensors would have measured
 
 
 def predict(
@@ -65,13 +66,14 @@ def predict(
     change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
     noise = np.array([sigma[channel] for channel in windows.channels])
     spread = np.sqrt(((change / SMALL) ** 2).sum(1) + noise**2 + colour_of(windows, best, settings, state.start))
-    errors, states = [], []
+    errors, states, reported = [], [], []
     for vehicle in vehicles:
         one = batch(vehicle, [{}])
         predicted, passed = fly(actuate(windows, one), state.start[:, None])
         errors.append(windows.residual(predicted)[:, 0])
         states.append(passed[:, 0])
-    return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1))
+        reported.append(predicted[:, 0])
+    return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1), np.stack(reported, 1))
 
 
 def colour_of(windows: Windows, vehicle: Vehicle, settings: Settings, start: Floats) -> Floats:
@@ -190,26 +192,29 @@ def _norm(values: Floats) -> Floats:
 
 
 def held_out_windows(p: Predictions, log: FlightLog) -> tuple[Window, ...]:
-    """The stretches as trajectories, sampled on the grid of the prediction."""
-    found = []
-    columns = [CHANNELS.index(channel) for channel in p.windows.channels]
-    for w in range(len(p.windows)):
-        windows = p.windows
+    """The stretches as trajectories at the times of the samples, as sensors report them where they do."""
+    found, windows = [], p.windows
+    columns = [CHANNELS.index(channel) for channel in windows.channels]
+    for w in range(len(windows)):
         rows = windows.present[w]
         grid = windows.index[w, rows]
         values = np.full((len(grid), 12), np.nan)
         values[:, columns] = windows.measured[w, rows]
         commands = windows.commands[windows.episode[w], windows.start[w] + grid]
         time = windows.time[w] + (grid + windows.fraction[w, rows]) * windows.dt
+        simulated = []
+        for v in (0, 1):
+            numbers = motion_of(p.states[w, v][grid])
+            numbers[:, columns] = p.reported[w, v, rows]
+            simulated.append(_trajectory(numbers, values))
         measured = Trajectory(values[:, :6], values[:, 6:])
-        before, after = (_trajectory(p.states[w, v][grid], measured) for v in (0, 1))
-        found.append(Window(int(windows.number[w]), time, commands, measured, before, after))
+        found.append(Window(int(windows.number[w]), time, commands, measured, *simulated))
     return tuple(found)
 
 
-def _trajectory(states: Floats, measured: Trajectory) -> Trajectory:
-    """Simulated states (T, 13) as a trajectory, whose angles do not jump and begin near the measured ones."""
-    angles = np.unwrap(np.stack(euler_angles(states[:, 3:7]), axis=-1), axis=0)
-    ahead = np.nan_to_num(angles[0] - measured.pose[0, 3:])
+def _trajectory(numbers: Floats, measured: Floats) -> Trajectory:
+    """Simulated numbers (T, 12) as a trajectory, whose angles do not jump and begin near the measured ones (T, 12)."""
+    angles = np.unwrap(numbers[:, 3:6], axis=0)
+    ahead = np.nan_to_num(angles[0] - measured[0, 3:6])
     angles -= 2 * np.pi * np.round(ahead / (2 * np.pi))
-    return Trajectory(np.concatenate([states[:, :3], angles], axis=1), states[:, 7:])
+    return Trajectory(np.concatenate([numbers[:, :3], angles], axis=1), numbers[:, 6:])

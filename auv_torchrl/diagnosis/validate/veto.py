@@ -34,7 +34,8 @@ def falls_short(p: Predictions, closed: float | None) -> bool:
 
 def only(p: Predictions, before: int, after: int) -> Predictions:
     """The predictions of two of the vehicles."""
-    return replace(p, error=p.error[:, [before, after]], states=p.states[:, [before, after]])
+    two = {name: getattr(p, name)[:, [before, after]] for name in ("error", "states", "reported")}
+    return replace(p, **two)
 
 
 def shortfalls(short: bool) -> tuple[Finding, ...]:
