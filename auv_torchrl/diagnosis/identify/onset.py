@@ -37,7 +37,7 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt))), layout.bins)
     count = layout.bins // width
     bins = follow.state.bins[:, : count * width]
-    scatter, floor = _scatter(problem, follow, count, width)
+    scatter, floor = force_scatter(problem, follow, count, width)
     force = bins.reshape(len(bins), count, width, -1).mean(2) / scatter
     time = windows.time[:, None] + np.arange(count) * width * layout.steps_per_bin * windows.dt
     owner = np.repeat(np.arange(len(windows)), count)
@@ -70,7 +70,7 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     return Onset(float(passed) + within, int(windows.number[window]), within, early, late)
 
 
-def _scatter(problem: Problem, follow: Base, count: int, width: int) -> tuple[Floats, float]:
+def force_scatter(problem: Problem, follow: Base, count: int, width: int) -> tuple[Floats, float]:
     """What the mean force in blocks of ``width`` bins scatters by, (D,) or (W, count, D), and its square that is noise.
 
     White noise is the same everywhere, and it takes no size. Other errors come with manoeuvres, which begin and end: a

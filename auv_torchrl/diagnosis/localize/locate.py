@@ -3,7 +3,7 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.judged import Base
-from auv_torchrl.diagnosis.identify.onset import Onset
+from auv_torchrl.diagnosis.identify.onset import Onset, force_scatter
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import attribute
@@ -51,9 +51,14 @@ def mixed(known: dict[str, float], rest: dict[str, float], share: float) -> dict
 def mean_force(problem: Problem, follow: Base) -> Floats:
     """(W, D) missing force over each window in units of the thrusters' reach: root mean square of means over 0.6 s."""
     bins = follow.state.bins / problem.wide
-    width = min(max(1, round(0.6 / (problem.layout.steps_per_bin * problem.windows.dt))), problem.layout.bins)
+    width = _bins_of_mean(problem)
     kept = bins[:, : bins.shape[1] // width * width]
     return np.sqrt((kept.reshape(len(bins), -1, width, bins.shape[2]).mean(2) ** 2).mean(1))
+
+
+def _bins_of_mean(problem: Problem) -> int:
+    """Bins of the force over which it is averaged, 0.6 s."""
+    return min(max(1, round(0.6 / (problem.layout.steps_per_bin * problem.windows.dt))), problem.layout.bins)
 
 
 def gap_by_window(problem: Problem, follow: Base) -> Floats:
@@ -62,11 +67,18 @@ def gap_by_window(problem: Problem, follow: Base) -> Floats:
 
 
 def by_dof(problem: Problem, follow: Base) -> dict[str, float]:
-    """Energy of the missing force, each degree of freedom in units of its thrusters' reach."""
+    """Energy of the missing force, each degree of freedom in units of its thrusters' reach.
+
+    Less what errors that are no white noise account for, where the log says how large they are.
+    """
     known = problem.followed & np.isfinite(gap_by_window(problem, follow))
     if not known.any():
         return {}
     energy = (mean_force(problem, follow)[known] ** 2).mean(0)
+    if problem.windows.whitening is not None:
+        width = _bins_of_mean(problem)
+        scatter, _ = force_scatter(problem, follow, problem.layout.bins // width, width)
+        energy = np.maximum(energy - ((scatter / problem.wide)[known] ** 2).mean((0, 1)), 0.0)
     if not energy.any():  # nothing moves and nothing pushes
         return {}
     names = [DEGREES_OF_FREEDOM[d] for d in problem.layout.dof]
