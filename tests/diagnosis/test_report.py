@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
 from auv_torchrl.diagnosis.report import report_page, summary_table, write_files
-from auv_torchrl.diagnosis.report.svg import decades, number, ticks
+from auv_torchrl.diagnosis.report.svg import decades, estimated, number, ticks
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.verdict_file import from_json, to_json
@@ -257,6 +257,20 @@ def test_the_table_names_value_and_interval(diagnosis):
     ):
         assert text in table
     assert "not defined" in summary_table(no_gap())
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "shown"),
+    [
+        (-2.77e-5, -0.0045, 0.0045, "0"),
+        (-0.0021, -0.006, 0.002, "-0.00210"),
+        (0.552, 0.54, 0.56, "0.552"),
+        (3e-5, 3e-5, 3e-5, "3.00e-05"),
+    ],
+)
+def test_a_value_shows_no_digits_that_its_interval_leaves_open(value, low, high, shown):
+    """What is small next to its uncertainty is nothing; what is sure keeps three digits."""
+    assert estimated(value, low, high) == shown
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
-from auv_torchrl.diagnosis.report.svg import between, number
+from auv_torchrl.diagnosis.report.svg import between, estimated, number
 from auv_torchrl.diagnosis.report.wording import sentence, words
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Gap, Verdict, Window
@@ -59,7 +59,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
-    environment.globals |= {"interval": interval, "between": between}
+    environment.globals |= {"interval": interval, "between": between, "estimated": estimated}
     thrusters = sorted({i for effect in diagnosis.effects for i in effect.thrusters})
     shown = diagnosis.verdict is not Verdict.NO_GAP
     axes = _clear_axes(diagnosis) if shown and not thrusters else []

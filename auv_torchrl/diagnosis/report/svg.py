@@ -90,6 +90,15 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{decimals}f}"
 
 
+def estimated(value: float, low: float, high: float) -> str:
+    """A value with no digits that its interval leaves open: next to ± 0.005, 3e-5 is 0."""
+    half = (high - low) / 2
+    if not (math.isfinite(half) and half > 0):
+        return number(value)
+    step = 10.0 ** math.floor(math.log10(half / 10))
+    return number(round(value / step) * step) if abs(value) < half else number(value)
+
+
 def between(low: float, high: float) -> str:
     """An interval in words; a dash where it has no width because the value was not fitted but chosen."""
     return f"{number(low)} to {number(high)}" if low < high else "–"

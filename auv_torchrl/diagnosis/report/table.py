@@ -1,7 +1,7 @@
 """The verdict as a few lines for the console."""
 
 from auv_torchrl.diagnosis.report.charts import percent
-from auv_torchrl.diagnosis.report.svg import between, number
+from auv_torchrl.diagnosis.report.svg import between, estimated, number
 from auv_torchrl.diagnosis.report.wording import to_do
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Gap
 
@@ -19,10 +19,8 @@ def summary_table(diagnosis: Diagnosis) -> str:
     for effect in diagnosis.effects:
         name, probability = effect.name, percent(effect.probability)
         for parameter, e in effect.parameters.items():
-            inside = between(e.low, e.high)
-            row = (
-                f"{name:<22} {probability:>6}  {parameter:<18} {number(e.value):>9} {inside:>21} {number(e.nominal):>9}"
-            )
+            value, inside = estimated(e.value, e.low, e.high), between(e.low, e.high)
+            row = f"{name:<22} {probability:>6}  {parameter:<18} {value:>9} {inside:>21} {number(e.nominal):>9}"
             lines.append(f"{row}  {e.unit}".removesuffix("  1"))
             name = probability = ""
     if not diagnosis.effects and diagnosis.candidates:
