@@ -15,6 +15,8 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 
+ACTED_ON = 0.5  # probability from which an owner is told what to do: nobody takes apart what is likelier sound
+
 
 def found_effects(
     problem: Problem,
@@ -34,7 +36,9 @@ def found_effects(
         share = (closed or 0.0) * shares[name]
         effect = _found_effect(problem, explanation, covariance, name, probability[name], share)
         values = {member: estimate.value for member, estimate in effect.parameters.items()}
-        effects.append(replace(effect, advice=EFFECTS[name].advise(problem.vehicle, values, autopilot)))
+        sure = probability[name] > ACTED_ON
+        advice = EFFECTS[name].advise(problem.vehicle, values, autopilot) if sure else ()
+        effects.append(replace(effect, advice=advice))
     return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
 
 

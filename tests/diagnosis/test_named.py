@@ -15,8 +15,9 @@ from auv_torchrl.vehicle import load_vehicle
 PAPER = load_vehicle("paper")
 
 
-def test_a_thruster_that_two_values_move_has_their_sum_and_one_interval(monkeypatch):
-    """All thrusters at 0.8 and number 2 at 0.5 besides make 0.3 of number 2, as doubtful as both together."""
+@pytest.fixture
+def named_effect(monkeypatch):
+    """The one effect named, for its probability, where all thrusters are at 0.8 and number 2 at 0.5 besides."""
     everyone = tuple(f"gain_{i}" for i in range(1, 7))
     knobs = Knob("thruster_gain", everyone, 0.8), Knob("thruster_gain", ("gain_2",), 0.5)
     covariance = np.array([[0.01**2, -0.5e-4], [-0.5e-4, 0.02**2]])
@@ -24,11 +25,21 @@ def test_a_thruster_that_two_values_move_has_their_sum_and_one_interval(monkeypa
     found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), polished=[])
     problem: Any = SimpleNamespace(vehicle=PAPER)
     monkeypatch.setattr(named, "as_sure", lambda _, judged: (judged.explanation, judged.covariance))
-    (effect,) = found_effects(problem, found, {"thruster_gain": 0.9}, 1.0, {})
+    return lambda probability: found_effects(problem, found, {"thruster_gain": probability}, 1.0, {})[0]
+
+
+def test_a_thruster_that_two_values_move_has_their_sum_and_one_interval(named_effect):
+    """It makes 0.3 of number 2, as doubtful as both values together."""
+    effect = named_effect(0.9)
     gains = {name: estimate.value for name, estimate in effect.parameters.items()}
-    assert gains == pytest.approx({**dict.fromkeys(everyone, 0.8), "gain_2": 0.3})
+    assert gains == pytest.approx({f"gain_{i}": 0.3 if i == 2 else 0.8 for i in range(1, 7)})
     second = effect.parameters["gain_2"]
     deviation = np.sqrt(0.01**2 + 0.02**2 - 2 * 0.5e-4)
     assert second.high - second.value == pytest.approx(Z95 * np.hypot(deviation, MODEL_ERROR * 0.7))
     assert effect.sentence.count("thruster 2") == 1
-    assert ["thruster 2" in advice.do for advice in effect.advice] == [False, True, False, False, False, False]
+
+
+def test_an_owner_is_told_what_to_do_about_what_is_likelier_than_not(named_effect):
+    """Each thruster has its advice at 90 %, and none has at 40 %."""
+    assert [f"thruster {i + 1}" in one.do for i, one in enumerate(named_effect(0.9).advice)] == [True] * 6
+    assert not named_effect(0.4).advice
