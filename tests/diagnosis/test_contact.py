@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flown_logs import AXES, DT, Pushed, hold
+from flown_logs import AXES, DT, Pushed, fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values
@@ -84,6 +84,29 @@ def test_what_was_flown_in_contact_is_left_out(sense, steps, where):
 def test_a_vehicle_in_open_water_stands_nowhere(values, steps):
     """Neither dead vertical thrusters nor a vehicle that has to be held down is taken for one in contact."""
     log = dive({}, steps, values)
+    episodes, findings = leave_out_contact(log.episodes, PAPER)
+    assert episodes is log.episodes and not findings
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"buoyancy": {"force": 20.0}},
+        {"thruster_gain": {"gain_5": -1.0}},
+        {"thruster_gain": {"gain_5": -1.0, "gain_6": -1.0}},
+        {"thruster_swap": {"command_5": 1.0, "command_1": 5.0}},
+        {"command_delay": {"delay": 0.6}},
+        {"dead_band": {"width": 15.0}},
+        {"tether": {"down": -2.0, "stiffness": 40.0}},
+        {"depth_scale": {"factor": 0.2}},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vehicle_that_holds_its_depth_stands_nowhere(values, seed):
+    """Nor does one that holds its place well or badly, with whatever fault."""
+    log = fly(PAPER, values, seed=seed)
     episodes, findings = leave_out_contact(log.episodes, PAPER)
     assert episodes is log.episodes and not findings
 
