@@ -10,6 +10,9 @@ from auv_torchrl.vehicle import load_vehicle
 
 
 @pytest.mark.slow
+# Both are about the inside of libraries: which cached function tells numpy from torch, and what torch itself still calls.
+@pytest.mark.filterwarnings("ignore:Dynamo detected a call to a `functools.lru_cache`:UserWarning")
+@pytest.mark.filterwarnings("ignore:`torch.jit.script_method` is deprecated:DeprecationWarning")
 def test_compilation_changes_nothing_but_the_speed():
     """The compiled fleet flies as the plain one, to rounding."""
     vehicle, task = load_vehicle("paper"), StationKeeping()
