@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.motion.windows import Windows, cut_windows
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.windows import Windows
 from auv_torchrl.diagnosis.validate.predict import START_S, cut_stretches
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join
 

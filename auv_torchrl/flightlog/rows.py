@@ -9,6 +9,7 @@ from auv_torchrl.flightlog.columns import Columns
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.thinning import MOST_PARTS, mean_until_next, parts_until_next, rows_around, thinning
 from auv_torchrl.physics import CONTROL_DT
 
 GAP_SAMPLES = 5  # a longer pause than this many usual sampling intervals ends a stretch,
@@ -16,8 +17,6 @@ GAP_S = 0.3  # if it is also longer than this
 SHORTEST_S = 0.5  # stretches below this show nothing
 SHORTEST_ROWS = 8
 GLITCH_SHARE = 0.1  # up to this share of rows out of order are single glitches, more are a clock that was reset
-MOST_PARTS = 10  # of the time between rows in which commands are told apart: 5 ms, within which no thruster answers
-SAME_COMMAND = 1e-6  # rounding of sums over an hour, and below what any log writes
 SPARSE_SHARE = 0.5  # an axis that alone costs more than this share of the rows is left out
 
 _WRAP = 3.0  # nothing else moves as far within one control step
@@ -178,7 +177,7 @@ def _cut_at_gaps(
     rows_after = run[measured]
     jumps = np.searchsorted(rows_after, jumps[(jumps > rows_after[0]) & (jumps <= rows_after[-1])])
     cuts = np.union1d(gaps + 1, jumps)
-    every = _thinning(steps)
+    every = thinning(steps)
     if every > 1:
         sentence = f"sampled every {np.median(steps) * 1e3:.0f} ms; averaged to every {CONTROL_DT * 1e3:.0f} ms"
         findings.append(Finding(Severity.INFO, "thinned", sentence))
@@ -189,51 +188,11 @@ def _cut_at_gaps(
             _too_short(table, run[part], findings)
             continue
         kept = part[::every]
-        acting = _mean_until_next(t[run], commands[run], kept)
-        parts = _parts_until_next(t[run], commands[run], kept, min(every, MOST_PARTS))
-        around = run[part[_windows(len(part), every)]]
+        acting = mean_until_next(t[run], commands[run], kept)
+        parts = parts_until_next(t[run], commands[run], kept, min(every, MOST_PARTS))
+        around = run[part[rows_around(len(part), every)]]
         stretches.append(Stretch(episode, t[run[kept]] - t[run[0]], run[kept], around, acting, parts))
     return stretches
-
-
-def _thinning(steps: Floats) -> int:
-    """Keep every k-th sample, so that the interval is about the control step; all where it is longer."""
-    return max(1, round(CONTROL_DT / float(np.median(steps))))
-
-
-def _windows(length: int, every: int) -> Index:
-    """Positions around every ``every``-th one, centred, so that averaging does not delay; (T, odd)."""
-    kept = np.arange(0, length, every)
-    half = (every - 1) // 2
-    around = kept[:, None] + np.arange(-half, half + 1)
-    inside = (around[:, 0] >= 0) & (around[:, -1] < length)
-    return np.where(inside[:, None], around, kept[:, None])
-
-
-def _mean_until_next(t: Floats, commands: Floats, kept: Index) -> Floats:
-    """Commands (T, n) held from row to row, averaged from each kept row to the next one."""
-    if len(kept) == len(t):
-        return commands
-    held = commands[:-1] * np.diff(t)[:, None]
-    integral = np.concatenate((np.zeros((1, commands.shape[1])), np.cumsum(held, axis=0)))
-    mean = np.diff(integral[kept], axis=0) / np.diff(t[kept])[:, None]
-    single = np.diff(kept) == 1
-    mean[single] = commands[kept[:-1]][single]  # exact where nothing was left out
-    return np.concatenate((mean, commands[kept[-1:]]))
-
-
-def _parts_until_next(t: Floats, commands: Floats, kept: Index, parts: int) -> Floats | None:
-    """The same, averaged over each of ``parts`` equal parts (T, P, n) of that time; None where they do not differ."""
-    if parts == 1:
-        return None
-    step = np.diff(t[kept])
-    starts = t[kept[:-1], None] + step[:, None] * (np.arange(parts) / parts)
-    edges = np.append(starts.reshape(-1), t[kept[-1]])
-    held = np.concatenate((np.zeros((1, commands.shape[1])), np.cumsum(commands[:-1] * np.diff(t)[:, None], axis=0)))
-    integral = np.stack([np.interp(edges, t, column) for column in held.T], axis=-1)
-    mean = np.diff(integral, axis=0).reshape(len(step), parts, -1) / (step / parts)[:, None, None]
-    mean = np.concatenate((mean, np.repeat(commands[None, kept[-1:]], parts, axis=1)))
-    return mean if np.ptp(mean, axis=1).max() > SAME_COMMAND else None
 
 
 def _too_short(table: Table, run: Index, findings: list[Finding]) -> list[Stretch]:

@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.axes import followable, restricted, unseen
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.noise import noise_finding
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLogError, Severity

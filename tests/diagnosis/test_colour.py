@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.colour import drift_covariance, late_shares, unknown_force
-from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed

@@ -8,11 +8,11 @@ from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.force import force_changes, marks, middles, reading_changes
-from auv_torchrl.diagnosis.motion.rollout import actuate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, flown, follow
-from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.vehicle import load_vehicle

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.force import force_changes, marks, middles, reading_changes
-from auv_torchrl.diagnosis.motion.rollout import actuate, fly
+from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
-from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import simulated_logs

@@ -18,8 +18,8 @@ from auv_torchrl.diagnosis.identify.judged import Base, is_minor
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
-from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
 SETTINGS = load_settings()

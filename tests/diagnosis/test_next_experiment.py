@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.next_experiment import choose_experiment, explore, manoeuvres
 from auv_torchrl.diagnosis.verdict import Verdict, Where
 from auv_torchrl.vehicle import load_vehicle

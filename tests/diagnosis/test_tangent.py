@@ -5,9 +5,9 @@ import pytest
 from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
-from auv_torchrl.diagnosis.motion.windows import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
 EFFECTS = {

@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.identify.onset import find_onset
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.attribute import attribute, in_turn, stuck
 from auv_torchrl.diagnosis.localize.locate import gap_by_window, regimes
-from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))

@@ -8,8 +8,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.motion.rollout import LEAST_STEP, actuate
-from auv_torchrl.diagnosis.motion.windows import cut_windows
+from auv_torchrl.diagnosis.motion.actuation import LEAST_STEP, actuate
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import ActiveTerms, prepare

@@ -15,7 +15,8 @@ from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, erro
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows, cut_windows
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, FlightLog, Severity

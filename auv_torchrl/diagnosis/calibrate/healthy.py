@@ -11,9 +11,10 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.judged import Judged
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME, disturbance_precision, local_precision
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import Floats, cut_windows
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 

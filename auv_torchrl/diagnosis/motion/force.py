@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, actuate, actuate_prepared, ahead, oldest
+from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, actuate_prepared
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.samples import ahead, oldest
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows

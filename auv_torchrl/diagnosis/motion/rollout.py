@@ -1,104 +1,18 @@
-"""Many vehicles over many windows in one batched rollout of the project's physics.
+"""Many vehicles over many windows in one batched rollout of the project's physics."""
 
-Thrust depends on commands alone, so it is worked out before the body moves: each window starts with the thrust that
-its commands have left behind, and the targets of all its steps are found at once.
-"""
-
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterator
 
 import numpy as np
 
+from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate
+from auv_torchrl.diagnosis.motion.samples import late_steps, oldest, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
-from auv_torchrl.physics.kernel import Steps
-from auv_torchrl.physics.thrusters import TARGET_FIELDS, thrust_after, thrust_targets
-from auv_torchrl.sensors import Inverse, ages, motion_of, read
+from auv_torchrl.physics.thrusters import thrust_after
+from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
-LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
-LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
-
-
 DIVERGING = np.errstate(over="ignore", invalid="ignore", divide="ignore")  # such a candidate predicts NaN and loses
-
-
-@dataclass(frozen=True)
-class Actuation:
-    """What ``R`` vehicles do with the logged commands, before any motion."""
-
-    windows: Windows
-    c: Coefficients  # (R, ...); their delay is what is left of it behind whole grid steps
-    terms: ActiveTerms
-    whole: np.ndarray  # (R,) grid steps of delay
-    thrust: Floats  # (W, R, n) N, at the start of each window
-    substeps: int  # Runge-Kutta steps per grid step
-
-    @cached_property
-    def steps(self) -> Steps:
-        """The vehicles' equations of motion."""
-        return Steps(self.c, self.terms, self.windows.dt / self.substeps)
-
-    @property
-    def late(self) -> bool:
-        """Whether some commands arrive within a grid step."""
-        return bool((self.c.delay > 1e-6 * self.windows.dt).any())
-
-    def targets(self, chunk: slice, steps: np.ndarray, parts: int = 1) -> list[Floats]:
-        """Mean thrust target (w, R, S, n) in N during each of ``parts`` parts of grid steps (S,) of some windows."""
-        windows = self.windows
-        kinds, kind = self._kinds
-        grid = np.clip(windows.start[chunk, None] + steps, 0, windows.commands.shape[1] - 1)
-        shifts = self.whole[kinds]
-        arrived = grid[:, None] - shifts[:, None]  # (w, R or 1, S)
-        ages = (0, 1) if self.late else (0,)
-        episode = windows.episode[chunk, None, None]
-        held = np.stack([windows.held[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
-        by_step = self.c.rows((kinds, None))
-        each = [thrust_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
-
-        def of_all(targets: Sequence[Floats]) -> Floats:
-            mean = _mean(targets)
-            shape = (len(mean), len(kind), *mean.shape[2:])
-            return np.broadcast_to(mean, shape) if len(kinds) == 1 else mean[:, kind]
-
-        if not self.late:  # all parts are the same
-            return [of_all([targets[0] for targets in each])] * parts
-        return [of_all(part) for part in zip(*each, strict=True)]
-
-    @cached_property
-    def _kinds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vehicles that do different things with a command, and as which of them each does: most change elsewhere."""
-        fields = [getattr(self.c, name).reshape(len(self.whole), -1) for name in TARGET_FIELDS]
-        numbers = np.concatenate([self.whole[:, None], *fields], axis=1)
-        _, kinds, kind = np.unique(numbers, axis=0, return_index=True, return_inverse=True)
-        return kinds, kind.reshape(-1)
-
-
-def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
-    """What vehicles, a batch (R,), do with the commands of windows."""
-    return actuate_prepared(windows, prepare(vehicle).numpy())
-
-
-def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
-    """Delay the commands and let the lag run up to the start of each window; coefficients of vehicles (R,)."""
-    total = np.maximum(c.delay + oldest(windows, c), 0.0)  # late reports see the motion that older commands made
-    whole = np.floor(total / windows.dt + 1e-6)
-    c = c._replace(delay=np.maximum(total - whole * windows.dt, 0.0))
-    silent = np.zeros((len(windows), len(total), c.full_thrust.shape[-1]))
-    actuation = Actuation(windows, c, ActiveTerms.of(c), whole.astype(int), silent, _substeps(windows, c))
-    if actuation.late:
-        actuation = replace(actuation, substeps=max(actuation.substeps, 2))
-    if actuation.terms.lag:
-        back = int(np.ceil(LAG_MEMORY * c.lag.max() / windows.dt))
-        (targets,) = actuation.targets(slice(0, len(windows)), np.arange(-back, 0))
-        thrust = targets[:, :, 0]
-        for ago in range(1, back):
-            thrust = thrust_after(c, actuation.terms, thrust, targets[:, :, ago], windows.dt)
-        actuation = replace(actuation, thrust=thrust)
-    return actuation
 
 
 def simulate(windows: Windows, vehicle: Vehicle, start: Floats, force: Floats | None = None) -> Floats:
@@ -126,15 +40,6 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
         samples.append(sample(windows, chunk, actuation.c, flown))
         states.append(flown[:, :, : windows.steps + 1])
     return np.concatenate(samples), np.concatenate(states)
-
-
-def _substeps(windows: Windows, c: Coefficients) -> int:
-    """Runge-Kutta steps per grid step that keep order 4 accurate at the speeds that were flown."""
-    speed = np.quantile(np.abs(windows.guess[:, 6:]), 0.99, axis=0)
-    linear = np.diagonal(c.linear_drag, axis1=-2, axis2=-1)
-    rate = (linear + 2 * c.quadratic_drag * speed) * np.diagonal(c.mass_inverse, axis1=-2, axis2=-1)
-    most = int(np.ceil(windows.dt / LEAST_STEP))
-    return int(np.clip(np.ceil(windows.dt * rate.max() / 1.6), 1, most))
 
 
 def _chunks(windows: int, rows: int) -> Iterator[slice]:
@@ -203,53 +108,9 @@ class Run:
         return found
 
 
-def _mean(targets: Sequence[Floats]) -> Floats:
-    """Of thrusts, and not of commands, because the dead band is not linear."""
-    return targets[0] if len(targets) == 1 else sum(targets[1:], start=targets[0]) / len(targets)
-
-
 def _by_part(targets: list[Floats]) -> Floats:
     """Targets (w, R, S, P, n) of ``P`` parts of grid steps; where they are the same ones, they are not copied."""
     if all(part is targets[0] for part in targets):
         one = targets[0][..., None, :]
         return np.broadcast_to(one, (*one.shape[:-2], len(targets), one.shape[-1]))
     return np.stack(targets, axis=-2)
-
-
-def oldest(windows: Windows, c: Coefficients) -> Floats:
-    """Age (R,) in s of the latest reports: windows are flown at the times that they tell of."""
-    return ages(c, windows.channels).max(-1)
-
-
-def ahead(windows: Windows, c: Coefficients) -> Floats:
-    """Grid steps (R, C) by which the reports of each channel are younger than the oldest ones."""
-    return (oldest(windows, c)[:, None] - ages(c, windows.channels)) / windows.dt
-
-
-def late_steps(windows: Windows, c: Coefficients) -> int:
-    """Grid steps behind the end of a window in which its youngest reports are measured, where others are late."""
-    return int(np.ceil(ahead(windows, c).max() - 1e-9))
-
-
-def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats) -> Floats:
-    """What the sensors report of ``states`` (w, R, steps + 1, 13) at the times of the samples: (w, R, m, C)."""
-    reported = read(
-        c.rows((slice(None), None)), windows.channels, motion_of(states)
-    )  # (R, 1, ...): steps are a batch axis
-    at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
-    if windows.fraction.any() or later.any():  # interpolation must not cross the cut at pi
-        reported[..., windows.angular] = np.unwrap(reported[..., windows.angular], axis=2)
-    columns = range(len(windows.channels))
-    return np.stack([_read(reported[..., column], at + later[:, column, None]) for column in columns], axis=-1)
-
-
-def _read(series: Floats, at: Floats) -> Floats:
-    """Linear interpolation of ``series`` (w, R, L) at grid positions ``at`` (w, R or 1, m)."""
-    at = np.broadcast_to(at, (*series.shape[:2], at.shape[-1]))
-    whole = np.minimum(np.floor(at + 1e-9).astype(int), series.shape[-1] - 1)
-    here = np.take_along_axis(series, whole, axis=-1)
-    part = at - whole
-    if not (part > 1e-6).any():
-        return here
-    ahead = np.take_along_axis(series, np.minimum(whole + 1, series.shape[-1] - 1), axis=-1)
-    return here + part * (ahead - here)

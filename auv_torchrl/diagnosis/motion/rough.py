@@ -5,8 +5,9 @@ It is noisy and only a place to begin from; the smoother then follows the sample
 
 import numpy as np
 
+from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.force import accelerations
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Layout
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES

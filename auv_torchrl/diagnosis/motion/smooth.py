@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Actuation, ahead, fly
+from auv_torchrl.diagnosis.motion.actuation import Actuation
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
+from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog import FlightLogError

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, actuate, begin, late_steps, sample
+from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, begin
+from auv_torchrl.diagnosis.motion.samples import late_steps, sample
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics.kinematics import quaternion_from_euler

@@ -1,4 +1,4 @@
-"""A flight log cut into short windows on a uniform time grid, ready to be simulated side by side."""
+"""Short windows of a flight log on a uniform time grid, ready to be simulated side by side."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -6,15 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
+from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES, SampleErrors
-from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.sensors import MOTION
 
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
 CHANNELS = MOTION
-LEAST_SAMPLES = 6  # for a first parabola
-MAX_WINDOWS = 180  # 6 minutes of windows of 2 s: what a value is unsure by is then the model's error, not the noise
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ class Windows:
             near = away <= max(0.3, np.partition(away, 3)[3])  # a slow log has fewer than four within 0.3 s
             values = np.full((int(near.sum()), 12), np.nan)
             values[:, columns] = self.measured[w, near]
-            guess[row] = _guess_start((position[w, near] - part * steps) * self.dt, values)
+            guess[row] = guess_start((position[w, near] - part * steps) * self.dt, values)
         owner = np.repeat(np.arange(len(self)), parts)
         start = self.start[owner] + np.tile(np.arange(parts) * steps, len(self))
         whole = replace(self.subset(owner), steps=steps, start=start)
@@ -123,131 +120,7 @@ class Windows:
         return rows.reshape(numbers.shape)
 
 
-def grid_step(log: FlightLog) -> tuple[float, int]:
-    """Grid step in s, near the control step, and how many samples are averaged into one (1 unless sampled fast)."""
-    sample = float(np.median(np.concatenate([np.diff(episode.t) for episode in log.episodes])))
-    irregular = any(np.ptp(np.diff(e.t)) > 0.02 * sample for e in log.episodes if len(e) > 2)
-    if sample < 0.75 * CONTROL_DT:
-        merged = max(1, round(CONTROL_DT / sample))
-        return sample * merged, merged
-    fine = irregular and sample < 2 * CONTROL_DT  # samples between grid steps are interpolated linearly
-    target = CONTROL_DT / 2 if fine else CONTROL_DT
-    return sample / np.ceil(sample / target - 1e-6), 1
-
-
-def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0.0) -> Windows:
-    """Windows of ``window_s`` seconds, end to end, the first ``lead_s`` seconds of each episode left out.
-
-    With ``bin_s``, their length is a whole number of pairs of bins of that many seconds.
-
-    The lead is there because nobody logged what was commanded before the first row.
-
-    Raises:
-        ValueError: if no episode holds a window.
-    """
-    dt, merged = grid_step(log)
-    within = max([merged, *(episode.parts.shape[1] for episode in log.episodes if episode.parts is not None)])
-    pair = 2 * max(1, round(bin_s / dt))
-    steps = pair * max(1, round(window_s / (pair * dt))) if bin_s else max(4, round(window_s / dt))
-    channels = tuple(axis for axis in CHANNELS if axis in log.axes)
-    columns = [CHANNELS.index(channel) for channel in channels]
-    lead = round(lead_s / dt)
-    grids, rows = [], []
-    for order, episode in enumerate(log.episodes):
-        t, values, trusted = _merge(episode, merged)
-        length = int(np.floor((t[-1] - episode.t[0]) / dt + 1e-6)) + 1
-        grids.append(_commands_on_grid(episode, dt / within, length * within).reshape(length, within, -1))
-        position = (t - episode.t[0]) / dt
-        first = _first_seen(position, trusted[:, columns], lead) if log.errors.snapshot_s else lead
-        for start in range(first, length - steps + 1, steps):
-            inside = np.flatnonzero((position > start - 1e-6) & (position < start + steps - 1e-6))
-            seen = inside[trusted[inside][:, columns].any(1)]
-            inside = seen if log.errors.snapshot_s else inside  # rows that are there for a command alone say nothing
-            ends = np.concatenate([[start], position[seen], [start + steps]])
-            if len(seen) < 4 or np.diff(ends).max() * dt > max(0.5, 0.25 * window_s):
-                continue
-            rows.append((order, episode, start, position[inside] - start, values[inside], trusted[inside]))
-    if not rows:
-        raise FlightLogError(
-            f"{log.name}: no episode holds a window of {window_s:g} s behind the first {lead_s:g} s: give a longer log"
-        )
-    if len(rows) > MAX_WINDOWS:
-        rows = [rows[i] for i in np.linspace(0, len(rows) - 1, MAX_WINDOWS).astype(int)]
-    most = max(len(row[3]) for row in rows)
-    number = len(rows)
-    index, fraction = np.zeros((number, most), int), np.zeros((number, most))
-    measured, trust = (np.zeros((number, most, len(columns))) for _ in range(2))
-    present = np.zeros((number, most), bool)
-    guess = np.zeros((number, 12))
-    for w, (_, _, _, position, values, trusted) in enumerate(rows):
-        k = len(position)
-        whole = np.floor(position + 1e-6).astype(int)
-        index[w, :k], fraction[w, :k] = whole, np.where(position - whole < 1e-3, 0.0, position - whole)
-        measured[w, :k], present[w, :k], trust[w, :k] = values[:, columns], True, trusted[:, columns]
-        guess[w] = _guess_start(position * dt, values)
-    longest = max(len(grid) for grid in grids)
-    parts = np.stack([np.pad(grid, ((0, longest - len(grid)), (0, 0), (0, 0)), mode="edge") for grid in grids])
-    return Windows(
-        dt=dt,
-        steps=steps,
-        channels=channels,
-        commands=parts.mean(2),
-        parts=parts if np.ptp(parts, axis=2).any() else None,
-        episode=np.array([row[0] for row in rows]),
-        number=np.array([row[1].number for row in rows]),
-        start=np.array([row[2] for row in rows]),
-        origin=np.array([row[1].t[0] for row in rows]),
-        index=index,
-        fraction=fraction,
-        measured=measured,
-        present=present,
-        trust=trust,
-        resolution=np.array([log.resolution.get(channel, 0.0) for channel in channels]),
-        guess=guess,
-        errors=log.errors,
-    )
-
-
-def _first_seen(position: Floats, trusted: Floats, lead: int) -> int:
-    """The grid step of the first sample behind the lead, where a window can begin with what was measured."""
-    behind = position[trusted.any(1) & (position > lead - 0.5)]
-    return round(float(behind[0])) if len(behind) else lead
-
-
-def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats, Floats]:
-    """Times (T,), values and trust (T, 12) of an episode, each the mean of ``merged`` samples, angles unwrapped."""
-    values = np.concatenate([episode.pose, episode.velocity], axis=1)
-    for angle in ANGLES:
-        column = CHANNELS.index(angle)
-        if np.isfinite(values[:, column]).all():
-            values[:, column] = np.unwrap(values[:, column])
-    trusted = np.ones_like(values) if episode.filled is None else 1.0 - episode.filled
-    if merged == 1:
-        return episode.t, values, trusted
-    whole = len(values) // merged * merged
-    return (
-        episode.t[:whole].reshape(-1, merged).mean(1),
-        values[:whole].reshape(-1, merged, values.shape[1]).mean(1),
-        np.round(trusted[:whole].reshape(-1, merged, values.shape[1]).mean(1)),
-    )
-
-
-def _commands_on_grid(episode: Episode, dt: float, length: int) -> Floats:
-    """Mean command (length, n) during each grid step, exact for commands held from row to row or for parts of it."""
-    edges = episode.t[0] + np.arange(length + 1) * dt
-    ends = np.append(episode.t, max(edges[-1], episode.t[-1]) + dt)
-    commands = episode.commands
-    if episode.parts is not None:
-        count = episode.parts.shape[1]
-        ends = np.append(ends[:-1, None] + np.diff(ends)[:, None] * np.arange(count) / count, ends[-1])
-        commands = episode.parts.reshape(len(ends) - 1, -1)
-    impulse = np.cumsum(np.diff(ends)[:, None] * commands, axis=0)
-    impulse = np.concatenate([np.zeros((1, impulse.shape[1])), impulse])
-    at_edges = np.stack([np.interp(edges, ends, column) for column in impulse.T], axis=1)
-    return np.clip(np.diff(at_edges, axis=0) / dt, -1.0, 1.0)
-
-
-def _guess_start(t: Floats, values: Floats) -> Floats:
+def guess_start(t: Floats, values: Floats) -> Floats:
     """Pose and velocity (12,) at the start of a window, from a parabola through its first samples."""
     few = min(len(t), max(4, int(np.searchsorted(t, 0.4))))
     if few < 4:

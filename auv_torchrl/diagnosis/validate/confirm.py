@@ -11,7 +11,9 @@ from typing import Any, cast
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, actuate, late_steps, oldest, sample
+from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.samples import late_steps, oldest, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_by_kind
 from auv_torchrl.diagnosis.verdict import Confirmation

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, batch
+from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.colour import colour_covariance, whiten
-from auv_torchrl.diagnosis.motion.rollout import actuate, fly, simulate
+from auv_torchrl.diagnosis.motion.cut import cut_windows, grid_step
+from auv_torchrl.diagnosis.motion.rollout import fly, simulate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows, cut_windows, grid_step
+from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.sensors import motion_of

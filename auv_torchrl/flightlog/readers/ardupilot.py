@@ -21,6 +21,7 @@ from auv_torchrl.flightlog.streams.stream import (
     Streams,
     VehicleFacts,
     by_name,
+    spans_of,
     stream,
 )
 
@@ -113,24 +114,6 @@ def _armed(messages: Messages, end: float) -> Spans | None:
         found = spans_of(within, min(stop, end) - max(begin, 0.0)) or ()
         spans += [(a + max(begin, 0.0), b + max(begin, 0.0)) for a, b in found]
     return tuple(spans) if changes else None
-
-
-def spans_of(changes: list[tuple[float, bool]], end: float, events: bool = True) -> Spans | None:
-    """From when to when a state held, which was told when it changed; None if it never was told.
-
-    Where ``events`` are told, a first one that ends the state says that it held before.
-    """
-    if not changes:
-        return None
-    spans: list[tuple[float, float]] = []
-    since = 0.0 if events and not changes[0][1] else None
-    for t, on in changes:
-        if on and since is None:
-            since = t
-        elif not on and since is not None:
-            spans += [(since, t)] if t > since else []
-            since = None
-    return tuple(spans) if since is None else (*spans, (since, max(end, since)))
 
 
 def _outputs(messages: Messages) -> Stream | None:

@@ -5,11 +5,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.readers.ardupilot import spans_of
 from auv_torchrl.flightlog.readers.firmware import frame_of, mode_name
 from auv_torchrl.flightlog.readers.lanes import latest
 from auv_torchrl.flightlog.readers.messages import Columns, Messages
-from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, stream
+from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, spans_of, stream
 
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 _PRESSURES = ("SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3")

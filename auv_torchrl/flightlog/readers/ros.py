@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.readers.ardupilot import spans_of
 from auv_torchrl.flightlog.readers.library import library
 from auv_torchrl.flightlog.streams.attitude import euler_angles, frd_of_flu, ned_of_enu, ned_of_enu_vector
-from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Stream, Streams, VehicleFacts, stream
+from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Stream, Streams, VehicleFacts, spans_of, stream
 
 _SAME_CLOCK_S = 5.0  # between a message's stamp and the time of the bag; more is a simulated clock, or none
 _SQLITE, _BAG = b"SQLite format 3\0", b"#ROSBAG V2"

@@ -6,10 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.readers.ardupilot import spans_of
 from auv_torchrl.flightlog.readers.library import library
 from auv_torchrl.flightlog.streams.attitude import euler_angles
-from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Stream, Streams, VehicleFacts, by_name, stream
+from auv_torchrl.flightlog.streams.stream import (
+    ReadOptions,
+    Sampling,
+    Stream,
+    Streams,
+    VehicleFacts,
+    by_name,
+    spans_of,
+    stream,
+)
 
 MAGIC = b"ULog"
 TOPICS = (

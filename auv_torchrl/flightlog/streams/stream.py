@@ -152,3 +152,21 @@ class ReadOptions:
 def by_name(found: Iterable[Stream | None]) -> dict[str, Stream]:
     """Streams that are there, by name."""
     return {stream.name: stream for stream in found if stream is not None}
+
+
+def spans_of(changes: list[tuple[float, bool]], end: float, events: bool = True) -> Spans | None:
+    """From when to when a state held, which was told when it changed; None if it never was told.
+
+    Where ``events`` are told, a first one that ends the state says that it held before.
+    """
+    if not changes:
+        return None
+    spans: list[tuple[float, float]] = []
+    since = 0.0 if events and not changes[0][1] else None
+    for t, on in changes:
+        if on and since is None:
+            since = t
+        elif not on and since is not None:
+            spans += [(since, t)] if t > since else []
+            since = None
+    return tuple(spans) if since is None else (*spans, (since, max(end, since)))

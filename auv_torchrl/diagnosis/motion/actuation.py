@@ -1,0 +1,111 @@
+"""What many vehicles do with the logged commands, before any motion.
+
+Thrust depends on commands alone, so it is worked out before the body moves: each window starts with the thrust that
+its commands have left behind, and the targets of all its steps are found at once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.samples import oldest
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
+from auv_torchrl.physics.kernel import Steps
+from auv_torchrl.physics.thrusters import TARGET_FIELDS, thrust_after, thrust_targets
+from auv_torchrl.vehicle import Vehicle
+
+LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
+LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """What ``R`` vehicles do with the logged commands, before any motion."""
+
+    windows: Windows
+    c: Coefficients  # (R, ...); their delay is what is left of it behind whole grid steps
+    terms: ActiveTerms
+    whole: np.ndarray  # (R,) grid steps of delay
+    thrust: Floats  # (W, R, n) N, at the start of each window
+    substeps: int  # Runge-Kutta steps per grid step
+
+    @cached_property
+    def steps(self) -> Steps:
+        """The vehicles' equations of motion."""
+        return Steps(self.c, self.terms, self.windows.dt / self.substeps)
+
+    @property
+    def late(self) -> bool:
+        """Whether some commands arrive within a grid step."""
+        return bool((self.c.delay > 1e-6 * self.windows.dt).any())
+
+    def targets(self, chunk: slice, steps: np.ndarray, parts: int = 1) -> list[Floats]:
+        """Mean thrust target (w, R, S, n) in N during each of ``parts`` parts of grid steps (S,) of some windows."""
+        windows = self.windows
+        kinds, kind = self._kinds
+        grid = np.clip(windows.start[chunk, None] + steps, 0, windows.commands.shape[1] - 1)
+        shifts = self.whole[kinds]
+        arrived = grid[:, None] - shifts[:, None]  # (w, R or 1, S)
+        ages = (0, 1) if self.late else (0,)
+        episode = windows.episode[chunk, None, None]
+        held = np.stack([windows.held[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
+        by_step = self.c.rows((kinds, None))
+        each = [thrust_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
+
+        def of_all(targets: Sequence[Floats]) -> Floats:
+            mean = _mean(targets)
+            shape = (len(mean), len(kind), *mean.shape[2:])
+            return np.broadcast_to(mean, shape) if len(kinds) == 1 else mean[:, kind]
+
+        if not self.late:  # all parts are the same
+            return [of_all([targets[0] for targets in each])] * parts
+        return [of_all(part) for part in zip(*each, strict=True)]
+
+    @cached_property
+    def _kinds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vehicles that do different things with a command, and as which of them each does: most change elsewhere."""
+        fields = [getattr(self.c, name).reshape(len(self.whole), -1) for name in TARGET_FIELDS]
+        numbers = np.concatenate([self.whole[:, None], *fields], axis=1)
+        _, kinds, kind = np.unique(numbers, axis=0, return_index=True, return_inverse=True)
+        return kinds, kind.reshape(-1)
+
+
+def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
+    """What vehicles, a batch (R,), do with the commands of windows."""
+    return actuate_prepared(windows, prepare(vehicle).numpy())
+
+
+def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
+    """Delay the commands and let the lag run up to the start of each window; coefficients of vehicles (R,)."""
+    total = np.maximum(c.delay + oldest(windows, c), 0.0)  # late reports see the motion that older commands made
+    whole = np.floor(total / windows.dt + 1e-6)
+    c = c._replace(delay=np.maximum(total - whole * windows.dt, 0.0))
+    silent = np.zeros((len(windows), len(total), c.full_thrust.shape[-1]))
+    actuation = Actuation(windows, c, ActiveTerms.of(c), whole.astype(int), silent, _substeps(windows, c))
+    if actuation.late:
+        actuation = replace(actuation, substeps=max(actuation.substeps, 2))
+    if actuation.terms.lag:
+        back = int(np.ceil(LAG_MEMORY * c.lag.max() / windows.dt))
+        (targets,) = actuation.targets(slice(0, len(windows)), np.arange(-back, 0))
+        thrust = targets[:, :, 0]
+        for ago in range(1, back):
+            thrust = thrust_after(c, actuation.terms, thrust, targets[:, :, ago], windows.dt)
+        actuation = replace(actuation, thrust=thrust)
+    return actuation
+
+
+def _substeps(windows: Windows, c: Coefficients) -> int:
+    """Runge-Kutta steps per grid step that keep order 4 accurate at the speeds that were flown."""
+    speed = np.quantile(np.abs(windows.guess[:, 6:]), 0.99, axis=0)
+    linear = np.diagonal(c.linear_drag, axis1=-2, axis2=-1)
+    rate = (linear + 2 * c.quadratic_drag * speed) * np.diagonal(c.mass_inverse, axis1=-2, axis2=-1)
+    most = int(np.ceil(windows.dt / LEAST_STEP))
+    return int(np.clip(np.ceil(windows.dt * rate.max() / 1.6), 1, most))
+
+
+def _mean(targets: Sequence[Floats]) -> Floats:
+    """Of thrusts, and not of commands, because the dead band is not linear."""
+    return targets[0] if len(targets) == 1 else sum(targets[1:], start=targets[0]) / len(targets)

@@ -1,0 +1,45 @@
+"""What the sensors of many vehicles report of a motion, at the times of a log's samples."""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.physics import Coefficients
+from auv_torchrl.sensors import ages, motion_of, read
+
+
+def oldest(windows: Windows, c: Coefficients) -> Floats:
+    """Age (R,) in s of the latest reports: windows are flown at the times that they tell of."""
+    return ages(c, windows.channels).max(-1)
+
+
+def ahead(windows: Windows, c: Coefficients) -> Floats:
+    """Grid steps (R, C) by which the reports of each channel are younger than the oldest ones."""
+    return (oldest(windows, c)[:, None] - ages(c, windows.channels)) / windows.dt
+
+
+def late_steps(windows: Windows, c: Coefficients) -> int:
+    """Grid steps behind the end of a window in which its youngest reports are measured, where others are late."""
+    return int(np.ceil(ahead(windows, c).max() - 1e-9))
+
+
+def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats) -> Floats:
+    """What the sensors report of ``states`` (w, R, steps + 1, 13) at the times of the samples: (w, R, m, C)."""
+    by_step = c.rows((slice(None), None))  # (R, 1, ...): steps are a batch axis
+    reported = read(by_step, windows.channels, motion_of(states))
+    at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
+    if windows.fraction.any() or later.any():  # interpolation must not cross the cut at pi
+        reported[..., windows.angular] = np.unwrap(reported[..., windows.angular], axis=2)
+    columns = range(len(windows.channels))
+    return np.stack([_read(reported[..., column], at + later[:, column, None]) for column in columns], axis=-1)
+
+
+def _read(series: Floats, at: Floats) -> Floats:
+    """Linear interpolation of ``series`` (w, R, L) at grid positions ``at`` (w, R or 1, m)."""
+    at = np.broadcast_to(at, (*series.shape[:2], at.shape[-1]))
+    whole = np.minimum(np.floor(at + 1e-9).astype(int), series.shape[-1] - 1)
+    here = np.take_along_axis(series, whole, axis=-1)
+    part = at - whole
+    if not (part > 1e-6).any():
+        return here
+    ahead = np.take_along_axis(series, np.minimum(whole + 1, series.shape[-1] - 1), axis=-1)
+    return here + part * (ahead - here)
