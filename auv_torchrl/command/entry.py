@@ -32,6 +32,7 @@ INTERRUPTED = 128 + signal.SIGINT  # exit code, as shells have it
 log = logging.getLogger(__name__)
 
 
+# long: Hydra's task and the entry point around it share what the command was given
 def command(
     config_name: str,
     files: tuple[str, ...] = ("output",),

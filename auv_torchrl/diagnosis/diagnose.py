@@ -34,6 +34,7 @@ from auv_torchrl.vehicle import Vehicle
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
 
 
+# long: the stages of a diagnosis in their order, each a call, to be read in one place
 @threadpool_limits.wrap(limits=1)  # the arrays are small: a second thread only waits
 def diagnose(
     log: FlightLog,

@@ -64,23 +64,10 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     truth, effects = label["truth"], tuple(label["effects"])
     declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
     beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
-    if label.get("damage"):
-        right = right_class = bool(beside.damage) and not beside.wrong and beside.fault is not False
-    elif truth == "unknown":
-        right = verdict in NOT_EXPLAINED
-        stand_ins = STANDS_FOR.get(label["left_out"], set())
-        right_class = right or (bool(named) and set(named) <= stand_ins)
-    elif len(effects) > 1:
-        right = set(named) == set(effects)
-        right_class = right or _same_sets(effects, named, declared)
-    else:
-        right = first == truth
-        right_class = right or _same_sets((truth,), (first,), declared)
+    right, right_class = _rightness(label, verdict, named, first, declared, beside)
     probabilities = {c["name"]: c["probability"] for c in diagnosis["candidates"]}
     of_effects = {effect["name"]: effect["probability"] for effect in diagnosis["effects"]}
-    errors, covered = (
-        _parameters(label["values"], diagnosis["effects"], vehicle) if label["family"] != "onset" else ({}, {})
-    )
+    errors, covered = _parameters({} if label["family"] == "onset" else label["values"], diagnosis["effects"], vehicle)
     of_truth = _probability(truth, probabilities, of_effects, verdict)
     of_answer = _probability(first, probabilities, of_effects, verdict)
     if len(effects) == 1 and len(named) == 1:  # what is declared indistinguishable is one answer
@@ -119,6 +106,23 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         wrong_causes=beside.wrong,
         fault_found=beside.fault,
     )
+
+
+def _rightness(
+    label: Mapping[str, Any], verdict: str, named: tuple[str, ...], first: str, declared: list[list[str]], beside: Named
+) -> tuple[bool, bool]:
+    """Whether an answer is right, and whether it is so up to what it declared or what says the same."""
+    truth, effects = label["truth"], tuple(label["effects"])
+    if label.get("damage"):
+        right = bool(beside.damage) and not beside.wrong and beside.fault is not False
+        return right, right
+    if truth == "unknown":
+        right = verdict in NOT_EXPLAINED
+        return right, right or (bool(named) and set(named) <= STANDS_FOR.get(label["left_out"], set()))
+    if len(effects) > 1:
+        right = set(named) == set(effects)
+        return right, right or _same_sets(effects, named, declared)
+    return first == truth, first == truth or _same_sets((truth,), (first,), declared)
 
 
 def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[list[str]]) -> bool:
