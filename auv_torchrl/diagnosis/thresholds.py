@@ -1,4 +1,4 @@
-"""Every threshold by which explanations are looked for and judged: one meaning per name, each with its reason.
+"""Every threshold by which a log is read, located, explained and judged: one meaning per name, each with its reason.
 
 Units: chi-square and log evidence are natural; "per number" is per measured number, of which noise alone leaves 1.
 """
@@ -9,6 +9,45 @@ from scipy.special import chdtri
 # What the simulator and the sensors may be wrong by
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
 NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
+REPEATS = 0.003  # relative, how well a sound vehicle repeats itself from day to day
+MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
+LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
+LEAST_FREEDOM = 0.15  # share of the numbers that a force must leave over to tell the noise from them
+
+# What the samples of a log can carry
+MAX_WINDOWS = 180  # 6 minutes of windows of 2 s: what a value is unsure by is then the model's error, not the noise
+FLICKERS = 2.0  # times the thrust at the edge of the dead band, below which a thruster comes and goes
+# Of what a change of a command within a grid step makes, not in proportion to it: a short push at one end of a step
+# of 0.05 s is, at the other end, a third less than the same push spread over the step, for a vehicle that answers in
+# 0.04 s.
+BENT = 0.3
+
+# Calibration
+HUBER = 2.5  # standard deviations from which a sample counts less: one corrupted row must not turn the fit
+FLEW_OFF = 30.0  # standard deviations at which a sample of a vehicle that flew off is cut
+SHOWS_DRAG_S = 2.0  # s, below which a window shows no drag
+SURELY_BETTER = 2.0  # standard errors by which unseen windows must be predicted better
+WORTH_A_CORRECTION = 0.05  # of the error on unseen windows that must go
+DIFFERS = 2.0  # standard deviations from which a coefficient is said to differ,
+MOVED = 0.25  # where it moved by this share of its uncertainty, too
+Z95 = 1.96  # standard deviations, 97.5 % quantile of a normal distribution: half of a 95 % interval
+NOTICED = 0.15  # relative difference of speed or time that a pilot would notice
+NOTICED_DRIFT = 0.01  # m/s, likewise
+NOTICED_TURN = 0.05  # rad/s, likewise
+
+# Where the gap is
+LEAST_PREDICTED = 0.1  # of the gap that forces must predict together, or nothing is said
+ALIKE = 0.03  # relative, of what two thrusters predict that get the same commands
+WORTHLESS = 0.005  # of the gap
+STANDS_OUT = 1.3  # gap in a regime, in gaps of the whole log
+FEWEST_IN_REGIME = 5  # windows
+NOTHING_TO_MAP = 1.05  # chi-square per number below which there is nothing to map
+
+# Held-out flight
+WITHIN_FLOOR = 1.1  # an error below this many floors leaves nothing to close
+WORSE = 1.05  # times the error
+CLOSED_IF_EXPLAINED = 0.9  # share of the gap that must be closed at least where the gap is explained ...
+STILL_FAR = 2.0  # ... unless what is left is smaller than this many floors
 
 # What an explanation leaves
 MINOR = 0.5  # of the force that slack makes: an effect below it is no finding
@@ -22,6 +61,7 @@ MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply 
 FEW_LOST = 0.1  # share of diverged windows below which each is an accident
 OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
 MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
+DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
 STUCK = 1.5  # chi-square per number of a window that has not found its start
 LOST_START = 4.0  # times the median chi-square of a window: it has lost its start, whatever the vehicle
 SETTLING = 2  # steps of the free numbers where windows begin; a small change of the vehicle needs one
@@ -37,6 +77,9 @@ SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
 # Priors
 SECOND_EFFECT = 0.02  # prior probability of one more effect once there is one: two faults in one log are rare
 ONE_MORE_VALUE = 0.1  # prior probability that one more parameter of an effect is away from its nominal value
+PRIOR_NUMBERS = 10.0  # forces that the stated floor counts for, against those that the healthy log determines
+TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring moment: prior of roll and pitch
+REACH_WIDTH = 1.0  # prior standard deviation of each force that locates the gap, in shares of the thrusters' reach
 RANGE_CAP = {"m": 6.0, "N/m": 60.0, "N": 60.0}  # plausible widths where the bounds of a parameter only exclude nonsense
 
 # Fitting: slopes and slack

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import named
-from auv_torchrl.diagnosis.calibrate.coefficients import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.named import found_effects
+from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")

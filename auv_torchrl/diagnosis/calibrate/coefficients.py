@@ -17,22 +17,24 @@ from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import (
+    DIFFERS,
+    MODEL_ERROR,
+    MOVED,
+    SHOWS_DRAG_S,
+    SURELY_BETTER,
+    WORTH_A_CORRECTION,
+    Z95,
+)
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.vehicle import Vehicle
 
 WINDOW_S = 10.0  # s, as long as a prediction is wanted for; 5 s leave slow axes to the prior
-SHORTEST_S = 2.0  # s, below which a window shows no drag
 LEAST_WINDOWS, MOST_WINDOWS = 6, 60  # ten minutes: more adds time, not certainty
 FOLDS = 2
-SURE = 2.0  # standard errors by which unseen windows must be predicted better
-WORTH = 0.05  # of the error on unseen windows that must go
-CLEAR = 2.0  # standard deviations from which a coefficient is said to differ,
-NOTABLE = 0.25  # where it moved by this share of its uncertainty, too
 MOST_NAMED = 4  # coefficients of one effect that a sentence names
-Z95 = 1.96
-MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def calibrate_coefficients(
         return Calibrated(vehicle)
     held = hold_attitude(log, vehicle)
     longest = max(episode.duration for episode in log.episodes) - settings.lead_s
-    windows = cut_windows(log, max(SHORTEST_S, min(WINDOW_S, 0.5 * longest)), settings.lead_s)
+    windows = cut_windows(log, max(SHOWS_DRAG_S, min(WINDOW_S, 0.5 * longest)), settings.lead_s)
     if len(windows) < LEAST_WINDOWS:
         sentence = f"the vehicle's file is a guess, but the log is too short to correct it ({len(windows)} windows)"
         return Calibrated(vehicle, findings=(Finding(Severity.WARNING, "too_short_to_calibrate", sentence),))
@@ -122,7 +124,7 @@ class _Gain:
     @property
     def better(self) -> bool:
         """Whether that is worth it and no luck."""
-        return bool(self.share > WORTH and self.probability > ndtr(SURE))
+        return bool(self.share > WORTH_A_CORRECTION and self.probability > ndtr(SURELY_BETTER))
 
 
 def _typical_command(windows: Windows, vehicle: Vehicle) -> float:
@@ -159,7 +161,7 @@ def _effects(
             half = Z95 * float(np.hypot(sd, MODEL_ERROR * (value - c.nominal)))
             low, high = max(c.low, value - half), min(c.high, value + half)
             parameters[c.member] = Estimate(float(value), float(low), float(high), c.nominal, c.unit)
-            if abs(value - c.nominal) > max(CLEAR * sd, NOTABLE * c.width):
+            if abs(value - c.nominal) > max(DIFFERS * sd, MOVED * c.width):
                 moved.append(c)
         extra = said.get(EFFECTS[name].shows, ())
         told = (*extra, *_sentences(held, name, moved, parameters)) if moved or not extra else extra

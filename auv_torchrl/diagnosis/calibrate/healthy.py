@@ -15,13 +15,12 @@ from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME, disturbance_precision, local_precision
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import PRIOR_NUMBERS, REPEATS
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
-PRIOR_NUMBERS = 10.0  # forces that the stated floor counts for, against those that the healthy log determines
 ROUNDS = 30
 PASSES = 2  # slack and floor in turn
-REPEATS = 0.003  # relative, how well a sound vehicle repeats itself from day to day
 
 
 @dataclass(frozen=True)

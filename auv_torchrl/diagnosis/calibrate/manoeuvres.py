@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import NOTICED, NOTICED_DRIFT, NOTICED_TURN
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.simulator import simulate
@@ -17,9 +18,6 @@ from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 LASTS_S = 10.0  # s, after which a vehicle of this size goes steadily
 RISEN = 0.632  # of the steady speed: the time constant
-NOTABLE = 0.15  # relative difference of speed or time that a pilot would notice
-NOTABLE_DRIFT = 0.01  # m/s
-NOTABLE_TURN = 0.05  # rad/s
 WORDS = {"surge": "forward", "sway": "sideways", "heave": "down", "yaw": "turning"}
 
 
@@ -54,18 +52,18 @@ def differences(before: Response, after: Response, command: float) -> dict[str, 
         unit = "rad/s" if degree > 2 else "m/s"
         speed = [abs(response.steady[row, degree]) for response in (before, after)]
         time = [response.time_s[row] for response in (before, after)]
-        if abs(speed[1] / speed[0] - 1) > NOTABLE or abs(time[1] / time[0] - 1) > NOTABLE:
+        if abs(speed[1] / speed[0] - 1) > NOTICED or abs(time[1] / time[0] - 1) > NOTICED:
             axes.append(
                 f"{WORDS[name]} it does {speed[1]:.2f} {unit} at command {command:g}, and gets there with a time "
                 f"constant of {time[1]:.1f} s (the file says {speed[0]:.2f} {unit} and {time[0]:.1f} s)"
             )
     idle = []
     drift = after.steady[0, 2]
-    if abs(drift - before.steady[0, 2]) > NOTABLE_DRIFT:
+    if abs(drift - before.steady[0, 2]) > NOTICED_DRIFT:
         idle.append(f"idle it {'rises' if drift < 0 else 'sinks'} at {abs(drift):.2f} m/s")
     turning = []
     for row, name in enumerate(CONTROLLED[:-1], start=1):
         rate = after.steady[row, 5]
-        if abs(rate - before.steady[row, 5]) > NOTABLE_TURN:
+        if abs(rate - before.steady[row, 5]) > NOTICED_TURN:
             turning.append(f"a {name} command of {command:g} also turns it at {rate:+.2f} rad/s")
     return {"axes": tuple(axes), "idle": tuple(idle), "turning": tuple(turning)}

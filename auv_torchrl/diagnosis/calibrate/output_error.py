@@ -13,12 +13,11 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER
 from auv_torchrl.flightlog import POSE
 from auv_torchrl.vehicle import Vehicle
 
 STEP = 1e-3  # of a coefficient's width, for slopes
-HUBER = 2.5  # standard deviations from which a sample counts less: one corrupted row must not turn the fit
-LOST = 30.0  # standard deviations at which a sample of a vehicle that flew off is cut
 DAMPING = (1e-3, 3e-2, 1.0, 30.0)  # tried side by side in every round
 ROUNDS = 25
 SETTLED = 1e-3  # relative fall of the cost below which the fit stands
@@ -83,7 +82,7 @@ def measure_scale(windows: Windows, left: Floats) -> tuple[Floats, float]:
 
 def pseudo_huber(left: Floats, scale: Floats) -> Floats:
     """Numbers whose squares grow like those of ``left / scale`` while it is small, and linearly beyond."""
-    r = np.clip(np.nan_to_num(left / scale, nan=LOST, posinf=LOST, neginf=-LOST), -LOST, LOST)
+    r = np.clip(np.nan_to_num(left / scale, nan=FLEW_OFF, posinf=FLEW_OFF, neginf=-FLEW_OFF), -FLEW_OFF, FLEW_OFF)
     return np.sign(r) * HUBER * np.sqrt(2 * (np.sqrt(1 + (r / HUBER) ** 2) - 1))
 
 

@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.colour import whiten
 from auv_torchrl.diagnosis.motion.force import force_changes
-from auv_torchrl.diagnosis.motion.reduce import DIVERGED, Freedom, chi_square, settle
+from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
     Layout,
@@ -26,6 +26,7 @@ from auv_torchrl.diagnosis.motion.smooth import (
 )
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import (
+    DIVERGED,
     FEW_LOST,
     FOLLOWED,
     HEIRS,

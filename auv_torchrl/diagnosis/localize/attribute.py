@@ -16,18 +16,15 @@ from auv_torchrl.diagnosis.motion.force import marks
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, REACH_WIDTH, WORTHLESS
 from auv_torchrl.effects import Origin
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import rotation_matrix
 
 FOLDS = 4
-LEAST = 0.1  # of the gap that the forces must predict together, or nothing is said
 SOFT = 0.05  # of the full command, over which a sign changes
 EARLIER = (1, 2, 4, 8, 16)  # grid steps between a command and a force that it may leave behind
-STUCK = (0.05, 0.1, 0.2)  # of the full command, by which it must change before a force follows
-ALIKE = 0.03  # relative, of what two thrusters predict that get the same commands
-WORTHLESS = 0.005  # of the gap
-WIDTH = 1.0  # prior standard deviation of each force, in shares of the thrusters' reach
+STICTIONS = (0.05, 0.1, 0.2)  # of the full command, by which it must change before a force follows
 
 
 @DIVERGING
@@ -57,7 +54,7 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
     thrusters = [i for i, name in enumerate(names) if isinstance(name, int)]
     others = [i for i in range(len(names)) if i not in thrusters]
     shares = in_turn(predicted, [thrusters, *([i] for i in others)])
-    if not shares.sum() > LEAST:
+    if not shares.sum() > LEAST_PREDICTED:
         return {}, {}
     origin = {kind.value: 0.0 for kind in Origin}
     origin[Origin.ACTUATION] = float(shares[0])
@@ -77,7 +74,7 @@ def forces(problem: Problem, base: Base) -> dict[int | Origin, Floats]:
     row = windows.episode[:, None]
     command = windows.commands[row, grid]  # (W, S, n)
     earlier = [windows.commands[row, np.maximum(grid - ago, 0)] for ago in EARLIER]
-    sticking = [stuck(windows.commands, width)[row, grid] for width in STUCK]
+    sticking = [stuck(windows.commands, width)[row, grid] for width in STICTIONS]
     smooth = (command, command * np.abs(command), command / np.hypot(command, SOFT), np.abs(command))
     shapes = (*smooth, *earlier, *sticking)
     c = prepare(base.vehicle).numpy()
@@ -153,7 +150,7 @@ def _predicted(folds: list[tuple[Quadratic, Quadratic]], chosen: np.ndarray) -> 
     square = np.ix_(chosen, chosen)
     closed = gap = 0.0
     for fit, test in folds:
-        a = np.linalg.solve(fit.A[square] + np.eye(len(chosen)) / WIDTH**2, fit.b[chosen])
+        a = np.linalg.solve(fit.A[square] + np.eye(len(chosen)) / REACH_WIDTH**2, fit.b[chosen])
         closed += float(2 * test.b[chosen] @ a - a @ test.A[square] @ a)
         gap += test.constant - test.numbers
     return closed / max(gap, 1e-9)

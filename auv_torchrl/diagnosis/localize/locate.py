@@ -8,14 +8,13 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import attribute
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import FEWEST_IN_REGIME, STANDS_OUT
 from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Verdict, Where
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
-STANDS_OUT = 1.3  # gap in a regime, in gaps of the whole log
 THIRD = 1 / 3
-FEWEST = 5  # windows of a regime
 MOST_REGIMES = 5
 
 
@@ -112,7 +111,7 @@ def regimes(problem: Problem, follow: Base, size: Floats) -> tuple[Regime, ...]:
     found = []
     for when, there in circumstances(problem, follow).items():
         inside = there & known
-        if inside.sum() >= FEWEST:
+        if inside.sum() >= FEWEST_IN_REGIME:
             ratio = float(np.sqrt((size[inside] ** 2).mean())) / whole
             if ratio > STANDS_OUT:
                 found.append(Regime(when, ratio))

@@ -6,8 +6,7 @@ from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import marks
 from auv_torchrl.diagnosis.motion.reduce import reduce
-
-NO_GAP = 1.05  # chi-square per number below which there is nothing to map
+from auv_torchrl.diagnosis.thresholds import NOTHING_TO_MAP
 
 
 def input_mappable(problem: Problem, follow: Base) -> float | None:
@@ -21,7 +20,7 @@ def input_mappable(problem: Problem, follow: Base) -> float | None:
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
     columns = marks(windows, follow.vehicle, layout, follow.state, forces)
     q = reduce(windows, layout, problem.freedom(follow.state.slope), follow.state, columns).windows(problem.followed)
-    if q.constant <= NO_GAP * q.numbers:
+    if q.constant <= NOTHING_TO_MAP * q.numbers:
         return None
     best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])
     return float(np.clip((q.constant - best) / (q.constant - q.numbers), 0.0, 1.0))

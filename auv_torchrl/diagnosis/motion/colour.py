@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, local_slopes, noise_per_sample
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import BENT, FLICKERS
 from auv_torchrl.flightlog.streams.drift import DRIFT_S
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import matvec
@@ -22,10 +23,6 @@ from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 MOMENTS = 101  # at which a command may have changed between two snapshots, to average over
-# Of what such a change makes, not in proportion to it: a short push at one end of a grid step of 0.05 s is, at the
-# other end, a third less than the same push spread over the step, for a vehicle that answers in 0.04 s.
-BENT = 0.3
-FLICKERS = 2.0  # times the thrust at the edge of the dead band, below which a thruster comes and goes
 
 
 @DIVERGING

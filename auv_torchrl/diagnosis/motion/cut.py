@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows, guess_start
+from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import CONTROL_DT
-
-MAX_WINDOWS = 180  # 6 minutes of windows of 2 s: what a value is unsure by is then the model's error, not the noise
 
 
 class _Cut(NamedTuple):

@@ -10,9 +10,9 @@ from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, flown, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import DIVERGED
 from auv_torchrl.vehicle import Vehicle
 
-DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
 BOUND_PASSES = 4  # of fixing numbers at their bounds and fitting the rest again
 POTRF, POTRS = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)  # Cholesky without scipy's checks of small arrays
 SINGULAR = 1e-13  # of the largest direction: below, a double holds nothing but rounding

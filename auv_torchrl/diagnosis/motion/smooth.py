@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.thresholds import LEAST_FREEDOM, LEAST_NOISE, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import prepare
@@ -23,9 +24,6 @@ from auv_torchrl.vehicle import Vehicle
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
-TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring moment: prior of roll and pitch
-LEAST_FREEDOM = 0.15  # share of the numbers that a force must leave over to tell the noise from them
-LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
 
 
 @dataclass(frozen=True)

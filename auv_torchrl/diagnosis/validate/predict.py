@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.motion.rollout import fly, simulate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.sensors import motion_of
@@ -20,7 +21,6 @@ from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
 START_S = 1.0  # s of samples from which the state at the start is estimated
-WITHIN_FLOOR = 1.1  # an error below this many floors leaves nothing to close
 MOST_STRETCHES = 60
 
 

@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.validate.predict import WITHIN_FLOOR, Predictions
+from auv_torchrl.diagnosis.thresholds import CLOSED_IF_EXPLAINED, STILL_FAR, WITHIN_FLOOR, WORSE
+from auv_torchrl.diagnosis.validate.predict import Predictions
 from auv_torchrl.flightlog import Finding, Severity
-
-WORSE = 1.05  # times the error
-SHORT = 0.9  # share of the gap that must be closed at least where the gap is explained ...
-STILL_FAR = 2.0  # ... unless what is left is smaller than this many floors
 
 
 @DIVERGING
@@ -29,7 +26,7 @@ def is_worse(p: Predictions, before: int, after: int) -> bool:
 
 def falls_short(p: Predictions, closed: float | None) -> bool:
     """Whether the last vehicle leaves more of the gap than an explanation may, though it fits what was learnt from."""
-    return closed is not None and closed < SHORT and bool(scaled_errors(p)[-1] > STILL_FAR)
+    return closed is not None and closed < CLOSED_IF_EXPLAINED and bool(scaled_errors(p)[-1] > STILL_FAR)
 
 
 def only(p: Predictions, before: int, after: int) -> Predictions:
@@ -42,7 +39,7 @@ def shortfalls(short: bool) -> tuple[Finding, ...]:
     """What is said where effects fit the log, but do not predict held-out flight."""
     if not short:
         return ()
-    sentence = f"the effects fit this log, but close less than {SHORT:.0%} of the gap in held-out flight"
+    sentence = f"the effects fit this log, but close less than {CLOSED_IF_EXPLAINED:.0%} of the gap in held-out flight"
     return (Finding(Severity.WARNING, "falls_short", sentence, "Fly what next_experiment.csv commands"),)
 
 
