@@ -33,6 +33,7 @@ SOUND = [
     FineTuning(),
 ]  # fmt: skip
 DIAGNOSIS = yaml.safe_load((CONF / "diagnosis" / "default.yaml").read_text(encoding="utf-8"))
+DIAGNOSIS["scan"] = {"current": {"north": {"values": [0.2], "linear": True}}}
 PAPER = load_vehicle("paper")
 
 

@@ -7,18 +7,9 @@ from typing import Annotated, Any
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Parameter
-from auv_torchrl.settings import Entries, In, check, choices, settings_of
+from auv_torchrl.effects.scan import Scan
+from auv_torchrl.settings import In, check, choices, settings_of
 from auv_torchrl.vehicle import Vehicle
-
-
-@dataclass(frozen=True)
-class Scan:
-    """What ``diagnosis.scan`` says of one parameter of an effect."""
-
-    values: Annotated[tuple[float, ...], Entries(1, 1000)]
-    linear: bool = False
-    all: bool = False
-    relative: bool = False
 
 
 @dataclass(frozen=True)
@@ -44,7 +35,7 @@ def read_settings(content: Mapping[str, Any], vehicle: Vehicle) -> Settings:
             f"diagnosis.bin_s is {settings.bin_s}: give half of diagnosis.window_s, {settings.window_s}, or less"
         )
     for key in ("ignored", "thresholds"):
-        for name in getattr(settings, key):
+        for name in getattr(settings, key) or ():
             _effect(name, f"diagnosis.{key}")
     for name, deviations in _mapping(settings.slack, "diagnosis.slack").items():
         for parameter, deviation in _mapping(deviations, f"diagnosis.slack.{name}").items():

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, Same, Valley, changed, in_proportion, mean, own, sets
+from auv_torchrl.effects.scan import DELAYS, Scan
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -27,6 +28,8 @@ thruster_gain = Effect(
     ),
     change=_gain,
     advice=advice.thruster_gain,
+    scans={"gain": Scan((0.0,), linear=True, all=True)},
+    slack={"gain": 0.03},
 )
 
 
@@ -97,6 +100,7 @@ thruster_misalignment = Effect(
     ),
     change=_misalignment,
     advice=advice.thruster_misalignment,
+    scans={"angle": Scan((-1.3, -0.7, -0.3, 0.3, 0.7, 1.3), all=True)},
 )
 
 
@@ -116,6 +120,7 @@ thrust_limit = Effect(
     change=sets(limit="limit"),
     same_as=_dead,
     advice=advice.thrust_limit,
+    scans={"limit": Scan((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), all=True, relative=True)},
 )
 
 
@@ -135,6 +140,9 @@ dead_band = Effect(
     advice=advice.said(
         "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
     ),
+    scans={"width": Scan((0.0, 2.5, 7.5, 10.0, 12.5, 15.0, 20.0, 25.0))},
+    slack={"width": 0.03},
+    is_rough=True,
 )
 
 
@@ -171,6 +179,7 @@ thrust_curve = Effect(
     change=_curve,
     valley=Valley("exponent", ("dead_band", "width"), _same_commands),
     advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
+    scans={"exponent": Scan((0.7, 0.85, 1.2, 1.5, 1.8, 2.2, 2.6)), "asymmetry": Scan((0.3,), linear=True)},
 )
 
 
@@ -189,6 +198,7 @@ thruster_lag = Effect(
     ),
     change=_lag,
     advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
+    scans={"time_constant": Scan((0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2))},
 )
 
 
@@ -200,6 +210,7 @@ command_delay = Effect(
     parameters=(Parameter("delay", "s", own("delay"), 0.0, 0.8, "commands arrive {value:.2f} s late"),),
     change=sets(delay="delay"),
     advice=advice.said("look for what holds commands back: a filter, a slow link, a busy computer"),
+    scans={"delay": Scan(DELAYS)},
 )
 
 
@@ -213,6 +224,7 @@ battery_sag = Effect(
     ),
     change=sets(rate="battery_sag"),
     advice=advice.said("charge or change the battery, and log its volts"),
+    scans={"rate": Scan((0.3,), linear=True)},
 )
 
 EFFECTS = (

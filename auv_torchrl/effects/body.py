@@ -5,6 +5,7 @@ from torch import Tensor
 
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed
+from auv_torchrl.effects.scan import Scan
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 
@@ -31,6 +32,8 @@ added_mass = Effect(
     advice=advice.said(
         "look for water caught in frames and shells; if it belongs there, enter the inertia in the vehicle file"
     ),
+    scans={"scale": Scan((0.5, 0.8, 1.25, 1.6, 2.2, 3.0), all=True)},
+    slack={"scale": 0.03},
 )
 
 
@@ -52,6 +55,14 @@ payload = Effect(
     ),
     change=_payload,
     advice=advice.payload,
+    together=(
+        {"mass": 1.0, "weight": 3.0, "x": 0.0, "y": 0.0},
+        {"mass": 2.0, "weight": 10.0, "x": 0.0, "y": 0.0},
+        {"mass": 4.0, "weight": 15.0, "x": 0.0, "y": 0.0},
+        {"mass": 4.0, "weight": 30.0, "x": 0.0, "y": 0.0},
+        {"mass": 2.0, "weight": -10.0, "x": 0.0, "y": 0.0},
+        {"mass": 8.0, "weight": 10.0, "x": 0.0, "y": 0.0},
+    ),
 )
 
 
@@ -68,6 +79,7 @@ buoyancy = Effect(
     change=_buoyancy,
     shows="idle",
     advice=advice.buoyancy,
+    scans={"force": Scan((5.0,), linear=True)},
 )
 
 
@@ -87,6 +99,7 @@ mass_offset = Effect(
     ),
     change=_mass_offset,
     advice=advice.mass_offset,
+    scans={"x": Scan((0.05,), linear=True), "y": Scan((0.05,), linear=True)},
 )
 
 EFFECTS = (added_mass, payload, buoyancy, mass_offset)

@@ -1,7 +1,7 @@
 """An effect is a named, bounded change of a vehicle; its nominal values are the identity."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.effects.advice import Advice
+from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 
@@ -90,13 +91,20 @@ class Effect:
     same_as: Callable[[Vehicle, str, float], Same | None] | None = None  # what a value of a parameter is better called
     valley: Valley | None = None
     covers: tuple[str, ...] = ()  # effects that change what it sets, and are not looked for where it was fitted
-    shows: str = (
-        ""  # what a pilot sees of it where it is fitted: "axes", "idle" or "turning" of the answers to commands
-    )
-    advice: Callable[[Mapping[str, float], Mapping[str, float]], tuple[Advice, ...]] | None = (
-        None  # what to do about it
-    )
-    is_noise: bool = False  # white noise of sensors: the floor of predictions, measured and not looked for
+    shows: str = ""  # what a pilot sees of it where it is fitted: "axes", "idle" or "turning", answers to commands
+    advice: Callable[[Mapping[str, float], Mapping[str, float]], tuple[Advice, ...]] | None = None  # what to do then
+    scans: Mapping[str, Scan] = field(default_factory=dict)  # by parameter, what the diagnosis tries; else its bounds
+    slack: Mapping[str, float] = field(default_factory=dict)  # by parameter, relative: how far sound vehicles are off
+    together: tuple[Mapping[str, float], ...] = ()  # values that the diagnosis tries, of several parameters at once
+    is_rough: bool = False  # its values switch single samples, so that near by ones are tried instead of slopes
+    is_searched: bool = True  # whether the diagnosis looks for it; not for what other effects say in fewer numbers
+    is_noise: bool = False  # white noise of sensors: the floor of predictions, measured, and not looked for either
+
+    def __post_init__(self):
+        known = [p.name for p in self.parameters if not p.discrete]
+        for key, given in (("scans", self.scans), ("slack", self.slack)):
+            if odd := set(given) - set(known):
+                raise ValueError(f"effect {self.name}: {key} of {', '.join(sorted(odd))}: {choices(odd, known)}")
 
     def advise(
         self, vehicle: Vehicle, values: Mapping[str, float], autopilot: Mapping[str, float]

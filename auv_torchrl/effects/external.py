@@ -27,6 +27,20 @@ tether = Effect(
     ),
     change=_tether,
     advice=advice.said("give the tether more slack, or fly nearer to where it leads"),
+    together=(
+        {"north": 3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+        {"north": -3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+        {"north": 0.0, "east": 3.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+        {"north": 0.0, "east": -3.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+        {"north": 0.0, "east": 0.0, "down": -3.0, "stiffness": 5.0, "slack": 0.0},
+        {"north": 0.0, "east": 0.0, "down": -3.0, "stiffness": 10.0, "slack": 3.0},
+        {"north": 0.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 0.0},
+        {"north": 0.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 0.5},
+        {"north": 3.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+        {"north": -3.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+        {"north": 0.0, "east": 3.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+        {"north": 0.0, "east": -3.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+    ),
 )
 
 EFFECTS = (tether,)

@@ -8,6 +8,7 @@ from torch import Tensor
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.body import per_dof
 from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.scan import Scan
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 
@@ -72,6 +73,7 @@ hull = Effect(
     change=_hull,
     covers=("linear_drag", "quadratic_drag", "added_mass"),
     shows="axes",
+    is_searched=False,
 )
 
 
@@ -94,6 +96,8 @@ linear_drag = Effect(
     ),
     change=_linear,
     advice=advice.said(_LOOK),
+    scans={"scale": Scan((1.5,), linear=True, all=True)},
+    slack={"scale": 0.03},
 )
 
 
@@ -113,6 +117,8 @@ quadratic_drag = Effect(
     ),
     change=_quadratic,
     advice=advice.said(_LOOK),
+    scans={"scale": Scan((1.5,), linear=True, all=True)},
+    slack={"scale": 0.03},
 )
 
 COUPLINGS = tuple(f"{to}_from_{by}" for to in PER_DOF for by in PER_DOF if to != by)
@@ -145,6 +151,7 @@ drag_coupling = Effect(
     change=_coupling,
     shows="turning",
     advice=advice.said("look for what sits or trails on one side alone"),
+    scans={"drag": Scan((5.0,), linear=True)},
 )
 
 
@@ -158,6 +165,7 @@ coriolis = Effect(
     ),
     change=sets(strength="coriolis"),
     advice=advice.said("enter how far Coriolis terms act in the vehicle file"),
+    scans={"strength": Scan((1.0,), linear=True)},
 )
 
 
@@ -177,6 +185,7 @@ current = Effect(
     ),
     change=_current,
     advice=advice.said("nothing is broken: fly where the water stands still, or train for this current"),
+    scans={"north": Scan((0.1,), linear=True), "east": Scan((0.1,), linear=True), "down": Scan((0.1,), linear=True)},
 )
 
 EFFECTS = (hull, linear_drag, quadratic_drag, drag_coupling, coriolis, current)

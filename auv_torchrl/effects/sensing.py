@@ -6,6 +6,7 @@ from torch import Tensor
 
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.scan import DELAYS, TIMES, TURNED_TIMES, Scan
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -21,6 +22,7 @@ heading_bias = Effect(
     parameters=(Parameter("angle", "rad", 0.0, -math.pi, math.pi, "the compass is off by {value:+.2f} rad"),),
     change=_heading_bias,
     advice=advice.heading_bias,
+    scans={"angle": Scan((-2.4, -1.6, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.6, 2.4, 3.1))},
 )
 
 
@@ -32,6 +34,7 @@ pose_delay = Effect(
     parameters=(Parameter("delay", "s", own("pose_delay"), 0.0, 0.8, "the pose is reported {value:.2f} s late"),),
     change=sets(delay="pose_delay"),
     advice=advice.said("look at the delay of the positioning system, and tell the estimator of it"),
+    scans={"delay": Scan(DELAYS)},
 )
 
 
@@ -48,6 +51,7 @@ position_scale = Effect(
     advice=advice.said(
         "look at the unit of positions, and at the calibration and speed of sound of the positioning system"
     ),
+    scans={"factor": Scan(TIMES)},
 )
 
 
@@ -62,6 +66,7 @@ depth_scale = Effect(
     ),
     change=sets(factor="depth_scale"),
     advice=advice.said("look at unit and sign of the depth, and at the water density that the sensor assumes"),
+    scans={"factor": Scan(TURNED_TIMES)},
 )
 
 
@@ -75,6 +80,7 @@ depth_bias = Effect(
     ),
     change=sets(offset="depth_bias"),
     advice=advice.depth_bias,
+    scans={"offset": Scan((1.0,), linear=True)},
 )
 
 
@@ -91,6 +97,7 @@ velocity_scale = Effect(
     ),
     change=sets(factor="velocity_scale"),
     advice=advice.said("look at the unit of speeds, and at the speed of sound that the Doppler log assumes"),
+    scans={"factor": Scan(TURNED_TIMES)},
 )
 
 

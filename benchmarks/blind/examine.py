@@ -51,7 +51,7 @@ def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
 def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any]) -> None:
     settings = load_settings()
     if task["left_out"]:
-        settings = replace(settings, ignored=(*settings.ignored, task["left_out"]))
+        settings = replace(settings, ignored=(*settings.left_out, task["left_out"]))
     began, cpu = time.perf_counter(), time.process_time()
     answer: dict[str, Any] = {}
     try:

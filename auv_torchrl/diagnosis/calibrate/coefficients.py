@@ -49,7 +49,7 @@ class Calibrated:
     def settings(self, settings: Settings) -> Settings:
         """Settings of a search on the log that was calibrated on: what is fitted already is not looked for again."""
         fitted = [name for effect in self.effects for name in (effect.name, *EFFECTS[effect.name].covers)]
-        return replace(settings, ignored=tuple(dict.fromkeys((*settings.ignored, *fitted))))
+        return replace(settings, ignored=tuple(dict.fromkeys((*settings.left_out, *fitted))))
 
 
 def calibrate_coefficients(

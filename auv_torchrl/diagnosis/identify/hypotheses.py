@@ -1,6 +1,6 @@
 """What could be wrong: every effect of the registry as a few concrete changes, and the slack of a healthy vehicle."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
 from typing import Annotated, Any
@@ -9,11 +9,12 @@ import numpy as np
 import torch
 
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
+from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
 
 Values = dict[str, dict[str, float]]  # effect -> parameter -> value
-DEFAULT_SCAN = 7  # values across the bounds of a parameter that the settings do not mention
+DEFAULT_SCAN = 7  # values across the bounds of a parameter that declares no values to try
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,34 @@ class Settings:
     prior_none: Annotated[float, In("(0, 1)")]
     slack: dict[str, dict[str, float]]
     scan: dict[str, dict[str, Any]]
-    ignored: tuple[str, ...]
-    thresholds: tuple[str, ...]
+    ignored: tuple[str, ...] | None
+    thresholds: tuple[str, ...] | None
     excess: Annotated[float, In("[1, 1000]")]
     tempering: Annotated[float, In("(0, 1]")]
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Names of the effects that are not looked for."""
+        declared = (name for name, effect in EFFECTS.items() if effect.is_noise or not effect.is_searched)
+        return tuple(declared) if self.ignored is None else self.ignored
+
+    def is_rough(self, effect: str) -> bool:
+        """Whether chi-square is rough in the values of an effect."""
+        return EFFECTS[effect].is_rough if self.thresholds is None else effect in self.thresholds
+
+    def slack_of(self, effect: Effect) -> Mapping[str, float]:
+        """Relative standard deviations, by parameter, by which a sound vehicle is off."""
+        return self.slack.get(effect.name, effect.slack)
+
+    def scans_of(self, effect: Effect) -> Mapping[str, Scan]:
+        """Values to try, by parameter."""
+        if effect.name in self.scan:
+            return {name: Scan(**given) for name, given in self.scan[effect.name].items() if name != "together"}
+        return effect.scans
+
+    def together_of(self, effect: Effect) -> Sequence[Mapping[str, float]]:
+        """Values of several parameters to try at once; where there are some, the parameters are not tried alone."""
+        return self.scan[effect.name].get("together", ()) if effect.name in self.scan else effect.together
 
 
 def load_settings(name: str = "default") -> Settings:
@@ -86,34 +111,32 @@ def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effec
     """All changes to try on this vehicle."""
     atoms: list[Atom] = []
     for name, effect in effects.items():
-        if name in settings.ignored:
+        if name in settings.left_out:
             continue
-        scan = settings.scan.get(name, {})
+        together, scans = settings.together_of(effect), settings.scans_of(effect)
         if any(p.discrete for p in effect.parameters):
             atoms += _permutations(effect, vehicle)
-        elif "together" in scan:
-            atoms += [Atom(name, dict(values)) for values in scan["together"]]
+        elif together:
+            atoms += [Atom(name, dict(values)) for values in together]
         else:
             for p in effect.parameters:
-                atoms += _one_by_one(effect, p, vehicle, scan.get(p.name))
+                atoms += _one_by_one(effect, p, vehicle, scans.get(p.name))
     return [atom for atom in atoms if _changes(vehicle, atom)]
 
 
-def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Mapping[str, Any] | None) -> list[Atom]:
+def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Scan | None) -> list[Atom]:
     members = p.members(vehicle)
     nominal = {member: p.nominal_value(vehicle, member) for member in members}
-    if scan is None:
-        scan = {"values": [float(v) for v in np.linspace(p.low, p.high, DEFAULT_SCAN)]}
-    elastic = not scan.get("linear", False)
+    scan = scan or Scan(tuple(float(v) for v in np.linspace(p.low, p.high, DEFAULT_SCAN)))
     groups: list[tuple[str, ...]] = [(member,) for member in members]
-    if len(members) > 1 and scan.get("all", False) and len(set(nominal.values())) == 1:
+    if len(members) > 1 and scan.all and len(set(nominal.values())) == 1:
         groups.append(members)  # a knob is one value; members that differ have none in common
     found = []
     for group in groups:
         now = nominal[group[0]]
-        values = [v * now if scan.get("relative") else v for v in scan["values"]]
+        values = [v * now if scan.relative else v for v in scan.values]
         found += [
-            Atom(effect.name, dict.fromkeys(group, float(value)), elastic=elastic)
+            Atom(effect.name, dict.fromkeys(group, float(value)), elastic=not scan.linear)
             for value in values
             if p.low <= value <= p.high and value != now
         ]
@@ -151,9 +174,9 @@ def slack_parameters(vehicle: Vehicle, settings: Settings) -> list[tuple[str, st
     A coefficient of 0 has no relative slack, and a scale of it changes nothing: both are left out.
     """
     found = []
-    for name, widths in settings.slack.items():
-        declared = EFFECTS[name].member_parameters(vehicle)
-        for member, p in declared.items():
+    for name, effect in EFFECTS.items():
+        widths = settings.slack_of(effect)
+        for member, p in effect.member_parameters(vehicle).items() if widths else ():
             nominal = p.nominal_value(vehicle, member)
             width = widths.get(p.name, 0.0) * abs(nominal)
             if _changes(vehicle, Atom(name, {member: nominal + width})):

@@ -118,7 +118,7 @@ class Problem:
     @property
     def even(self) -> np.ndarray:
         """(k,) slack parameters in which chi-square is smooth: moving a threshold flips single samples."""
-        return np.array([effect not in self.settings.thresholds for effect, *_ in self.slack])
+        return np.array([not self.settings.is_rough(effect) for effect, *_ in self.slack])
 
     def believed(self, measured: dict[str, float]) -> dict[str, float]:
         """Noise by channel: what was measured, or what a healthy log showed, see :func:`believed_noise`."""

@@ -18,7 +18,7 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
     The smooth numbers go along with each.
     """
     for order, knob in enumerate(best.explanation.fitted):
-        if knob.effect in problem.settings.thresholds:
+        if problem.settings.is_rough(knob.effect):
             for reach in THRESHOLD_REACH:
                 width = reach * problem.prior.width(knob.effect, knob.members[0])
                 best = _best_along(problem, best, [{len(problem.slack) + order: width * u} for u in TRIED_STEPS])
@@ -26,7 +26,7 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
         now = slack_now(problem, best.explanation)[column]
         alone = not best.explanation.effects  # "no gap" has no knob by which a threshold would be tried
         moved = abs(now) > SLACK_MOVED * width or not best.nothing_left
-        if effect in problem.settings.thresholds and (moved or alone):
+        if problem.settings.is_rough(effect) and (moved or alone):
             best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
             if alone:
                 best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
