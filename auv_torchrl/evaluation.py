@@ -94,7 +94,8 @@ def roll_out(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> 
     """
     if fleet.batch_size != starts.batch_size:
         raise ValueError(f"fly: the fleet has batch {tuple(fleet.batch_size)}, the starts {tuple(starts.batch_size)}")
-    if isinstance(policy, nn.Module) and any(weight.device != fleet.device for weight in policy.parameters()):
+    held = (*policy.parameters(), *policy.buffers()) if isinstance(policy, nn.Module) else ()
+    if isinstance(policy, nn.Module) and any(tensor.device != fleet.device for tensor in held):
         policy = deepcopy(policy).to(fleet.device)
     first = fleet.reset(TensorDict({"start": starts}, batch_size=starts.batch_size), set_state=True)
     with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):

@@ -63,6 +63,7 @@ def close(
     seed: int,
     backend: str,
     folder: Path,
+    device: str = "cpu",
 ) -> Closed:
     """Put what was diagnosed into the simulator and the controller.
 
@@ -72,7 +73,7 @@ def close(
 
     Args:
         diagnosed: what was found.
-        policy: the source policy u_s.
+        policy: the source policy u_s; training goes on on its device.
         task: of its training.
         box_m: half width of the starts of the rehearsal, m.
         agent: settings of its training.
@@ -80,13 +81,14 @@ def close(
         seed: of the training.
         backend: "mujoco" or "torch".
         folder: the store of policies.
+        device: of the rehearsals.
     """
     exam = task.for_evaluation(box_m)
 
     def rehearse(who: SourcePolicy, base: Vehicle, ranges: Mapping[str, Any], mapped: bool) -> float:
         transforms = [RandomizeVehicle(base, ranges, seed=_SEED), *([_adapter(diagnosed, exam)] if mapped else [])]
         rehearsal = replace(exam, thruster_commands=mapped)
-        fleet = make_fleet(backend, base, rehearsal, _REHEARSALS, seed=_SEED)
+        fleet = make_fleet(backend, base, rehearsal, _REHEARSALS, seed=_SEED, device=device)
         starts = draw_starts(rehearsal, _REHEARSALS, _SEED)
         return Metrics.of(fly(TransformedEnv(fleet, Compose(*transforms)), who.module, starts, rehearsal.steps)).mean_m
 

@@ -122,7 +122,7 @@ def close_gap(
     with stages("Put the effects found into simulator and controller"):
         closed = close(
             diagnosed, policy, experiment.task, experiment.box_m, experiment.agent, experiment.tuning,
-            experiment.seed, experiment.backend, experiment.policies,
+            experiment.seed, experiment.backend, experiment.policies, experiment.device,
         )  # fmt: skip
     with stages(f"Fly the starts with it on the vehicle with {experiment.scenario.name}"):
         fleet = closed.fleet(experiment.fleet(len(experiment.starts), experiment.scenario, thruster_commands=True))
