@@ -53,11 +53,22 @@ def test_the_map_that_is_found_is_that_of_the_vehicle():
     assert learner.estimate.uncertainty().max() < learner.config.uncertain_above
 
 
-@pytest.mark.parametrize(("name", "timing"), [("command_delay", (0.15, 0.0)), ("thruster_lag", (0.0, 0.2))])
-def test_late_thrust_is_told_from_wrong_thrust(name, timing):
-    """Delay and lag are found as such, instead of being fitted by a map that would make the flight worse."""
-    flight, adapter = adapted_flight(scenario(name), count=2, seconds=12.0)
-    assert [adapter.learner.estimate.timing.timing_of(row) for row in range(2)] == [timing] * 2
+@pytest.mark.parametrize(
+    ("effect", "parameter", "late_s"),
+    [("command_delay", "delay", late_s) for late_s in (0.13, 0.18, 0.24)]
+    + [("thruster_lag", "time_constant", late_s) for late_s in (0.13, 0.25, 0.32)],
+)
+def test_late_thrust_is_told_from_wrong_thrust(effect, parameter, late_s):
+    """Delays and lags between those that are tried are found as such, instead of being fitted by a map.
+
+    What is found is as late as the truth within two control steps, about how far apart those are that are tried.
+    """
+    config = load_adaptation_config()
+    assert late_s not in (*config.delays_s, *config.lags_s)
+    acting = read_scenario(effect, {"effects": {effect: {parameter: late_s}}}, VEHICLE)
+    flight, adapter = adapted_flight(acting, count=2, seconds=12.0)
+    found = adapter.learner.estimate.timing.late_s()
+    assert found.min() > 0 and found.mean() == pytest.approx(late_s, abs=0.1)
     assert float(flight.position_error[:, flight.time[0] >= 10.0].mean()) < 0.05
 
 
