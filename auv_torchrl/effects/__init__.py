@@ -12,7 +12,7 @@ EFFECTS = Registry(  # in the order in which they are applied
 )
 
 
-def get_effect(name: str) -> Effect:
+def get_effect(name: object) -> Effect:
     """The effect of that name.
 
     Raises:

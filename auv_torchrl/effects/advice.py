@@ -22,7 +22,7 @@ class Advice:
     """One thing to do."""
 
     do: str  # a sentence without its full stop
-    param: Values = field(default_factory=dict)  # parameters of the autopilot to set, where they are the remedy
+    param: Values = field(default_factory=dict[str, float])  # of the autopilot, to set where they are the remedy
 
 
 def thruster_gain(values: Values, autopilot: Values) -> tuple[Advice, ...]:

@@ -24,7 +24,7 @@ def _own(field: str, degree: int) -> Callable[[Vehicle], float]:
 
 
 def _hull_parameters() -> tuple[Parameter, ...]:
-    found = []
+    found: list[Parameter] = []
     for prefix, field, words, units, highs in (
         ("linear", "linear_drag", "linear drag", ("kg/s", "kg m^2/s"), (1000.0, 50.0)),
         ("quadratic", "quadratic_drag", "quadratic drag", ("kg/m", "kg m^2"), (1500.0, 50.0)),

@@ -6,7 +6,6 @@ Frames: earth NED, body FRD, angles in radians (ZYX). All arrays are numpy float
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from operator import or_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ class SampleErrors:
     """What a log says of its errors, where they are more than white noise on every sample."""
 
     snapshot_s: float = 0.0  # s between snapshots of commands that change faster; 0 where commands are held
-    drift: Mapping[str, float] = field(default_factory=dict)  # by axis: m/s, rad/s, how fast an estimate goes astray
+    drift: Mapping[str, float] = field(default_factory=dict[str, float])  # m/s, rad/s: how fast estimates go astray
 
     @property
     def coloured(self) -> bool:
@@ -91,9 +90,9 @@ class FlightLog:
     episodes: tuple[Episode, ...]
     axes: tuple[str, ...]  # measured, out of POSE and VELOCITY
     findings: tuple[Finding, ...] = field(default=())
-    resolution: dict[str, float] = field(default_factory=dict)  # step in which an axis was written, where it is known
+    resolution: dict[str, float] = field(default_factory=dict[str, float])  # step in which an axis is written, if known
     errors: SampleErrors = SampleErrors()
-    autopilot: Mapping[str, float] = field(default_factory=dict)  # its parameters, where the log has them
+    autopilot: Mapping[str, float] = field(default_factory=dict[str, float])  # its parameters, where the log has them
 
     @property
     def duration(self) -> float:
@@ -143,7 +142,7 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
     episodes = [episode for log in logs for episode in log.episodes]
     episodes = [replace(with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]
     resolution = {axis: max(log.resolution.get(axis, 0.0) for log in logs) for axis in axes}
-    errors = reduce(or_, (log.errors for log in logs))
+    errors = reduce(SampleErrors.__or__, (log.errors for log in logs))
     first, *others = (log.autopilot for log in logs)
     autopilot = {name: value for name, value in first.items() if all(other.get(name) == value for other in others)}
     return FlightLog(", ".join(counts), tuple(episodes), axes, tuple(findings), resolution, errors, autopilot)

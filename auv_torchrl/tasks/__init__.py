@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, cast
 
 from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
@@ -28,4 +28,5 @@ def read_task(settings: Mapping[str, Any] | None = None) -> Task:
     known = [entry.name for entry in fields(kind)]
     if unknown := sorted(set(settings) - set(known)):
         raise ValueError(f"task {name} has no {', '.join(unknown)}: {choices(unknown, known)}")
-    return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in settings.items()})
+    lists = {key: tuple(cast(list[Any], value)) for key, value in settings.items() if isinstance(value, list)}
+    return kind(**{**settings, **lists})
