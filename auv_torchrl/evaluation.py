@@ -4,48 +4,21 @@ import math
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import asdict, dataclass
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import torch
-from tensordict import TensorClass, TensorDict, TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torch import Tensor, nn
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.flight import Flight
 from auv_torchrl.tasks import Task
 
 STEADY_FROM_S = 10.0  # Eq. 15 averages from here to the end of the episode
 SETTLED_M = 0.05  # a start has settled once its position error stays below this
 
 Policy = Callable[[TensorDictBase], TensorDictBase]
-
-
-class Flight(TensorClass):
-    """What N vehicles did, batch (N, T + 1): the start and the state after each of T control steps."""
-
-    time: Tensor  # () s
-    position: Tensor  # (3,) m, NED; the target is the origin
-    quaternion: Tensor  # (4,) wxyz, body to earth; the target is the identity
-    velocity: Tensor  # (6,) m/s and rad/s, body
-    thrust: Tensor  # (n,) N, what each thruster really gave
-    command: Tensor  # (n,) thruster commands after mixer and clip, held over the step that ends here
-    action: Tensor  # (4,) what the policy asked for over that step
-    applied_action: Tensor  # (4,) what the adapter made of it; the same without one
-
-    def of_start(self, start: int) -> "Flight":
-        """The flight of one start, batch (T + 1)."""
-        return cast(Flight, self[start])
-
-    @property
-    def position_error(self) -> Tensor:
-        """Distance to the target in m, (N, T + 1); infinite once a state is no number."""
-        return self.position.norm(dim=-1).nan_to_num(nan=math.inf)
-
-    @property
-    def heading_error(self) -> Tensor:
-        """Absolute heading error in rad, (N, T + 1); pi once a state is no number."""
-        return euler_angles(self.quaternion)[2].abs().nan_to_num(nan=math.pi)
 
 
 def draw_starts(task: Task, count: int, seed: int) -> TensorDict:

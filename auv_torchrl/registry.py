@@ -4,17 +4,22 @@ import os
 import re
 import sys
 from collections.abc import ItemsView, Iterable, Iterator, Mapping, ValuesView
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
-from weakref import ref
 
 from auv_torchrl.paths import OWN, own_folder
 
 Entry = TypeVar("Entry")
-PYTHON_FOLDERS = ("effects", "readers", "sensors", "tasks")  # of a folder of one's own
-_ALL: list["ref[Registry[Any]]"] = []
+_REGISTRIES = {  # by folder of one's own, where it is read; imported when there is something to read
+    "effects": "auv_torchrl.effects",
+    "readers": "auv_torchrl.flightlog.readers",
+    "sensors": "auv_torchrl.sensors",
+    "tasks": "auv_torchrl.tasks",
+}
+PYTHON_FOLDERS = tuple(_REGISTRIES)  # of a folder of one's own
 
 
 class Registry(Mapping[str, Entry], Generic[Entry]):
@@ -36,11 +41,10 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     """
 
     def __init__(self, folder: str, kind: type, entries: Iterable[Entry], name: str = "[a-z][a-z0-9_]*") -> None:
-        self.folder, self.group = folder, f"auv_torchrl.{folder}"  # the latter of entry points
+        self.folder, self.group = folder, _group(folder)  # the latter of entry points
         self._kind, self._name = kind, name
         self._built_in = self._with({}, entries, "this package")
         self._known: dict[str | None, dict[str, Entry]] = {}  # by AUV_CONF
-        _ALL.append(ref(self))
 
     def __getitem__(self, name: str) -> Entry:
         return self._entries()[name]
@@ -76,15 +80,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return self._known[given]
 
     def _read(self, known: dict[str, Entry]) -> dict[str, Entry]:
-        for entry in sorted(entry_points(group=self.group), key=lambda entry: entry.name):
-            known = self._with(known, self._declared(entry), f"the entry point {entry.value}")
-        own = own_folder()
-        for path in sorted((own / self.folder).glob("*.py")) if own is not None else ():
-            known = self._with(known, self._declared(path), str(path))
+        for source in _outside(self.folder):
+            name = str(source) if isinstance(source, Path) else f"the entry point {source.value}"
+            known = self._with(known, self._declared(source, name), name)
         return known
 
-    def _declared(self, source: EntryPoint | Path) -> Iterable[Any]:
-        name = str(source) if isinstance(source, Path) else f"the entry point {source.value}"
+    def _declared(self, source: EntryPoint | Path, name: str) -> Iterable[Any]:
         try:
             found = self._executed(source) if isinstance(source, Path) else source.load()
         except Exception as error:  # whatever somebody else's file may raise
@@ -121,5 +122,18 @@ def read_all() -> None:
     Raises:
         ValueError: see :class:`Registry`.
     """
-    for known in _ALL:
-        len(known() or ())
+    for folder, module in _REGISTRIES.items():
+        if _outside(folder):
+            len(getattr(import_module(module), folder.upper()))
+
+
+def _outside(folder: str) -> list[EntryPoint | Path]:
+    """What declares entries outside of the package, in the order in which it is read."""
+    installed = sorted(entry_points(group=_group(folder)), key=lambda entry: entry.name)
+    own = own_folder()
+    return [*installed, *(sorted((own / folder).glob("*.py")) if own is not None else ())]
+
+
+def _group(folder: str) -> str:
+    """The group of entry points, and of the modules that files of one's own become."""
+    return f"auv_torchrl.{folder}"

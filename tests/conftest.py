@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, settings
 from tensordict import TensorDictBase
 
 from auv_torchrl.envs import TorchFleet
-from auv_torchrl.evaluation import Flight, draw_starts, fly
+from auv_torchrl.evaluation import draw_starts, fly
+from auv_torchrl.flight import Flight
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle

@@ -11,11 +11,12 @@ from auv_torchrl.command import BadInput, checking_input, claim_folder
 def train(monkeypatch, capsys):
     """Runs train.py in process; returns exit code and standard error. The experiment itself must not begin."""
     from auv_torchrl.experiment import command as train
+    from auv_torchrl.experiment import job
 
     def must_not_run(*_):
         raise AssertionError("the experiment began in spite of bad input")
 
-    monkeypatch.setattr(train, "run", must_not_run)
+    monkeypatch.setattr(job, "run", must_not_run)
 
     def call(*arguments: str) -> tuple[int, str]:
         quiet = ["hydra/job_logging=none", "hydra/hydra_logging=none"]  # pytest's logging stays as it is

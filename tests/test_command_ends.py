@@ -21,6 +21,7 @@ from auv_torchrl.command.arguments import quote_files, refuse_unknown_keys
 from auv_torchrl.command.errors import CANNOT_WRITE, CannotWrite, writing
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.diagnosis import request
+from auv_torchrl.diagnosis import schema as diagnose_schema
 from auv_torchrl.diagnosis.report import files as report_files
 from auv_torchrl.diagnosis.report import write_files
 from auv_torchrl.experiment.run import STORE
@@ -35,11 +36,12 @@ QUIET = ("hydra/job_logging=none", "hydra/hydra_logging=none")  # pytest's loggi
 def train(monkeypatch, capsys):
     """Runs train.py in process with another function in place of the experiment; returns exit code and errors."""
     from auv_torchrl.experiment import command as train
+    from auv_torchrl.experiment import job
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
 
     def call(run, *arguments: str) -> tuple[int, str]:
-        monkeypatch.setattr(train, "run", run)
+        monkeypatch.setattr(job, "run", run)
         monkeypatch.setattr(sys, "argv", ["train.py", *arguments, *QUIET])
         code = 0
         try:
@@ -167,14 +169,17 @@ def test_a_policy_store_on_a_full_disk_ends_training_as_any_full_disk_does(train
 def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatch, capsys, caplog, tmp_path):
     """diagnose.py says what it found before it writes; half a file does not stay."""
     from auv_torchrl.diagnosis import command as diagnose
+    from auv_torchrl.diagnosis import job
 
     caplog.set_level(logging.INFO)
     made = example()
     paper = load_vehicle("paper")
     asked = request.Request("paper", paper, (), None, None)  # type: ignore[arg-type]
-    monkeypatch.setattr(diagnose, "read_request", lambda config: asked)
-    monkeypatch.setattr(diagnose, "diagnose", lambda *_, **__: made)
-    monkeypatch.setattr(sys, "argv", ["diagnose.py", "log=a(1)=b.csv", f"output={tmp_path / 'out'}", *QUIET])
+    monkeypatch.setattr(job, "read_request", lambda config: asked)
+    monkeypatch.setattr(job, "diagnose", lambda *_, **__: made)
+    log = tmp_path / "a(1)=b.csv"
+    log.write_text("t\n")
+    monkeypatch.setattr(sys, "argv", ["diagnose.py", f"log={log}", f"output={tmp_path / 'out'}", *QUIET])
     with monkeypatch.context() as patched:
         patched.setattr(report_files.pyarrow.parquet, "write_table", full)
         with pytest.raises(SystemExit) as ended:
@@ -306,7 +311,7 @@ def test_several_files_without_brackets_are_told_from_a_sweep(tmp_path, monkeypa
 )
 def test_a_key_misspelt_after_a_plus_is_refused_by_every_command(command, given, near):
     """train.py is above; nothing is added that nothing would read."""
-    request.register()
+    diagnose_schema.register()
     blind_schema.register()
     with pytest.raises(BadInput, match=near):
         refuse_unknown_keys(command, [given], ())

@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from auv_torchrl.envs import TorchFleet
-from auv_torchrl.evaluation import Flight, Metrics, draw_starts, fly, settling_times, steady_errors
+from auv_torchrl.evaluation import Metrics, draw_starts, fly, settling_times, steady_errors
+from auv_torchrl.flight import Flight
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 

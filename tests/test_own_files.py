@@ -197,12 +197,12 @@ def test_the_folder_of_a_command_line_holds_for_that_command_alone(lab, tmp_path
 
 def test_a_task_of_ones_own_is_trained_on(tmp_path, monkeypatch, capsys):
     """``task=below`` takes its class, its settings and its types, and vehicles start and are drawn to where it says."""
-    from auv_torchrl.experiment import command
+    from auv_torchrl.experiment import command, job
 
     write(tmp_path / "lab" / "tasks" / "below.py", BELOW)
     write(tmp_path / "lab" / "task" / "below.yaml", "defaults: [below_schema, _self_]\nname: below\ndepth_m: 3.0\n")
     asked = []
-    monkeypatch.setattr(command, "run", lambda experiment, folder: asked.append(experiment))
+    monkeypatch.setattr(job, "run", lambda experiment, folder: asked.append(experiment))
     quiet = ["hydra/job_logging=none", "hydra/hydra_logging=none", f"output={tmp_path / 'out'}"]
     own = ["--config-dir", str(tmp_path / "lab"), "task=below"]
     monkeypatch.setattr(sys, "argv", ["train.py", *own, "task.box_m=0.5", *quiet])
@@ -268,10 +268,10 @@ def test_an_installed_package_brings_effects(tmp_path, monkeypatch):
 
 def test_a_vehicle_without_a_randomization_is_trained_over_the_default_which_is_said(tmp_path, monkeypatch, caplog):
     """In one line, and not where it was asked for."""
-    from auv_torchrl.experiment import command
+    from auv_torchrl.experiment import command, job
 
     path = write(tmp_path / "mine.yaml", PAPER)
-    monkeypatch.setattr(command, "run", lambda experiment, folder: None)
+    monkeypatch.setattr(job, "run", lambda experiment, folder: None)
     caplog.set_level(logging.INFO)
     quiet = ["hydra/job_logging=none", "hydra/hydra_logging=none"]
     for number, asked in enumerate(([], ["randomization=default"], ["randomization=wide"])):

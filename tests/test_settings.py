@@ -13,14 +13,13 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from auv_torchrl.adaptation import AdaptationConfig, load_adaptation_config
-from auv_torchrl.agents.config import AgentConfig, load_agent_config
-from auv_torchrl.agents.fine_tune import FineTuning
-from auv_torchrl.compensation.target_log import Excitation
+from auv_torchrl.agents.config import AgentConfig, FineTuning, load_agent_config
+from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.experiment import schema
-from auv_torchrl.experiment.schedule import FlightConfig
+from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.experiment.setup import read_experiment
 from auv_torchrl.paths import CONF, config_names
 from auv_torchrl.settings import In, check

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from auv_torchrl.settings import Entries, In, OneOf, Seed, check_fields, read_settings
 
+SETTLED_S = 10.0  # after a change; the error is averaged from then on
 SENSED = ("velocity", "pose")
 Positive = Annotated[float, In("(0, 1000]")]
 Noise = Annotated[float, In("[1, 1e9]")]

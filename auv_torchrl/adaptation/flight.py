@@ -8,7 +8,8 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 
 from auv_torchrl.adaptation.adapter import ALARM, MAP, PHASE, STATISTIC
-from auv_torchrl.evaluation import Flight, Policy, flight_of, roll_out
+from auv_torchrl.evaluation import Policy, flight_of, roll_out
+from auv_torchrl.flight import Flight
 
 
 class AdaptedFlight(TensorClass):

@@ -7,16 +7,16 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.adaptation.config import SETTLED_S
 from auv_torchrl.adaptation.flight import AdaptedFlight
 from auv_torchrl.adaptation.learner import FOLLOWING
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
 from auv_torchrl.vehicle import Vehicle
 
 BACK_M = 0.05  # a vehicle has recovered once it stays closer than this to the target
 FELT_N = 1.0  # a change is felt once a thruster gives this much more or less than it would have before
-SETTLED_S = 10.0  # after the change; the error is averaged from then on
 
 
 @dataclass(frozen=True)

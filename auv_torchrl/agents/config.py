@@ -69,3 +69,16 @@ def load_agent_config(name: str = "sac", overrides: Mapping[str, Any] | None = N
         ValueError: for an unknown, missing or impossible setting.
     """
     return read_settings(AgentConfig, "agent", name, overrides)
+
+
+@dataclass(frozen=True)
+class FineTuning:
+    """How long a policy is trained on; ``conf/train.yaml`` explains the values."""
+
+    total_frames: Annotated[int, In("[1, 1000000000]")] = 76800
+    critic_frames: Annotated[int, In("[0, 1000000000]")] = 25600
+    learning_rate: Annotated[float, In("(0, inf)")] = 1.0e-3
+
+    def __post_init__(self) -> None:
+        """Refuse values that cannot work."""
+        check_fields(self, "tuning")

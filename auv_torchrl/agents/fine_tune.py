@@ -3,32 +3,18 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from torchrl.envs import EnvBase, TransformedEnv
 from torchrl.envs.transforms import Transform
 
-from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.agents.config import AgentConfig, FineTuning
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import describe, kept_or_trained, make_examiner
 from auv_torchrl.agents.trainer import Trainer
 from auv_torchrl.envs import RandomizeVehicle, make_fleet
-from auv_torchrl.settings import In, check_fields
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
-
-
-@dataclass(frozen=True)
-class FineTuning:
-    """How long a policy is trained on; ``conf/train.yaml`` explains the values."""
-
-    total_frames: Annotated[int, In("[1, 1000000000]")] = 76800
-    critic_frames: Annotated[int, In("[0, 1000000000]")] = 25600
-    learning_rate: Annotated[float, In("(0, inf)")] = 1.0e-3
-
-    def __post_init__(self) -> None:
-        """Refuse values that cannot work."""
-        check_fields(self, "tuning")
 
 
 @dataclass(frozen=True)

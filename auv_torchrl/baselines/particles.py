@@ -13,7 +13,7 @@ from torch import Tensor
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.envs.randomize import read_ranges
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.physics import ActiveTerms, State, control_step, prepare
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 

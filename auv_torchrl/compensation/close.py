@@ -9,8 +9,8 @@ from typing import Any
 from torchrl.envs import Compose, EnvBase, TransformedEnv
 from torchrl.envs.transforms import Transform
 
-from auv_torchrl.agents.config import AgentConfig
-from auv_torchrl.agents.fine_tune import FineTuning, Ground, fine_tune
+from auv_torchrl.agents.config import AgentConfig, FineTuning
+from auv_torchrl.agents.fine_tune import Ground, fine_tune
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.compensation.diagnosed import Diagnosed
 from auv_torchrl.compensation.known_vehicle import KnownVehicle

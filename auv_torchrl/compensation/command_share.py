@@ -3,7 +3,7 @@
 import numpy as np
 
 from auv_torchrl.compensation.known_vehicle import Model
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.physics import State, control_step
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 

@@ -2,18 +2,17 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
 
 import numpy as np
 import torch
 from tensordict import TensorDictBase
 
+from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.envs import FleetEnv
 from auv_torchrl.evaluation import draw_starts, roll_out
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics.kinematics import euler_angles, wrap_angle
-from auv_torchrl.settings import In, Seed, check_fields
 from auv_torchrl.tasks import Task
 
 POSITION_NOISE = 0.002  # m, a motion-capture system under water
@@ -22,24 +21,6 @@ AXES = ("x", "y", "z", "yaw")  # what is logged of the pose
 DEMAND = 0.3  # amplitude of each wave, of full command
 WAVES = 3  # per channel
 PERIODS_S = (2.0, 12.0)  # of the waves
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """How long the target is flown for a diagnosis; ``conf/train.yaml`` explains the values."""
-
-    episodes: Annotated[int, In("[1, 1000]")] = 6
-    episode_s: Annotated[float, In("[5, 3600]", "s")] = 30.0
-    seed: Seed = 0
-
-    def __post_init__(self) -> None:
-        """Refuse flights that show nothing."""
-        check_fields(self, "excitation")
-
-    @property
-    def seconds(self) -> float:
-        """Flown in all."""
-        return self.episodes * self.episode_s
 
 
 class Stick:

@@ -1,39 +1,22 @@
 """The command ``auv-diagnose``, which is ``python diagnose.py`` in a checkout."""
 
-import logging
-from pathlib import Path
-
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input, command
-from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.report import summary_table, write_files
-from auv_torchrl.diagnosis.report.progress import ProgressBar
-from auv_torchrl.diagnosis.request import read_request, register
-from auv_torchrl.flightlog import FlightLogError
+from auv_torchrl.diagnosis.logs import find_logs
+from auv_torchrl.diagnosis.schema import register
 
-log = logging.getLogger("diagnose")
 register()
 
 
 @command("diagnose", files=("log", "healthy", "test", "params", "output", "vehicle"))
 def main(config: DictConfig) -> None:
-    """Read the logs, diagnose them, print the verdict, write the files."""
+    """Diagnose the logs that are named, once it is sure that they are there."""
     with checking_input():
-        request = read_request(config)
-    with checking_input((FlightLogError,)), ProgressBar() as progress:
-        diagnosis = diagnose(
-            request.log,
-            request.vehicle,
-            healthy=request.healthy,
-            test=request.test,
-            progress=progress,
-            vehicle_name=request.vehicle_name,
-            settings=request.settings,
-            uncertainty=request.uncertainty,
-        )
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    log.info("\n%s\n", summary_table(diagnosis))  # before the files, so that a full disk does not keep it
-    write_files(diagnosis, request.vehicle, folder, replace=True)  # of an unfinished run; others are refused before
-    log.info("report.html, diagnosis.json and scenario.yaml are in %s", folder)
+        find_logs(config)
+    from auv_torchrl.diagnosis.uncompiled import without_compiler  # here: torch takes a second to import
+
+    with without_compiler():
+        from auv_torchrl.diagnosis.job import answer
+
+    answer(config)

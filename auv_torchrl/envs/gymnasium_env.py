@@ -20,8 +20,6 @@ from auv_torchrl.tasks import Task, read_task
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import read_yaml
 
-ID = "auv_torchrl/Regulation-v0"
-
 
 def fleet_by_names(
     num_envs: int,
@@ -138,10 +136,3 @@ def reset_fleet(fleet: FleetEnv, options: Mapping[str, Any] | None) -> TensorDic
         key: torch.as_tensor(np.asarray(value)).reshape(fleet.num_envs, -1) for key, value in options["start"].items()
     }
     return fleet.reset(TensorDict({"start": TensorDict(start, fleet.batch_size)}, fleet.batch_size), set_state=True)
-
-
-gymnasium.register(
-    ID,
-    entry_point="auv_torchrl.envs.gymnasium_env:RegulationEnv",
-    vector_entry_point="auv_torchrl.envs.gymnasium_env:RegulationVectorEnv",
-)

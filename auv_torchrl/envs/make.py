@@ -1,17 +1,21 @@
 """A fleet by the name of its backend."""
 
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from auv_torchrl.envs.fleet import FleetEnv
-from auv_torchrl.envs.mujoco_fleet import MujocoFleet
-from auv_torchrl.envs.torch_fleet import TorchFleet
-from auv_torchrl.tasks import Task
-from auv_torchrl.vehicle import Vehicle
+if TYPE_CHECKING:
+    from auv_torchrl.envs.fleet import FleetEnv
+    from auv_torchrl.tasks import Task
+    from auv_torchrl.vehicle import Vehicle
 
-BACKENDS: dict[str, type[MujocoFleet] | type[TorchFleet]] = {"mujoco": MujocoFleet, "torch": TorchFleet}
+# The class of each, imported when a fleet is made: the command line needs the names alone.
+BACKENDS = {
+    "mujoco": ("auv_torchrl.envs.mujoco_fleet", "MujocoFleet"),
+    "torch": ("auv_torchrl.envs.torch_fleet", "TorchFleet"),
+}
 
 
-def make_fleet(backend: str, vehicle: Vehicle, task: Task, num_envs: int, **options: Any) -> FleetEnv:
+def make_fleet(backend: str, vehicle: "Vehicle", task: "Task", num_envs: int, **options: Any) -> "FleetEnv":
     """A fleet of that backend; ``options`` as its constructor takes them.
 
     Raises:
@@ -19,4 +23,5 @@ def make_fleet(backend: str, vehicle: Vehicle, task: Task, num_envs: int, **opti
     """
     if backend not in BACKENDS:
         raise ValueError(f"no backend named {backend!r}: there are {', '.join(BACKENDS)}")
-    return BACKENDS[backend](vehicle, task, num_envs, **options)
+    module, name = BACKENDS[backend]
+    return getattr(import_module(module), name)(vehicle, task, num_envs, **options)

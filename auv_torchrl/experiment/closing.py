@@ -13,9 +13,10 @@ from auv_torchrl.compensation.diagnosed import Diagnosed
 from auv_torchrl.compensation.target_log import fly_target_log
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.report import write_files
-from auv_torchrl.evaluation import Flight, Metrics, fly
+from auv_torchrl.evaluation import Metrics, fly
 from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.setup import Experiment
+from auv_torchrl.flight import Flight
 from auv_torchrl.flightlog import FlightLog, write_flightlog
 
 LOG, FILES = "target_log.parquet", "diagnosis"  # in the folder of the run

@@ -1,18 +1,9 @@
 """The command ``auv-train``, which is ``python train.py`` in a checkout."""
 
-import logging
-from pathlib import Path
-
-import torch
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from auv_torchrl.command import checking_input, command
+from auv_torchrl.command import command
 from auv_torchrl.experiment import schema
-from auv_torchrl.experiment.run import run
-from auv_torchrl.experiment.setup import read_experiment, scenario_name
-
-log = logging.getLogger("train")
 
 
 @command(
@@ -23,14 +14,7 @@ log = logging.getLogger("train")
     short={"diagnosis": "diagnosis_file"},  # Hydra would look for FILE in the folder conf/diagnosis
 )
 def main(config: DictConfig) -> None:
-    """Check the config, run the experiment."""
-    torch.set_num_threads(1)  # small networks: a second thread costs more than it gives, and the cores are for sweeps
-    hydra = HydraConfig.get()
-    with checking_input():
-        experiment = read_experiment(config, scenario_name(hydra.runtime.choices, hydra.overrides.task))
-    default, chosen = schema.DEFAULT_RANDOMIZATION, hydra.runtime.choices
-    if chosen.get("randomization") == default and f"randomization={default}" not in hydra.overrides.task:
-        log.info("no randomization for vehicle=%s: training draws from randomization=%s", chosen["vehicle"], default)
-    folder = Path(hydra.runtime.output_dir)
-    run(experiment, folder)
-    log.info("\nresults.json, figures and run.rrd are in %s", folder)
+    """Run the experiment of a config that Hydra has checked."""
+    from auv_torchrl.experiment.job import train  # here: --help and a mistaken command line need nothing of it
+
+    train(config)

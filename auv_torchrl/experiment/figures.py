@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from torch import Tensor
 
-from auv_torchrl.evaluation import STEADY_FROM_S, Flight, steady_errors
+from auv_torchrl.evaluation import STEADY_FROM_S, steady_errors
 from auv_torchrl.experiment.paper import TABLE_2
+from auv_torchrl.flight import Flight
 from auv_torchrl.palette import CONTROLLER, LABEL, NEUTRAL
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.coefficients import allocation_matrix

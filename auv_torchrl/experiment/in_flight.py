@@ -12,15 +12,17 @@ from torch import Tensor
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter
+from auv_torchrl.adaptation.config import SETTLED_S
 from auv_torchrl.adaptation.cost import cost_per_step
 from auv_torchrl.adaptation.flight import AdaptedFlight, fly_adapting, gains
 from auv_torchrl.adaptation.moments import Moment, moments
-from auv_torchrl.adaptation.recovery import BACK_M, SETTLED_S, Recovery, recoveries
+from auv_torchrl.adaptation.recovery import BACK_M, Recovery, recoveries
 from auv_torchrl.authority import Authority, controlled_allocation
 from auv_torchrl.ddr.transform import observing
-from auv_torchrl.evaluation import Flight, Policy, fly
+from auv_torchrl.evaluation import Policy, fly
 from auv_torchrl.experiment.schedule import Schedule, schedule
 from auv_torchrl.experiment.setup import Experiment
+from auv_torchrl.flight import Flight
 from auv_torchrl.recording import OneFlight
 from auv_torchrl.vehicle import Vehicle
 

@@ -18,7 +18,7 @@ from auv_torchrl.compensation.command_share import command_share
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
 from auv_torchrl.ddr.store import load_or_pretrain
-from auv_torchrl.evaluation import Flight, Metrics, fly
+from auv_torchrl.evaluation import Metrics, fly
 from auv_torchrl.experiment.closing import Closing, close_gap, stages_of
 from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.figures import DPI, save_figures
@@ -26,6 +26,7 @@ from auv_torchrl.experiment.flight_figure import flight_figure
 from auv_torchrl.experiment.in_flight import InFlight, fly_in_flight
 from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
+from auv_torchrl.flight import Flight
 from auv_torchrl.recording import ControlMap, record_run
 from auv_torchrl.vehicle import CONTROLLED
 

@@ -8,13 +8,12 @@ from typing import Annotated, Any, get_type_hints
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, OmegaConf
 
-from auv_torchrl.adaptation import AdaptationConfig
-from auv_torchrl.agents.config import AgentConfig
-from auv_torchrl.agents.fine_tune import FineTuning
-from auv_torchrl.compensation.target_log import Excitation
+from auv_torchrl.adaptation.config import AdaptationConfig
+from auv_torchrl.agents.config import AgentConfig, FineTuning
+from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
-from auv_torchrl.envs import BACKENDS
-from auv_torchrl.experiment.schedule import FlightConfig
+from auv_torchrl.envs.make import BACKENDS
+from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.paths import config_names
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS

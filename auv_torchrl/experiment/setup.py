@@ -11,15 +11,15 @@ from omegaconf import DictConfig, OmegaConf
 from tensordict import TensorDict
 
 from auv_torchrl.adaptation import AdaptationConfig
-from auv_torchrl.agents.config import AgentConfig
-from auv_torchrl.agents.fine_tune import FineTuning
+from auv_torchrl.agents.config import AgentConfig, FineTuning
 from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
-from auv_torchrl.compensation.target_log import Excitation
+from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
-from auv_torchrl.experiment.schedule import FlightConfig, schedule
+from auv_torchrl.experiment.flight_config import FlightConfig
+from auv_torchrl.experiment.schedule import schedule
 from auv_torchrl.experiment.schema import TrainSchema
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.settings import check, settings_of

@@ -1,9 +1,14 @@
 """The one format between the world and the diagnosis: reading, checking and writing flight logs."""
 
-from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, join
-from auv_torchrl.flightlog.reader import read_flightlog
-from auv_torchrl.flightlog.writer import raw_columns, write_columns, write_flightlog
+from typing import TYPE_CHECKING
+
+from auv_torchrl.late import late
+
+if TYPE_CHECKING:
+    from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+    from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, join
+    from auv_torchrl.flightlog.reader import read_flightlog
+    from auv_torchrl.flightlog.writer import raw_columns, write_columns, write_flightlog
 
 __all__ = [
     "POSE",
@@ -19,3 +24,13 @@ __all__ = [
     "write_columns",
     "write_flightlog",
 ]
+
+__getattr__ = late(
+    __name__,
+    {
+        "findings": "Finding FlightLogError Severity",
+        "log": "POSE VELOCITY Episode FlightLog join",
+        "reader": "read_flightlog",
+        "writer": "raw_columns write_columns write_flightlog",
+    },
+)

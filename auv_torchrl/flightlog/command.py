@@ -7,16 +7,11 @@ from pathlib import Path
 from typing import NoReturn
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.info import info_lines, table_lines
-from auv_torchrl.flightlog.readers import READERS, read_streams
-from auv_torchrl.flightlog.streams import ReadOptions, tabulate
+from auv_torchrl.flightlog.readers import READERS
 from auv_torchrl.flightlog.streams.options import read_options
-from auv_torchrl.flightlog.table import read_table
-from auv_torchrl.flightlog.writer import write_columns
 
 _BAD_INPUT = 2  # exit code, as for a wrong command line
 _KEYS = ("output", "modes", "params", "system", "replace")
-_TABLES = (".csv", ".parquet", ".pq")
 HELP = """What is in a log of a vehicle, and the same in the simple form that diagnose.py reads too.
 
   auv-log info FILE [FILE ...]           streams, rates and gaps, frame, motors, modes, arming, what can be diagnosed
@@ -42,10 +37,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         action, files, keys = _parsed(given)
         modes = [mode.strip() for mode in keys.get("modes", "").strip("[]").split(",") if mode.strip()]
         options = read_options(modes, keys.get("params"), keys.get("system"))
+        from auv_torchrl.flightlog.job import convert, info  # here: --help and a mistaken command line need neither
+
         if action == "info":
-            _info(files, options)
+            info(files, options)
         else:
-            _convert(files, options, keys)
+            convert(files, options, keys)
     except (FlightLogError, FileExistsError) as error:
         _fail(str(error))
     except OSError as error:
@@ -73,40 +70,6 @@ def _parsed(given: list[str]) -> tuple[str, list[Path], dict[str, str]]:
     if not files:
         raise FlightLogError(f"give a log: auv-log {action} FILE")
     return action, files, keys
-
-
-def _info(files: list[Path], options: ReadOptions) -> None:
-    failed = []
-    for file in files:
-        try:
-            streams = read_streams(file, options)
-            lines = table_lines(read_table(file)) if streams is None else info_lines(streams, options)
-            print("\n".join(lines))
-        except FlightLogError as error:
-            failed.append(str(error))
-    if failed:
-        _fail("; ".join(failed))
-
-
-def _convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> None:
-    if len(files) > 1:
-        raise FlightLogError(f"convert takes one log, these are {len(files)}: convert them one by one")
-    output = Path(keys.get("output", ""))
-    if output.suffix.lower() not in _TABLES:
-        raise FlightLogError(
-            f"output={keys.get('output', '')} says no format: give output=log.csv or output=log.parquet"
-        )
-    if not output.absolute().parent.is_dir():
-        raise FlightLogError(f"there is no folder {output.parent}: make it, or write elsewhere")
-    replace = keys.get("replace", "").lower() == "true"
-    if output.exists() and not replace:
-        raise FileExistsError(f"{output} exists: choose another name, or give replace=true")
-    streams = read_streams(files[0], options)
-    table = read_table(files[0]) if streams is None else tabulate(streams, options)
-    for finding in table.findings:
-        print(finding, file=sys.stderr)
-    write_columns(table.columns, output, replace)
-    print(f"{output}: {len(table.row)} rows of {' '.join(table.columns)}")
 
 
 def _fail(message: str) -> NoReturn:

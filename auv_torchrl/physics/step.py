@@ -8,13 +8,10 @@ from array_api_compat import array_namespace
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, rotation_and_rate
+from auv_torchrl.physics.pace import CONTROL_DT, SUBSTEPS
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
 
 Array = Any
-
-CONTROL_DT = 0.05  # s; explicit Euler on Table 1 at 2 m/s is stable only below 0.04 s, RK4 at half this step is
-SUBSTEPS = 4  # RK4 steps per control step. 2 are 9 to 60 mm off after starts at 2 m/s (4: below 1 mm), and diverge
-# where randomization makes the vehicle lighter and its drag larger
 
 
 class State(NamedTuple):

@@ -3,7 +3,7 @@
 import numpy as np
 import rerun as rr
 
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.palette import SERIES, rgb
 from auv_torchrl.vehicle import Vehicle
 

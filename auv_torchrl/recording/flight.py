@@ -11,7 +11,7 @@ from auv_torchrl.adaptation.flight import AdaptedFlight
 from auv_torchrl.adaptation.learner import PHASES
 from auv_torchrl.adaptation.moments import Happening, Moment
 from auv_torchrl.adaptation.recovery import BACK_M
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T, rgb
 from auv_torchrl.recording.body import record_vehicle
 from auv_torchrl.recording.series import record_series

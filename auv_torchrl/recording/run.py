@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.palette import CONTROLLER, SERIES, rgb
 from auv_torchrl.recording.blueprint import run_blueprint
 from auv_torchrl.recording.body import record_vehicle

@@ -2,15 +2,17 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
-import torch
 from array_api_compat import array_namespace
-from torch import Tensor
 
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.settings import In, check_fields
 from auv_torchrl.tasks.task import Reference, Task
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
 
 Array = Any
 Weight = Annotated[float, In("[0, 1000]")]
@@ -101,10 +103,11 @@ class StationKeeping(Task):
             + self.action_weight * xp.sqrt(xp.sum(action**2, axis=-1))
         )
 
-    def draw_starts(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    def draw_starts(self, count: int, generator: "torch.Generator") -> "tuple[Tensor, Tensor, Tensor]":
         """Position (count, 3), quaternion (count, 4) and body velocity (count, 6) of starts, float64."""
+        import torch  # here, because the command line asks for the settings above
 
-        def uniform(*shape: int) -> Tensor:
+        def uniform(*shape: int) -> "Tensor":
             return 2 * torch.rand(count, *shape, generator=generator, dtype=torch.float64) - 1
 
         position = self.box_m * uniform(3)

@@ -5,14 +5,16 @@ A task knows no simulator and no environment: pure functions of the state, batch
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
-import torch
 from array_api_compat import array_namespace
-from torch import Tensor
 
-from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.physics.pace import CONTROL_DT
 from auv_torchrl.settings import In
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
 
 Array = Any
 
@@ -68,7 +70,7 @@ class Task(ABC):
         """Reward (...) of the true state that an action (..., a) has led to."""
 
     @abstractmethod
-    def draw_starts(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    def draw_starts(self, count: int, generator: "torch.Generator") -> "tuple[Tensor, Tensor, Tensor]":
         """Position (count, 3), quaternion (count, 4) and body velocity (count, 6) of starts, float64."""
 
     @abstractmethod

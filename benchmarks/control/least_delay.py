@@ -10,7 +10,7 @@ from auv_torchrl.adaptation import AdaptationConfig
 from auv_torchrl.adaptation.filter import MOTION, VELOCITY, EffectivenessFilter
 from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.adaptation.recovery import altered_thrust
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 

@@ -10,20 +10,21 @@ import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
-from auv_torchrl.agents.config import AgentConfig, load_agent_config
-from auv_torchrl.agents.fine_tune import FineTuning
+from auv_torchrl.agents.config import AgentConfig, FineTuning, load_agent_config
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, pulse_test, weigh_particles
 from auv_torchrl.compensation.close import Closed, close
 from auv_torchrl.compensation.diagnosed import Diagnosed
-from auv_torchrl.compensation.target_log import Excitation, fly_target_log
+from auv_torchrl.compensation.excitation import Excitation
+from auv_torchrl.compensation.target_log import fly_target_log
 from auv_torchrl.ddr import AdapterConfig, DDRAdapter, adapt
 from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.envs import FleetEnv, make_fleet
-from auv_torchrl.evaluation import Flight, draw_starts, fly
+from auv_torchrl.evaluation import draw_starts, fly
+from auv_torchrl.flight import Flight
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.tasks import StationKeeping, Task

@@ -19,7 +19,8 @@ from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
 from auv_torchrl.adaptation.flight import fly_adapting
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
-from auv_torchrl.evaluation import STEADY_FROM_S, Flight, Policy, fly, steady_errors
+from auv_torchrl.evaluation import STEADY_FROM_S, Policy, fly, steady_errors
+from auv_torchrl.flight import Flight
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import drag
 from auv_torchrl.scenario import Scenario, read_scenario

@@ -10,7 +10,8 @@ from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
-from auv_torchrl.evaluation import Flight, draw_starts, fly
+from auv_torchrl.evaluation import draw_starts, fly
+from auv_torchrl.flight import Flight
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.tasks import StationKeeping

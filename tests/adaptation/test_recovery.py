@@ -11,7 +11,7 @@ from adapted_flights import VEHICLE
 from auv_torchrl.adaptation.flight import AdaptedFlight, gains
 from auv_torchrl.adaptation.recovery import recoveries
 from auv_torchrl.authority import controlled_allocation
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 
 
 def made_up(error_m, alarm_s, lost_s, settled_s=math.inf):

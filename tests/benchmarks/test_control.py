@@ -14,7 +14,7 @@ from auv_torchrl.adaptation.cost import cost_per_step
 from auv_torchrl.adaptation.recovery import recoveries
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.compensation.target_log import Excitation
+from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr import PretrainingConfig
 from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Metrics

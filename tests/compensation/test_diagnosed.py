@@ -7,15 +7,16 @@ from typing import Any, cast
 import pytest
 import torch
 
-from auv_torchrl.agents.config import load_agent_config
-from auv_torchrl.agents.fine_tune import FineTuning, Ground, fine_tune
+from auv_torchrl.agents.config import FineTuning, load_agent_config
+from auv_torchrl.agents.fine_tune import Ground, fine_tune
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.compensation.close import close
 from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
+from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.compensation.known_vehicle import KnownVehicle
-from auv_torchrl.compensation.target_log import Excitation, fly_target_log
+from auv_torchrl.compensation.target_log import fly_target_log
 from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.envs import make_fleet
 from auv_torchrl.envs.randomize import read_ranges

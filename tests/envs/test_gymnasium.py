@@ -8,8 +8,7 @@ import pytest
 import torch
 from gymnasium.utils.env_checker import check_env
 
-from auv_torchrl.envs import BACKENDS, RegulationEnv, make_fleet
-from auv_torchrl.envs.gymnasium_env import ID
+from auv_torchrl.envs import BACKENDS, ID, RegulationEnv, make_fleet
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from auv_torchrl.adaptation.moments import Happening
+from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.experiment.flight_figure import flight_figure
 from auv_torchrl.experiment.in_flight import fly_in_flight
 from auv_torchrl.experiment.run import run
-from auv_torchrl.experiment.schedule import FlightConfig, schedule
+from auv_torchrl.experiment.schedule import schedule
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
 

@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 import torch
 
 from auv_torchrl.diagnosis.verdict import Diagnosis, Trajectory, Window
-from auv_torchrl.evaluation import Flight
+from auv_torchrl.flight import Flight
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.palette import NEUTRAL, U_S, U_T, rgb

@@ -1,0 +1,37 @@
+"""What ``diagnose.py`` does once its command line is read."""
+
+import logging
+from pathlib import Path
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from auv_torchrl.command import checking_input
+from auv_torchrl.diagnosis.pipeline import diagnose
+from auv_torchrl.diagnosis.report import summary_table, write_files
+from auv_torchrl.diagnosis.report.progress import ProgressBar
+from auv_torchrl.diagnosis.request import read_request
+from auv_torchrl.flightlog.findings import FlightLogError
+
+log = logging.getLogger("diagnose")
+
+
+def answer(config: DictConfig) -> None:
+    """Read the logs, diagnose them, print the verdict, write the files."""
+    with checking_input():
+        request = read_request(config)
+    with checking_input((FlightLogError,)), ProgressBar() as progress:
+        diagnosis = diagnose(
+            request.log,
+            request.vehicle,
+            healthy=request.healthy,
+            test=request.test,
+            progress=progress,
+            vehicle_name=request.vehicle_name,
+            settings=request.settings,
+            uncertainty=request.uncertainty,
+        )
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    log.info("\n%s\n", summary_table(diagnosis))  # before the files, so that a full disk does not keep it
+    write_files(diagnosis, request.vehicle, folder, replace=True)  # of an unfinished run; others are refused before
+    log.info("report.html, diagnosis.json and scenario.yaml are in %s", folder)

@@ -1,0 +1,58 @@
+"""What ``auv-log`` does once its command line is read."""
+
+import sys
+from pathlib import Path
+
+from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.info import info_lines, table_lines
+from auv_torchrl.flightlog.readers import read_streams
+from auv_torchrl.flightlog.streams import ReadOptions, tabulate
+from auv_torchrl.flightlog.table import read_table
+from auv_torchrl.flightlog.writer import write_columns
+
+_TABLES = (".csv", ".parquet", ".pq")
+
+
+def info(files: list[Path], options: ReadOptions) -> None:
+    """Print what is in each log.
+
+    Raises:
+        FlightLogError: at the end, for those that cannot be read.
+    """
+    failed = []
+    for file in files:
+        try:
+            streams = read_streams(file, options)
+            lines = table_lines(read_table(file)) if streams is None else info_lines(streams, options)
+            print("\n".join(lines))
+        except FlightLogError as error:
+            failed.append(str(error))
+    if failed:
+        raise FlightLogError("; ".join(failed))
+
+
+def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> None:
+    """Write one table of a log.
+
+    Raises:
+        FlightLogError: for a log or an output that cannot be.
+        FileExistsError: for an output that is there, unless it may be replaced.
+    """
+    if len(files) > 1:
+        raise FlightLogError(f"convert takes one log, these are {len(files)}: convert them one by one")
+    output = Path(keys.get("output", ""))
+    if output.suffix.lower() not in _TABLES:
+        raise FlightLogError(
+            f"output={keys.get('output', '')} says no format: give output=log.csv or output=log.parquet"
+        )
+    if not output.absolute().parent.is_dir():
+        raise FlightLogError(f"there is no folder {output.parent}: make it, or write elsewhere")
+    replace = keys.get("replace", "").lower() == "true"
+    if output.exists() and not replace:
+        raise FileExistsError(f"{output} exists: choose another name, or give replace=true")
+    streams = read_streams(files[0], options)
+    table = read_table(files[0]) if streams is None else tabulate(streams, options)
+    for finding in table.findings:
+        print(finding, file=sys.stderr)
+    write_columns(table.columns, output, replace)
+    print(f"{output}: {len(table.row)} rows of {' '.join(table.columns)}")

@@ -1,0 +1,75 @@
+"""What commands import before their work begins, by sys.modules and not by the clock."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from auv_torchrl.paths import PROJECT
+
+HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
+TRAIN, DIAGNOSE, LOG = (f"auv_torchrl.{part}.command" for part in ("experiment", "diagnosis", "flightlog"))
+CALL = """
+import json, sys
+from importlib import import_module
+
+program, code = sys.argv.pop(1), 0
+try:
+    import_module(program).main()
+except SystemExit as ended:
+    code = ended.code
+print(json.dumps([code or 0, sorted(sys.modules)]))
+"""
+
+
+def loaded(*words):
+    """Exit code, and the modules that a process has imported when it ends; ``words`` follow ``python -c``."""
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
+    run = subprocess.run([sys.executable, "-c", *words], capture_output=True, text=True, cwd=PROJECT, env=environment)
+    assert run.returncode == 0, run.stderr
+    code, modules = json.loads(run.stdout.splitlines()[-1])
+    return code, set(modules)
+
+
+@pytest.mark.parametrize(
+    ("program", "arguments", "code"),
+    [
+        (TRAIN, ["--help"], 0),
+        (TRAIN, ["vehicle=submarine"], 2),
+        (TRAIN, ["agent.gama=0.9"], 2),
+        (DIAGNOSE, ["--help"], 0),
+        (DIAGNOSE, ["lgo=flight.csv"], 2),
+        (LOG, ["--help"], 0),
+        (LOG, ["inform", "flight.csv"], 2),
+    ],
+)
+def test_help_and_a_mistaken_command_line_are_answered_without_what_takes_long_to_import(program, arguments, code):
+    """Neither torch nor a simulator nor a library for tables is loaded before work begins."""
+    ended, modules = loaded(CALL, program, *arguments)
+    assert ended == code
+    assert not modules & HEAVY
+
+
+def test_a_log_that_there_is_not_is_refused_before_torch_is_imported(tmp_path):
+    """Also a file that is another than its name says."""
+    (tmp_path / "flight.BIN").write_text("t,x\n")
+    for log in ("nowhere.csv", "flight.BIN"):
+        ended, modules = loaded(CALL, DIAGNOSE, f"log={tmp_path / log}", f"output={tmp_path / 'out'}")
+        assert ended == 2
+        assert not modules & HEAVY
+
+
+def test_a_diagnosis_imports_neither_torchrl_nor_an_environment_nor_a_compiler():
+    """Of torch it needs the vehicle and the gradient of the physics."""
+    code = """
+import json, sys
+from auv_torchrl.diagnosis.uncompiled import without_compiler
+with without_compiler():
+    import auv_torchrl.diagnosis.job
+print(json.dumps([0, sorted(sys.modules)]))
+"""
+    _, modules = loaded(code)
+    assert "auv_torchrl.diagnosis.pipeline" in modules
+    assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib"}
