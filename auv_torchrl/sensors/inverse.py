@@ -132,15 +132,17 @@ class Inverse:
         """Vectors (..., 3) along the true axes of the body, of vectors along the axes of a reported attitude."""
         if not self.by_position:
             return self.speed * linear
-        earth = self.speed * matvec(rotation_matrix(attitude), linear)
-        return matvec(rotation_matrix(quaternion_product(self.turn, attitude)).mT, earth)
+        rotation = rotation_matrix(attitude)
+        earth = self.speed * matvec(rotation, linear)
+        return matvec(rotation.mT, matvec(rotation_matrix(self.turn).mT, earth))
 
     def _reported_linear(self, attitude: Floats, linear: Floats) -> Floats:
         """The inverse of :meth:`_true_linear`."""
         if not self.by_position:
             return linear / self.speed
-        earth = matvec(rotation_matrix(quaternion_product(self.turn, attitude)), linear) / self.speed
-        return matvec(rotation_matrix(attitude).mT, earth)
+        rotation = rotation_matrix(attitude)
+        earth = matvec(rotation_matrix(self.turn), matvec(rotation, linear)) / self.speed
+        return matvec(rotation.mT, earth)
 
 
 def _joined(*parts: Floats) -> Floats:

@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, flown, follow
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))
@@ -139,8 +140,9 @@ def test_the_mark_of_a_sensor_is_the_difference_of_two_simulations(effect, axes)
     _, states = flown(actuate(windows, one), layout, state.start[:, None], state.bins[:, None])
     other = batch(HELD, [{effect: {name: 1.0 + size}}])
     motion = middles(states[:, 0])
-    mark = marks(windows, one, layout, state, force_changes(windows, one, other, motion))
-    read = reading_changes(windows, one, other, states[:, 0])
+    before, after = (prepare(its).numpy() for its in (one, other))
+    mark = marks(windows, before, layout, state, force_changes(windows, before, after, motion))
+    read = reading_changes(windows, before, after, states[:, 0])
     mark = (mark if read is None else mark + read)[..., 0]
     moved, _ = flown(actuate(windows, other), layout, state.start[:, None], state.bins[:, None])
     simulated = state.residual - moved[:, 0]

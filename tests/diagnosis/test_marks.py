@@ -12,6 +12,7 @@ from auv_torchrl.diagnosis.motion.force import force_changes, marks, middles, re
 from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import simulated_logs
 
@@ -37,8 +38,9 @@ def simulated_and_marked(values):
     """How the samples change in simulation, and as the mark says, the starts fitted: (W, K) in units of the noise."""
     windows, layout, one, state, samples, states = flown()
     changed = batch(VEHICLE, [values])
-    marked = marks(windows, one, layout, state, force_changes(windows, one, changed, middles(states)))
-    read = reading_changes(windows, one, changed, states)
+    c, beyond = (prepare(its).numpy() for its in (one, changed))
+    marked = marks(windows, c, layout, state, force_changes(windows, c, beyond, middles(states)))
+    read = reading_changes(windows, c, beyond, states)
     marked = (marked if read is None else marked + read)[..., 0]
     after = fly(actuate(windows, changed), windows.guess[:, None])[0][:, 0]
     simulated = windows.residual(samples) - windows.residual(after)

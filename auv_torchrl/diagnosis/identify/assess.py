@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import volume
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
@@ -10,7 +11,6 @@ from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, wit
 from auv_torchrl.diagnosis.identify.steps import bounded_step, joint_precision, take_step, value_steps
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import KNOB_STEP, SLACK_SHARES, SLACK_STEP
-from auv_torchrl.effects import EFFECTS
 
 
 def assess(
@@ -74,7 +74,7 @@ def knob_changes(problem: Problem, explanation: Explanation) -> tuple[list[Expla
     for place, knob in enumerate(explanation.knobs):
         if knob.discrete:
             continue
-        p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]
+        p = declared(knob.effect, problem.vehicle).parameters[knob.members[0]]
         step = KNOB_STEP * problem.prior.width(knob.effect, knob.members[0])
         if (knob.effect, knob.members[0]) in at_slack:  # the same step, so that the two are the same direction
             step = at_slack[knob.effect, knob.members[0]]

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.thresholds import SHOWS
 from auv_torchrl.diagnosis.verdict import Estimate
-from auv_torchrl.effects import EFFECTS
 
 
 def detectable_sizes(field: Field) -> dict[str, Estimate]:
@@ -15,8 +15,8 @@ def detectable_sizes(field: Field) -> dict[str, Estimate]:
         if atom.discrete or not field.seen[i]:
             continue
         name = field.moved_most(atom)
-        p = EFFECTS[atom.effect].member_parameters(field.problem.vehicle)[name]
-        nominal = EFFECTS[atom.effect].nominal(field.problem.vehicle)[name]
+        p = declared(atom.effect, field.problem.vehicle).parameters[name]
+        nominal = declared(atom.effect, field.problem.vehicle).nominal[name]
         share = np.sqrt(SHOWS / field.A[i, i])
         size = abs(atom.values[name] - nominal) * share
         relative = size / (p.high - p.low)

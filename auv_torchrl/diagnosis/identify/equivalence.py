@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.half_turn import turned_round
 from auv_torchrl.diagnosis.identify.hypotheses import Atom
@@ -12,7 +13,6 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.thresholds import NOT_EXCLUDED, SAME_MARK
-from auv_torchrl.effects import EFFECTS
 
 
 def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], ...]:
@@ -69,7 +69,7 @@ def _same_atoms(problem: Problem, field: Field) -> Iterator[tuple[Atom, Atom, fl
 
 def _amount(atom: Atom, knob: Knob, problem: Problem) -> float:
     """How many atoms a fitted value is."""
-    nominal = EFFECTS[atom.effect].nominal(problem.vehicle)[knob.members[0]]
+    nominal = declared(atom.effect, problem.vehicle).nominal[knob.members[0]]
     return (knob.value - nominal) / (atom.values[knob.members[0]] - nominal)
 
 

@@ -5,6 +5,7 @@ from math import comb, log, pi
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, RANGE_CAP, SECOND_EFFECT
@@ -22,7 +23,7 @@ class Prior:
 
     def width(self, effect: str, member: str) -> float:
         """Plausible range of a parameter, in its unit."""
-        p = EFFECTS[effect].member_parameters(self.vehicle)[member]
+        p = declared(effect, self.vehicle).parameters[member]
         return min(p.high - p.low, RANGE_CAP.get(p.unit, np.inf))
 
     def structure(self, explanation: Explanation) -> float:
@@ -34,7 +35,7 @@ class Prior:
         total += (len(effects) - 1) * log(SECOND_EFFECT)
         for effect in effects:
             total += log(EFFECTS[effect].odds)
-            members = len(EFFECTS[effect].member_parameters(self.vehicle))
+            members = len(declared(effect, self.vehicle).parameters)
             knobs = [knob for knob in explanation.knobs if knob.effect == effect]
             if not knobs[0].discrete:
                 total += (len(knobs) - 1) * log(ONE_MORE_VALUE)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field, replace
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Values
-from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -43,20 +43,20 @@ class Explanation:
         """Parameter values by effect, slack added unless told otherwise."""
         values: Values = {}
         names = {knob.effect for knob in self.knobs} | {effect for effect, _ in self.slack}
-        nominals = {name: EFFECTS[name].nominal(vehicle) for name in names}
+        known = {name: declared(name, vehicle) for name in names}
         for knob in self.knobs:
-            declared, nominal = EFFECTS[knob.effect].member_parameters(vehicle), nominals[knob.effect]
+            parameters, nominal = known[knob.effect]
             row = values.setdefault(knob.effect, {})
             for member in knob.members:
                 if knob.discrete or member not in row:
                     row[member] = knob.value
                 else:  # two knobs within bounds can add up to an inertia of nothing
                     both = row[member] + knob.value - nominal[member]
-                    row[member] = min(max(both, declared[member].low), declared[member].high)
+                    row[member] = min(max(both, parameters[member].low), parameters[member].high)
         if slack:
             for (effect, member), deviation in self.slack.items():
                 row = values.setdefault(effect, {})
-                row[member] = row.get(member, nominals[effect][member]) + deviation
+                row[member] = row.get(member, known[effect].nominal[member]) + deviation
         return values
 
     def moved(self, amounts: dict[int, float]) -> "Explanation":
@@ -75,14 +75,13 @@ class Explanation:
 
     def with_atom(self, atom: Atom, vehicle: Vehicle, amount: float = 1.0) -> "Explanation":
         """The explanation with one more change; a knob that is there already is moved on."""
-        declared = EFFECTS[atom.effect].member_parameters(vehicle)
-        nominal = EFFECTS[atom.effect].nominal(vehicle)
+        parameters, nominal = declared(atom.effect, vehicle)
         groups: dict[str, list[str]] = {}
         for member in atom.values:
-            groups.setdefault(declared[member].name if not atom.discrete else member, []).append(member)
+            groups.setdefault(parameters[member].name if not atom.discrete else member, []).append(member)
         knobs = list(self.knobs)
         for members in groups.values():
-            p = declared[members[0]]
+            p = parameters[members[0]]
             start = nominal[members[0]]
             value = atom.values[members[0]]
             if not atom.discrete:

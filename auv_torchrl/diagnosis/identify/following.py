@@ -113,7 +113,8 @@ def follow_freely(problem: Problem, windows: Windows, vehicle: Vehicle, prior: F
 def rebase(problem: Problem, explanation: Explanation, start: Base) -> Base:
     """The windows under another explanation, from what is left of the force when the explanation is taken out."""
     vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
-    explained = force_changes(problem.windows, start.vehicle, vehicle, start.motion)[:, 0, :, problem.layout.dof]
+    before, after = (prepare(its).numpy() for its in (start.vehicle, vehicle))
+    explained = force_changes(problem.windows, before, after, start.motion)[:, 0, :, problem.layout.dof]
     edges = np.arange(0, problem.windows.steps, problem.layout.steps_per_bin)
     counts = np.diff(np.append(edges, problem.windows.steps))
     explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first

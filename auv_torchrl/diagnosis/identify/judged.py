@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Smoothed
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import MINOR, SATISFIED, STRAINED
+from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -89,9 +90,10 @@ def _sizes(problem: Problem, explanations: list[Explanation], base: Base) -> Flo
     """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
     if not problem.followed.any():
         return np.zeros(len(explanations))
-    rows = batch(problem.vehicle, [explanation.values(problem.vehicle) for explanation in explanations])
+    values = [{}, *(explanation.values(problem.vehicle) for explanation in explanations)]
+    c = prepare(batch(problem.vehicle, values)).numpy()
     moves = problem.layout.start[: len(problem.layout.start) // 2]  # unseen ones too: some effects act through a tilt
-    forces = force_changes(problem.windows, batch(problem.vehicle, [{}]), rows, base.motion)[..., moves]
+    forces = force_changes(problem.windows, c.rows(slice(1)), c.rows(slice(1, None)), base.motion)[..., moves]
     scaled = (forces / problem.reach[moves])[problem.followed]
     return np.sqrt((scaled**2).mean((0, 2)).sum(-1))
 

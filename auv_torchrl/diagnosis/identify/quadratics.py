@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, pooled, reduce
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import SLACK_STEP
+from auv_torchrl.physics import prepare
 
 MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
 
@@ -68,15 +69,16 @@ def _marks_in_pieces(
 ) -> Iterator[tuple[slice, Floats, Floats | None]]:
     """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the base."""
     rows = [change.values(problem.vehicle) for change in (*changes, *([around] if around else []))]
-    vehicles = batch(problem.vehicle, rows) if rows else None
+    changed = prepare(batch(problem.vehicle, rows)).numpy() if rows else None
+    now = prepare(base.vehicle).numpy()
     for some in in_pieces(len(problem.windows), len(rows)):
-        if vehicles is None:
+        if changed is None:
             yield some, np.empty((*base.state.residual[some].shape, 0)), None
             continue
         windows = problem.windows.subset(some)
-        forces = force_changes(windows, base.vehicle, vehicles, base.motion[some])
-        columns = marks(windows, base.vehicle, problem.layout, rows_of(base.state, some), forces)
-        read = reading_changes(windows, base.vehicle, vehicles, base.states[some])
+        forces = force_changes(windows, now, changed, base.motion[some])
+        columns = marks(windows, now, problem.layout, rows_of(base.state, some), forces)
+        read = reading_changes(windows, now, changed, base.states[some])
         columns = columns if read is None else columns + read
         if around is None:
             yield some, columns, None

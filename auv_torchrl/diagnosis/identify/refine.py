@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.identify.judged import Judged, is_minor, is_strained, leaves_much
@@ -73,7 +74,7 @@ def _added(problem: Problem, best: Judged, explanation: Explanation) -> Judged:
         return judged
     eased = {}
     for place, knob in enumerate(explanation.knobs):
-        nominal = EFFECTS[knob.effect].nominal(problem.vehicle)[knob.members[0]]
+        nominal = declared(knob.effect, problem.vehicle).nominal[knob.members[0]]
         if not knob.discrete:
             eased[place] = nominal + EASED * (knob.value - nominal)
     again = fit_by_simulation(problem, explanation.moved(eased).starting_from(best.explanation), best.base)
@@ -118,7 +119,7 @@ def _drop_idle(problem: Problem, best: Judged, polished: list[Judged]) -> Judged
         if knob.discrete:
             kept.append(knob)
             continue
-        nominal = EFFECTS[knob.effect].nominal(problem.vehicle)[knob.members[0]]
+        nominal = declared(knob.effect, problem.vehicle).nominal[knob.members[0]]
         doubt = max(float(next(deviation)), slack.get((knob.effect, knob.members[0]), 0.0))
         if abs(knob.value - nominal) > IDLE * doubt:
             kept.append(knob)

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import knob_changes, log_evidence
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import volume
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import Atom
@@ -17,7 +18,6 @@ from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_KNOBS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
-from auv_torchrl.effects import EFFECTS
 
 
 @dataclass(frozen=True)
@@ -73,25 +73,38 @@ class Field:
         Slack is fitted too, but no further than slack goes: what lies beyond must be an effect. So are the values that
         the explanation has already, because what is added may take over a part of what they do.
         """
+        H, g, low, high, paid = self._pulled
+        first = len(low)
+        columns = [*range(first), *(first + i for i in chosen)]
+        H, g = H[columns][:, columns], g[columns]
+        open_ended = np.full(len(chosen), np.inf)
+        low, high = np.concatenate([low, -open_ended]), np.concatenate([high, open_ended])
+        x, free = np.zeros(len(columns)), None
+        pull, centre = self.pull[chosen], self.centre[chosen]
+        if amounts is None:
+            at = np.arange(first, len(columns))
+            H[at, at] += pull
+            g[first:] += pull * centre
+            paid += float(pull @ centre**2)
+        else:
+            x[first:], free = amounts, np.arange(len(columns)) < first
+        x = bounded_minimum(H, g, low, high, x, free)
+        return self.quadratic.constant + paid + float(x @ (H @ x - 2 * g)), x[first:]
+
+    @cached_property
+    def _pulled(self) -> tuple[Floats, Floats, Floats, Floats, float]:
+        """The quadratic with the prior of slack and values: matrix, vector, bounds, and what they cost now."""
         problem, q = self.problem, self.quadratic
         stiffness, least, most = self.values
-        first = len(problem.slack) + len(stiffness)
-        at, precision = slack_now(problem, self.explanation), problem.slack_precision
-        columns = [*range(first), *(first + i for i in chosen)]
-        of_atoms = self.pull[chosen] if amounts is None else np.zeros(len(chosen))
-        pull = joint_precision(precision, np.concatenate([stiffness, of_atoms]))
-        toward = np.concatenate([-at, np.zeros(len(stiffness)), self.centre[chosen]])
-        H = q.A[np.ix_(columns, columns)] + pull
-        g = q.b[columns] + pull @ toward
+        at, first = slack_now(problem, self.explanation), len(problem.slack) + len(stiffness)
+        toward = np.concatenate([-at, np.zeros(len(stiffness))])
+        pull = joint_precision(problem.slack_precision, stiffness)
+        H, g = q.A.copy(), q.b.copy()
+        H[:first, :first] += pull
+        g[:first] += pull @ toward
         reach = SLACK_LIMIT * np.sqrt(np.diag(problem.slack_covariance))
-        low = np.concatenate([-reach - at, least, np.full(len(chosen), -np.inf)])
-        high = np.concatenate([reach - at, most, np.full(len(chosen), np.inf)])
-        x, free = np.zeros(len(columns)), np.ones(len(columns), bool)
-        if amounts is not None:
-            x[first:], free[first:] = amounts, False
-        x = bounded_minimum(H, g, low, high, x, free)
-        chi2 = q.constant + float(toward @ pull @ toward - 2 * g @ x + x @ H @ x)
-        return chi2, x[first:]
+        low, high = np.concatenate([-reach - at, least]), np.concatenate([reach - at, most])
+        return H, g, low, high, float(toward @ pull @ toward)
 
     def judge(self, chosen: list[int]) -> Screened:
         """Weigh some atoms together, on top of the explanation of the base."""
@@ -118,12 +131,12 @@ class Field:
     def _unit(self, atom: Atom) -> tuple[float, float]:
         """Change of the parameter that an atom moves most, and the plausible range of that parameter."""
         most = self.moved_most(atom)
-        nominal = EFFECTS[atom.effect].nominal(self.problem.vehicle)[most]
+        nominal = declared(atom.effect, self.problem.vehicle).nominal[most]
         return atom.values[most] - nominal, self.problem.prior.width(atom.effect, most)
 
     def moved_most(self, atom: Atom) -> str:
         """The parameter that an atom moves most, for its plausible range."""
-        nominal = EFFECTS[atom.effect].nominal(self.problem.vehicle)
+        nominal = declared(atom.effect, self.problem.vehicle).nominal
         width = self.problem.prior.width
         return max(atom.values, key=lambda name: abs(atom.values[name] - nominal[name]) / width(atom.effect, name))
 
@@ -198,10 +211,10 @@ class Field:
 def _moves_all(problem: Problem, i: int) -> bool:
     """Whether an atom moves all members of a family of parameters by one value."""
     atom = problem.atoms[i]
-    declared = EFFECTS[atom.effect].member_parameters(problem.vehicle)
-    return len(atom.values) > 1 and not atom.discrete and len({declared[name].name for name in atom.values}) == 1
+    parameters = declared(atom.effect, problem.vehicle).parameters
+    return len(atom.values) > 1 and not atom.discrete and len({parameters[name].name for name in atom.values}) == 1
 
 
 def _value(explanation: Explanation, effect: str, member: str, problem: Problem) -> float:
     values = explanation.values(problem.vehicle, slack=False).get(effect, {})
-    return values.get(member, EFFECTS[effect].nominal(problem.vehicle)[member])
+    return values.get(member, declared(effect, problem.vehicle).nominal[member])

@@ -5,18 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import SLACK_LIMIT
-from auv_torchrl.effects import EFFECTS
 
 
 def value_steps(problem: Problem, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:
     """Prior precision and bounds (m,) of the fitted values, in ``steps`` away from where they are."""
-    bounds = [EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]] for knob in explanation.fitted]
+    bounds = [declared(knob.effect, problem.vehicle).parameters[knob.members[0]] for knob in explanation.fitted]
     widths = np.array([problem.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
     room = np.array([
         sorted(((p.low - knob.value) / step, (p.high - knob.value) / step))
@@ -67,7 +67,7 @@ def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_st
     for place, knob in enumerate(explanation.knobs):
         if knob.discrete:
             continue
-        p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]
+        p = declared(knob.effect, problem.vehicle).parameters[knob.members[0]]
         amounts[place] = float(np.clip(knob.value + step[order], p.low, p.high))
         order += 1
     slack = {

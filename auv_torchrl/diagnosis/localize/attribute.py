@@ -44,7 +44,7 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
     size = np.sqrt(((columns[..., problem.layout.dof] / problem.wide) ** 2).sum(-1).mean((0, 2)))
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
-    shown = marks(problem.windows, base.vehicle, problem.layout, base.state, columns)
+    shown = marks(problem.windows, prepare(base.vehicle).numpy(), problem.layout, base.state, columns)
     parts = reduce(problem.windows, problem.layout, problem.freedom(base.state.slope), base.state, shown)
     folds = _folds(parts, known)
 

@@ -7,6 +7,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import marks
 from auv_torchrl.diagnosis.motion.reduce import reduce
 from auv_torchrl.diagnosis.thresholds import NOTHING_TO_MAP
+from auv_torchrl.physics import prepare
 
 
 def input_mappable(problem: Problem, follow: Base) -> float | None:
@@ -18,7 +19,7 @@ def input_mappable(problem: Problem, follow: Base) -> float | None:
     forces = np.zeros((len(windows), inputs.shape[-1] * len(layout.dof), windows.steps, 6))
     for column, (j, d) in enumerate(np.ndindex(inputs.shape[-1], len(layout.dof))):
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
-    columns = marks(windows, follow.vehicle, layout, follow.state, forces)
+    columns = marks(windows, prepare(follow.vehicle).numpy(), layout, follow.state, forces)
     q = reduce(windows, layout, problem.freedom(follow.state.slope), follow.state, columns).windows(problem.followed)
     if q.constant <= NOTHING_TO_MAP * q.numbers:
         return None

@@ -9,20 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, actuate_prepared
+from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate_prepared
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.samples import ahead, oldest
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.physics import Coefficients, prepare
-from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import matvec, normalise, rotation_matrix
-from auv_torchrl.physics.thrusters import body_wrench, thrust_after
+from auv_torchrl.physics import Coefficients
+from auv_torchrl.physics.kernel import rates
+from auv_torchrl.physics.kinematics import matvec, normalise
+from auv_torchrl.physics.thrusters import thrust_after
 from auv_torchrl.sensors import Inverse, motion_of, read
-from auv_torchrl.vehicle import Vehicle
 
-CANDIDATES_AT_ONCE = 16
+CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
 PROBED = 3  # windows in which is looked which vehicles report something else
 SAME = 1e-9  # m, rad, m/s, rad/s: rounding
 
@@ -36,29 +35,31 @@ def middles(states: Floats) -> Floats:
 
 
 @DIVERGING
-def force_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, motion: Floats) -> Floats:
+def force_changes(windows: Windows, nominal: Coefficients, changed: Coefficients, motion: Floats) -> Floats:
     """Force (W, R, S, 6) in N and N m that the changed vehicles (R,) feel beyond the nominal one (1,).
 
     It is the nominal mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
     """
-    sound = actuate(windows, nominal)
+    sound = actuate_prepared(windows, nominal)
     sensors = Inverse.of(sound.c, windows.channels)
     seen = sensors.reported_state(motion)
     before, mass = accelerations(sound, seen), sound.c.mass_matrix[:, None]
-    c = prepare(changed).numpy()
-    forces = np.empty((len(windows), changed.batch_size[0], windows.steps, 6))
-    for alike in Inverse.of(c, windows.channels).kinds():
-        for first in range(0, len(alike), CANDIDATES_AT_ONCE):
-            some = alike[first : first + CANDIDATES_AT_ONCE]
-            beyond = accelerations(actuate_prepared(windows, c.rows(some)), seen) - before
+    forces = np.empty((len(windows), len(changed.lag), windows.steps, 6))
+    slow = (changed.lag > 0).any(-1) | (changed.delay > 0)  # what one needs is worked out for all with it
+    for sensed in Inverse.of(changed, windows.channels).kinds():
+        for some in (*_chunks(sensed[~slow[sensed]]), *_chunks(sensed[slow[sensed]])):
+            beyond = accelerations(actuate_prepared(windows, changed.rows(some)), seen) - before
             forces[:, some] = matvec(mass, sensors.true_rate(beyond, seen[:, None]))
     return forces
+
+
+def _chunks(rows: np.ndarray) -> list[np.ndarray]:
+    return [rows[first : first + CANDIDATES_AT_ONCE] for first in range(0, len(rows), CANDIDATES_AT_ONCE)]
 
 
 def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     """(W, R, S, 6), as reported, of the vehicles of ``actuation`` along a reported ``motion`` (W, S, 13)."""
     windows, c, terms = actuation.windows, actuation.c, actuation.terms
-    by_step = c.rows((slice(None), None))  # (R, 1, ...) so that steps are a batch axis
     (target,) = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))
     thrust = target
     if terms.lag:
@@ -68,34 +69,29 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
             thrust[:, :, step] = thrust_after(c, terms, left, target[:, :, step], windows.dt / 2)
             left = thrust_after(c, terms, left, target[:, :, step], windows.dt)
     time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - oldest(windows, c)[:, None]
-    wrench = body_wrench(by_step, terms, thrust, time)
     sensors = Inverse.of(c, windows.channels).shared().by_step()
     true = sensors.true_state(motion[:, None])
-    rotation = rotation_matrix((motion[:, None] if sensors.is_true else true)[..., 3:7])  # one for all that are true
-    true = np.broadcast_to(true, (*wrench.shape[:-1], true.shape[-1]))
-    rate = acceleration(by_step, terms, rotation, true[..., :3], true[..., 7:], wrench)
-    return sensors.reported_rate(rate, true, motion[:, None])
+    rate = rates(c, terms, true, thrust, time)
+    return sensors.reported_rate(rate, np.broadcast_to(true, (*rate.shape[:-1], true.shape[-1])), motion[:, None])
 
 
-def marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
+def marks(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
     """How forces (W, R, S, 6) along the measured motion would show in the samples, to first order: (W, K, R)."""
     moves = layout.start[: len(layout.start) // 2]
     pushed = forces[..., moves].transpose(0, 2, 3, 1)
     nothing = np.zeros((1, len(layout.start), forces.shape[1]))
-    c = prepare(vehicle).numpy()
     tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).gain[0])
     return respond(windows, layout.start, tangent, nothing, pushed, ahead(windows, c)[0])
 
 
 @DIVERGING
-def reading_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, states: Floats) -> Floats | None:
+def reading_changes(windows: Windows, before: Coefficients, after: Coefficients, states: Floats) -> Floats | None:
     """What vehicles (R,) report (W, K, R) beyond the nominal one (1,), where they move as the same report says.
 
     A speed that positions show is also a speed that a Doppler log reads: a vehicle whose positions are scaled, or whose
     compass is off, moves otherwise than reported, and its other sensors tell. None where all of them report the same.
     ``states`` (W, S + 1, 13) are the true ones of the nominal vehicle.
     """
-    before, after = (prepare(vehicle).numpy() for vehicle in (nominal, changed))
     seen = Inverse.of(before, windows.channels).reported_state(states)[:, None]
     now = _readings(windows, before, seen)
 
@@ -108,7 +104,7 @@ def reading_changes(windows: Windows, nominal: Vehicle, changed: Vehicle, states
     other = np.flatnonzero(np.abs(beyond(after, few)).max((0, 2, 3)) > SAME)
     if not len(other):
         return None
-    shown = np.zeros((*windows.measured.shape, changed.batch_size[0]))
+    shown = np.zeros((*windows.measured.shape, len(after.lag)))
     for row in other:
         shown[..., row] = beyond(after.rows(slice(row, row + 1)), slice(None))[:, 0]
     shown *= windows.trust[..., None]

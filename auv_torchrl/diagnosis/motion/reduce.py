@@ -215,7 +215,11 @@ def bounded_minimum(
     x = np.zeros(len(g)) if x is None else x.copy()
     free = np.ones(len(g), bool) if free is None else free.copy()
     for _ in range(BOUND_PASSES):
-        x[free] = solve_semidefinite(H[np.ix_(free, free)], g[free] - H[np.ix_(free, ~free)] @ x[~free])
+        if free.all():
+            x = solve_semidefinite(H, g)
+        else:
+            rows = H[free]
+            x[free] = solve_semidefinite(rows[:, free], g[free] - rows[:, ~free] @ x[~free])
         beyond = free & ((x < low) | (x > high))
         if not beyond.any():
             break

@@ -121,8 +121,13 @@ def _by_number(rows: Array) -> Array:
     return np.ascontiguousarray(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
+def coefficient_sizes(shapes: Shapes) -> dict[str, int]:
+    """Numbers that each of the coefficients of a vehicle has, by name."""
+    return {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
+
+
 def _layout(shapes: Shapes) -> Layout:
-    sizes = {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
+    sizes = coefficient_sizes(shapes)
     thrusters = sizes["full_thrust"]
     return Layout(
         constants={**sizes, "h": 1},
