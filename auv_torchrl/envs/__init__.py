@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from gymnasium import register
+import gymnasium
 
 from auv_torchrl.late import late
 
@@ -40,7 +40,7 @@ __getattr__ = late(
     },
 )
 
-register(  # by names, so that nothing of it is imported before it is made
+gymnasium.register(  # by names, so that nothing of it is imported before it is made
     ID,
     entry_point="auv_torchrl.envs.gymnasium_env:RegulationEnv",
     vector_entry_point="auv_torchrl.envs.gymnasium_env:RegulationVectorEnv",

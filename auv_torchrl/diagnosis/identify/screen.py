@@ -186,7 +186,7 @@ class Field:
     def _grown(self, chosen: list[int], inside: list[int]) -> Screened | None:
         best: Screened | None = None
         for _ in range(MOST_KNOBS):
-            free = [i for i in inside if not self._overlaps(i, chosen)]
+            free = [i for i in inside if not _overlaps(self, i, chosen)]
             if not free:
                 break
             trial = [*chosen, min(free, key=lambda i: self.fit([*chosen, i])[0])]
@@ -196,16 +196,17 @@ class Field:
             chosen, best = trial, judged
         return best
 
-    def _overlaps(self, i: int, chosen: list[int]) -> bool:
-        """Whether an atom says the same as chosen ones, or moves what they move."""
-        mine = self.problem.atoms[i]
-        for j in chosen:
-            other = self.problem.atoms[j]
-            if abs(self.A[i, j]) > SAME_MARK * np.sqrt(self.A[i, i] * self.A[j, j]):
-                return True
-            if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
-                return True
-        return False
+
+def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
+    """Whether an atom says the same as chosen ones, or moves what they move."""
+    mine = field.problem.atoms[i]
+    for j in chosen:
+        other = field.problem.atoms[j]
+        if abs(field.A[i, j]) > SAME_MARK * np.sqrt(field.A[i, i] * field.A[j, j]):
+            return True
+        if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
+            return True
+    return False
 
 
 def _moves_all(problem: Problem, i: int) -> bool:
