@@ -5,6 +5,7 @@ SCENARIO ?= thruster_gain
 VEHICLE ?= paper
 LOG ?= examples/flight.csv
 CASES ?= 430
+SENSORS ?= null
 JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
@@ -55,8 +56,8 @@ bench: $(READY) ## measure the figures of docs/benchmarks.md
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python -m benchmarks.control
 
-blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430
-	$(BIN)/python -m benchmarks.blind cases=$(CASES)
+blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430 SENSORS=stock
+	$(BIN)/python -m benchmarks.blind cases=$(CASES) sensors=$(SENSORS)
 
 clean: ## remove the environment and caches, keep outputs
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info

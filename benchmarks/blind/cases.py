@@ -1,7 +1,7 @@
 """Which cases are flown: families of cases in fixed shares, in an order that any part of is representative."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import cycle
 
@@ -9,7 +9,10 @@ import numpy as np
 
 from auv_torchrl.settings import choices
 from benchmarks.blind.damages import DAMAGES, FAULTS, POSES, can_show
+from benchmarks.blind.faults import FAULTS as SET_FAULTS
+from benchmarks.blind.faults import LOAD, THRUSTER, UNSEEN
 from benchmarks.blind.outside import OUTSIDE
+from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.blind.sizes import CLEAR
 
 SLACK = 0.03  # standard deviation of the factors on gains, drags and inertias of a vehicle that is not quite nominal
@@ -49,6 +52,8 @@ class Case:
     damage: str | None = None  # of the log, in DAMAGES
     axes: tuple[str, ...] = POSES  # that the log holds
     healthy: int = 0  # episodes of a log that is handed over as healthy and has the same effects
+    sensors: str | None = None  # set of sensors, in SENSOR_SETS
+    fault: str | None = None  # of a vehicle with such a set, in FAULTS there
 
     @property
     def name(self) -> str:
@@ -65,14 +70,14 @@ class Case:
         return self.effects[0] if self.effects else "no_gap"
 
 
-def count_by_family(cases: int, shares: Mapping[str, float]) -> dict[str, int]:
-    """Split ``cases`` by shares; the largest remainders get the odd ones.
+def count_by_family(cases: int, shares: Mapping[str, float], families: tuple[str, ...] = FAMILIES) -> dict[str, int]:
+    """Split ``cases`` by shares of ``families``; the largest remainders get the odd ones.
 
     Raises:
         ValueError: for an unknown family or shares that are not positive numbers.
     """
-    if unknown := set(shares) - set(FAMILIES):
-        raise ValueError(f"blind: unknown families {sorted(unknown)}: {choices(unknown, FAMILIES)}")
+    if unknown := set(shares) - set(families):
+        raise ValueError(f"blind: unknown families {sorted(unknown)}: {choices(unknown, families)}")
     if not all(0 <= share < math.inf for share in shares.values()) or not sum(shares.values()) > 0:
         raise ValueError(f"blind: families are {dict(shares)}: give shares of 0 or more, one of them above 0")
     if cases < 1:
@@ -85,15 +90,17 @@ def count_by_family(cases: int, shares: Mapping[str, float]) -> dict[str, int]:
     return counts
 
 
-def draw_cases(cases: int, shares: Mapping[str, float], seed: int) -> list[Case]:
+def draw_cases(cases: int, shares: Mapping[str, float], seed: int, sensors: str | None = None) -> list[Case]:
     """The cases, numbered from 1, families mixed; the same for the same arguments."""
     rng = np.random.default_rng([seed, 0])
     drawn = []
-    for family, count in count_by_family(cases, shares).items():
-        drawn += _FAMILY[family](count, rng)
+    by_name = _FAMILY if sensors is None else _SET_FAMILY
+    for family, count in count_by_family(cases, shares, tuple(by_name)).items():
+        drawn += by_name[family](count, rng)
     order = rng.permutation(len(drawn))
     plants = cycle(("mujoco", "foreign"))
-    return [Case(**{"number": i + 1, "plant": next(plants), **drawn[k]}) for i, k in enumerate(order)]
+    common = {} if sensors is None else {"sensors": sensors, "axes": sensor_set(sensors).axes}
+    return [Case(**{"number": i + 1, "plant": next(plants), **drawn[k], **common}) for i, k in enumerate(order)]
 
 
 def _shuffled(names: Iterable[str], count: int, rng: np.random.Generator) -> list[str]:
@@ -191,4 +198,23 @@ _FAMILY = {
     "single": _single, "single_slack": _single_slack, "failures": _failures, "severity": _severity, "length": _length,
     "noise": _noise, "pair": _pair, "no_gap": _no_gap, "no_gap_slack": _no_gap_slack, "outside": _outside,
     "left_out": _left_out, "onset": _onset, "damaged": _damaged, "damaged_fault": _damaged_fault,
+}  # fmt: skip
+
+
+def _faulty(family: str, names: Iterable[str]) -> Callable[[int, np.random.Generator], list[dict]]:
+    """A family of faults, every second vehicle with slack."""
+
+    def draw(count: int, rng: np.random.Generator) -> list[dict]:
+        slacks = cycle((0.0, SLACK))
+        return [
+            {"family": family, "fault": name, "effects": (SET_FAULTS[name][0],), "slack": next(slacks)}
+            for name in _shuffled(names, count, rng)
+        ]
+
+    return draw
+
+
+_SET_FAMILY = {
+    "thruster": _faulty("thruster", THRUSTER), "load": _faulty("load", LOAD),
+    "depth_bias": _faulty("depth_bias", [UNSEEN]), "no_gap": _no_gap, "no_gap_slack": _no_gap_slack,
 }  # fmt: skip

@@ -18,8 +18,7 @@ from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.seal import log_path, read_manifest, write_json
-
-VEHICLE = "paper"
+from benchmarks.blind.sensor_sets import sensor_set
 
 log = logging.getLogger(__name__)
 
@@ -27,14 +26,15 @@ log = logging.getLogger(__name__)
 def examine(folder: Path, answers: Path, workers: int) -> None:
     """Write the answer to every case that has none yet to ``answers``; it sees the logs and the tasks alone."""
     answers.mkdir(exist_ok=True)
-    tasks = read_manifest(folder)["tasks"]
+    manifest = read_manifest(folder)
+    tasks, flown = manifest["tasks"], sensor_set(manifest["settings"].get("sensors")).vehicle
     open_tasks = {name: task for name, task in tasks.items() if not (answers / f"{name}.json").exists()}
     if len(open_tasks) < len(tasks):
         log.info("%d of %d logs were diagnosed before", len(tasks) - len(open_tasks), len(tasks))
     if not open_tasks:
         return
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        jobs = [pool.submit(_answer, folder, answers, name, task) for name, task in open_tasks.items()]
+        jobs = [pool.submit(_answer, folder, answers, name, task, flown) for name, task in open_tasks.items()]
         try:
             for job in tqdm(as_completed(jobs), total=len(jobs), desc="diagnosed", unit="log", disable=None):
                 job.result()
@@ -48,17 +48,17 @@ def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
     return {name: json.loads((answers / f"{name}.json").read_text()) for name in read_manifest(folder)["tasks"]}
 
 
-def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any]) -> None:
+def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any], flown: str) -> None:
     settings = load_settings()
     if task["left_out"]:
         settings = replace(settings, ignored=(*settings.left_out, task["left_out"]))
     began, cpu = time.perf_counter(), time.process_time()
     answer: dict[str, Any] = {}
     try:
-        vehicle = load_vehicle(VEHICLE)
+        vehicle = load_vehicle(flown)
         flight_log = read_flightlog(log_path(folder, name), vehicle)
         healthy = [read_flightlog(log_path(folder, task["healthy"]), vehicle)] if task["healthy"] else []
-        diagnosis = diagnose(flight_log, vehicle, healthy, vehicle_name=VEHICLE, settings=settings)
+        diagnosis = diagnose(flight_log, vehicle, healthy, vehicle_name=flown, settings=settings)
         answer["diagnosis"] = to_json(diagnosis)
     except FlightLogError as error:
         answer["refused"] = str(error)

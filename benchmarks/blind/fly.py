@@ -13,19 +13,21 @@ from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.simulator import record
 from auv_torchrl.vehicle import Vehicle
+from benchmarks.blind.autopilots import Autopilots
 from benchmarks.blind.cases import Case
+from benchmarks.blind.faults import draw_fault
 from benchmarks.blind.foreign import ForeignPlant
-from benchmarks.blind.influence import ATTITUDE_NOISE, CLEAR_AT, POSITION_NOISE, influence
+from benchmarks.blind.foreign_heavy import ForeignHeavy
+from benchmarks.blind.influence import CLEAR_AT, influence
 from benchmarks.blind.mujoco_plant import MujocoPlant, loosened
 from benchmarks.blind.outside import OUTSIDE, Motion, Outside
 from benchmarks.blind.pilots import Pilots
 from benchmarks.blind.plant import Influences, Plant, Reported, Slack
+from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.blind.sizes import draw_failures, draw_values
 
 ROUNDS = 12  # of drawing an effect again until it shows clearly
 START = np.array([1, 1, 1, np.pi, 0.3, 0.3, 0.2, 0.5])  # m, rad, m/s, rad/s; half widths
-NOISE = np.array([POSITION_NOISE] * 3 + [ATTITUDE_NOISE] * 3)
-VELOCITY_NOISE = np.array([0.005] * 3 + [0.005] * 3)  # m/s, rad/s; a Doppler log and a gyro
 
 log = logging.getLogger(__name__)
 
@@ -78,7 +80,7 @@ def fly(cases: list[Case], vehicle: Vehicle, seed: int) -> list[tuple[FlightLog,
             _draw_sizes(draw, vehicle)
         log.info("flying %d cases", len(waiting))
         for draw, flight in zip(waiting, _fly_once(waiting, vehicle), strict=True):
-            draw.influence = _influence(draw, flight, vehicle)
+            draw.influence = {} if draw.case.sensors else _influence(draw, flight, vehicle)
             if draw.case.scale != 1.0 or min(draw.influence.values(), default=np.inf) >= CLEAR_AT:
                 logs[draw.case.number] = _flight_log(draw.case, flight)
         if len(logs) == len(draws):
@@ -97,7 +99,9 @@ def _draw(case: Case, vehicle: Vehicle, seed: int) -> Draw:
 
 def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
     case = draw.case
-    if case.failed:
+    if case.fault:
+        draw.values = draw_fault(case.fault, vehicle, draw.rng)
+    elif case.failed:
         draw.values = {"thruster_gain": draw_failures(vehicle, draw.rng, case.failed)}
     else:
         draw.values = {name: draw_values(name, vehicle, draw.rng, case.scale) for name in case.effects}
@@ -120,15 +124,17 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
     ends = np.cumsum([draw.rows for draw in draws])
     rows = [slice(int(end) - draw.rows, int(end)) for end, draw in zip(ends, draws, strict=True)]
     total, steps = int(ends[-1]), round(duration / CONTROL_DT)
-    plant = _PLANTS[plant_name](vehicle, total)
+    plant = _plant(plant_name, draws[0].case, vehicle, total)
     for part, draw in zip(rows, draws, strict=True):
         if draw.slack:
             plant.loosen(part, draw.slack)
         if draw.onset_s is None:
             _break(plant, part, draw)
     starts = [draw.rng.uniform(-1, 1, (draw.rows, 8)) * START for draw in draws]
-    pilots = [Pilots(vehicle, np.arange(d.rows) % 2 == 0, duration, d.rng) for d in draws]
-    noise = [d.case.noise * NOISE * d.rng.standard_normal((steps, d.rows, 6)) for d in draws]
+    pilots = [
+        (Autopilots if d.case.sensors else Pilots)(vehicle, np.arange(d.rows) % 2 == 0, duration, d.rng) for d in draws
+    ]
+    noise = [_noise(d.case)[:6] * d.rng.standard_normal((steps, d.rows, 6)) for d in draws]
     start = np.concatenate(starts)
     plant.reset(start[:, :3], start[:, 3], start[:, 4:])
 
@@ -183,13 +189,23 @@ class SealedPlant:
 def _measured_velocity(velocity: np.ndarray, draw: Draw) -> np.ndarray:
     if not set(VELOCITY) & set(draw.case.axes):
         return np.full_like(velocity, np.nan)
-    return velocity + draw.case.noise * VELOCITY_NOISE * draw.rng.standard_normal(velocity.shape)
+    return velocity + _noise(draw.case)[6:] * draw.rng.standard_normal(velocity.shape)
 
 
-_PLANTS: dict[str, Callable[[Vehicle, int], Plant]] = {
-    "mujoco": lambda vehicle, rows: MujocoPlant(vehicle, rows, CONTROL_DT),
-    "foreign": lambda vehicle, rows: ForeignPlant(rows, CONTROL_DT),  # only ever Table 1's vehicle
-}
+def _noise(case: Case) -> np.ndarray:
+    """Standard deviation (12,) of the noise of each number of a motion."""
+    return case.noise * np.array(sensor_set(case.sensors).noise)
+
+
+_PLANTS = ("mujoco", "foreign")
+_FOREIGN: dict[str, Callable[[int, float], Plant]] = {"paper": ForeignPlant, "bluerov2_heavy": ForeignHeavy}
+
+
+def _plant(name: str, case: Case, vehicle: Vehicle, rows: int) -> Plant:
+    """A simulator of the vehicle that goes with the sensors of a case."""
+    if name == "mujoco":
+        return MujocoPlant(vehicle, rows, CONTROL_DT)
+    return _FOREIGN[sensor_set(case.sensors).vehicle](rows, CONTROL_DT)
 
 
 def _break(plant: Plant, rows: slice, draw: Draw) -> None:
@@ -216,8 +232,18 @@ def _flight_log(case: Case, flight: Flight) -> FlightLog:
     """All episodes that were flown, those of the healthy log last."""
     episodes = []
     for number, commands in enumerate(flight.commands):
-        pose = np.where([axis in case.axes for axis in POSE], flight.measured[number], np.nan)
-        velocity = np.where([axis in case.axes for axis in VELOCITY], flight.measured_velocity[number], np.nan)
+        pose = _logged(case, POSE, flight.measured[number])
+        velocity = _logged(case, VELOCITY, flight.measured_velocity[number])
         t = np.arange(len(pose), dtype=np.float64) * CONTROL_DT
         episodes.append(Episode(number, t, pose, velocity, commands))
     return FlightLog(case.name, tuple(episodes), case.axes)
+
+
+def _logged(case: Case, axes: tuple[str, ...], measured: np.ndarray) -> np.ndarray:
+    """Columns (T, 6) as they come into the log: NaN where they are not in it, held from one measurement to the next."""
+    columns = np.full_like(measured, np.nan)
+    for i, axis in enumerate(axes):
+        if axis in case.axes:
+            every = sensor_set(case.sensors).channels[axis].every
+            columns[:, i] = np.repeat(measured[::every, i], every)[: len(measured)]
+    return columns

@@ -11,6 +11,7 @@ from benchmarks.blind.judge_damage import Named, judge_damage
 from benchmarks.blind.thrusters import split_entry, thrusters_right
 
 NOT_EXPLAINED = ("partly_explained", "unexplained")
+NO_MARK = " would leave no mark on this log"  # the end of a sentence under cannot_tell
 STANDS_FOR = {  # with the effect left out of the library, these say the same about any log
     "command_delay": {"pose_delay"},
     "pose_delay": {"command_delay"},
@@ -38,7 +39,7 @@ class Judgement:
     named: tuple[str, ...]  # all effects of the explanation
     verdict: str
     right: bool  # answer is the truth; for what the library lacks: said to be not (fully) explained
-    right_class: bool  # or declared indistinguishable from it, or the same thing under another name
+    right_class: bool  # or declared indistinguishable from it, or unseen, or the same thing under another name
     thrusters_right: bool | None  # None where the effect is not of single thrusters
     probability: float | None  # of the answer, or of its declared class
     probability_of_truth: float | None  # likewise
@@ -53,6 +54,9 @@ class Judgement:
     damage_named: bool | None = None  # None in the families without damage, as the next two
     wrong_causes: tuple[str, ...] | None = None  # effects held for more likely than not that are neither
     fault_found: bool | None = None  # beside the damage; None also where the rest of the log does not show it
+    fault: str | None = None  # of a vehicle with a set of sensors
+    sizes: dict[str, float] = field(default_factory=dict)  # by effect, the smallest that a log without a gap would show
+    unseen: tuple[str, ...] = ()  # effects that it said would leave no mark on the log
 
 
 def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicle: Vehicle) -> Judgement:
@@ -65,6 +69,9 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
     beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
     right, right_class = _rightness(label, verdict, named, first, declared, beside)
+    unseen = tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
+    if label.get("fault") and truth in unseen and not named:
+        right_class = True
     probabilities = {c["name"]: c["probability"] for c in diagnosis["candidates"]}
     of_effects = {effect["name"]: effect["probability"] for effect in diagnosis["effects"]}
     errors, covered = _parameters({} if label["family"] == "onset" else label["values"], diagnosis["effects"], vehicle)
@@ -105,6 +112,9 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         damage_named=beside.damage,
         wrong_causes=beside.wrong,
         fault_found=beside.fault,
+        fault=label.get("fault"),
+        sizes=_sizes(diagnosis.get("detectable", {})),
+        unseen=unseen,
     )
 
 
@@ -123,6 +133,11 @@ def _rightness(
         right = set(named) == set(effects)
         return right, right or _same_sets(effects, named, declared)
     return first == truth, first == truth or _same_sets((truth,), (first,), declared)
+
+
+def _sizes(detectable: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """By effect, how far from nominal it would have to be to show."""
+    return {name: abs(size["value"] - size["nominal"]) for name, size in detectable.items()}
 
 
 def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[list[str]]) -> bool:

@@ -35,14 +35,15 @@ class Pilots:
         self.sum = np.zeros((rows, CHANNELS))
         self.filtered = np.zeros((rows, CHANNELS))
         self.before: np.ndarray | None = None
-        self.signals = _Signals(rows, duration, rng)
+        self.signals = Signals(rows, duration, rng)
 
     def commands(self, time: float, pose: np.ndarray, dt: float) -> np.ndarray:
         """Thruster commands (rows, n) in [-1, 1] from the reported pose (rows, 6)."""
-        demand = np.where(self.holding[:, None], self._hold(time, pose, dt), self.signals.at(time))
+        demand = np.where(self.holding[:, None], self.hold(time, pose, dt), self.signals.at(time))
         return np.clip(demand @ self.mixer.T, -1.0, 1.0)
 
-    def _hold(self, time: float, pose: np.ndarray, dt: float) -> np.ndarray:
+    def hold(self, time: float, pose: np.ndarray, dt: float) -> np.ndarray:
+        """Demands (rows, 4) that keep station: surge, sway, heave, yaw."""
         rows = np.arange(len(pose))
         target = self.set_points[(self.set_point_times < time).sum(axis=1), rows]
         cos, sin = np.cos(pose[:, 5]), np.sin(pose[:, 5])
@@ -64,8 +65,11 @@ class Pilots:
         return np.clip(demand, -0.8, 0.8)
 
 
-class _Signals:
+class Signals:
+    """Sums of sines, random steps and chirps, one per row and channel."""
+
     def __init__(self, rows: int, duration: float, rng: np.random.Generator) -> None:
+        """Draw them."""
         shape = (rows, CHANNELS, 3)
         self.sine_size = rng.uniform(0.05, 0.3, shape)
         self.sine_rate = 2 * np.pi * np.exp(rng.uniform(np.log(0.04), np.log(1.2), shape))
@@ -79,6 +83,7 @@ class _Signals:
         self.chirp_period = rng.uniform(10.0, 20.0, (rows, CHANNELS))  # s, then it starts over
 
     def at(self, time: float) -> np.ndarray:
+        """Their values (rows, 4) now."""
         sines = (self.sine_size * np.sin(self.sine_rate * time + self.sine_phase)).sum(axis=2)
         index = (self.step_times < time).sum(axis=2)[..., None]
         steps = np.take_along_axis(self.steps, index, axis=2)[..., 0]

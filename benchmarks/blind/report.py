@@ -9,6 +9,7 @@ from auv_torchrl.files import write_whole
 from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score import tables
+from benchmarks.blind.score_sensors import set_tables
 from benchmarks.blind.seal import write_json
 from benchmarks.blind.table import Table
 
@@ -21,14 +22,21 @@ CAPTIONS = {
 }
 
 
-def write_report(judgements: Sequence[Judgement], folder: Path, command: str) -> str:
-    """Write results.json, results.md and the pictures to ``folder``; give back the Markdown."""
+def markers(sensors: str | None) -> tuple[str, str]:
+    """Between what the tables of a set of sensors stand in a document."""
+    name = "blind" if sensors is None else f"blind {sensors}"
+    return BEGIN.replace("blind", name), END.replace("blind", name)
+
+
+def write_report(judgements: Sequence[Judgement], folder: Path, command: str, sensors: str | None = None) -> str:
+    """Write results.json, results.md and, without a set of sensors, pictures to ``folder``; give back the Markdown."""
     write_json(folder / "results.json", [asdict(j) for j in judgements])
-    pictures = draw_figures(judgements, folder)
+    pictures = draw_figures(judgements, folder) if sensors is None else []
+    shown = tables(judgements) if sensors is None else set_tables(judgements, sensors)
     text = "\n\n".join(
         [
             f"{len(judgements)} sealed logs; `{command}`.",
-            *(markdown(t) for t in tables(judgements)),
+            *(markdown(t) for t in shown),
             *map(_picture, pictures),
         ]
     )
@@ -45,21 +53,22 @@ def markdown(table: Table) -> str:
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table.rows])
 
 
-def publish(text: str, pictures: Path, document: Path) -> None:
+def publish(text: str, pictures: Path, document: Path, sensors: str | None = None) -> None:
     """Replace what stands between the markers of ``document`` and copy the pictures beside it.
 
     Raises:
         ValueError: if the document does not have both markers, in order.
     """
-    before, begin, rest = document.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
+    first, last = markers(sensors)
+    before, begin, rest = document.read_text(encoding="utf-8").partition(first)
+    _, end, after = rest.partition(last)
     if not begin or not end:
-        raise ValueError(f"{document} has no {BEGIN} followed by {END}: put both where the tables belong")
+        raise ValueError(f"{document} has no {first} followed by {last}: put both where the tables belong")
     (document.parent / FIGURES).mkdir(exist_ok=True)
     for name in CAPTIONS:
         if (pictures / f"{name}.png").exists():
             shutil.copyfile(pictures / f"{name}.png", document.parent / FIGURES / f"{name}.png")
-    write_whole(document, f"{before}{BEGIN}\n\n{text}\n\n{END}{after}".encode())
+    write_whole(document, f"{before}{first}\n\n{text}\n\n{last}{after}".encode())
 
 
 def _picture(path: Path) -> str:

@@ -6,7 +6,8 @@ from typing import Annotated
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
-from auv_torchrl.settings import In, Seed
+from auv_torchrl.settings import In, OneOf, Seed
+from benchmarks.blind.sensor_sets import SENSOR_SETS
 
 
 @dataclass
@@ -18,7 +19,9 @@ class BlindSchema:
     workers: Annotated[int, In("[1, 1024]")] | None = MISSING
     folder: str = MISSING
     publish: str | None = MISSING
+    sensors: Annotated[str, OneOf(tuple(SENSOR_SETS))] | None = MISSING
     families: dict[str, float] = MISSING
+    set_families: dict[str, float] = MISSING
 
 
 def register() -> None:

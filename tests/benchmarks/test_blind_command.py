@@ -15,6 +15,7 @@ BAD = {  # command line, what the answer names
     "other cases": (["cases=6"], "choose another folder"),
     "misspelt family": (["families.singel=1"], "did you mean single"),
     "no case": (["cases=0"], "1 or more"),
+    "no such sensors": (["sensors=sonar"], "stock or dvl or mocap"),
 }
 
 
@@ -44,6 +45,20 @@ def test_sealed_cases_are_flown_diagnosed_and_scored(tmp_path):
     assert again.returncode == 0, again.stderr
     assert lost.exists()
     assert all(path.stat().st_mtime_ns == then for path, then in given.items() if path != lost)
+
+
+@pytest.mark.slow
+def test_a_set_of_sensors_is_flown_diagnosed_and_scored(tmp_path):
+    """A fault and a sound vehicle with stock sensors: a folder of their own, a table of their own, both right."""
+    others = [f"set_families.{family}=0" for family in ("load", "depth_bias", "no_gap_slack")]
+    done = blind("cases=2", "workers=2", "sensors=stock", "set_families.no_gap=18", *others, f"folder={tmp_path}")
+    assert done.returncode == 0, done.stderr
+    assert "Sensors: stock" in done.stdout
+    (answers,) = (tmp_path / "stock").glob("diagnosis_*")
+    results = json.loads((answers / "results.json").read_text())
+    assert [r["message"] for r in results if r["message"]] == []
+    assert sum(r["right"] for r in results) == 2
+    assert "What these sensors can show" in (answers / "results.md").read_text()
 
 
 @pytest.fixture(scope="module")

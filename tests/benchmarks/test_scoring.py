@@ -32,12 +32,12 @@ def labels():
     return [{**label, "named_by": hand_over(log, label).named_by} for log, label in fly(short, VEHICLE, seed=1)]
 
 
-def perfect(label):
+def perfect(label, vehicle=VEHICLE):
     """The diagnosis that a label calls for."""
     effects = []
     for name, values in label["values"].items():
-        nominal = get_effect(name).nominal(VEHICLE)
-        thrusters = sorted(thrusters_at_fault(name, values, VEHICLE) or ())
+        nominal = get_effect(name).nominal(vehicle)
+        thrusters = sorted(thrusters_at_fault(name, values, vehicle) or ())
         parameters = {
             k: {"value": v, "low": v - 0.01, "high": v + 0.01, "nominal": nominal[k], "unit": ""}
             for k, v in values.items()

@@ -1,0 +1,65 @@
+"""What vehicles measure: sets of sensors, and the noise and rate of each of their channels.
+
+Rates and noise of the autopilot and of the Doppler log are those of a log of a real BlueROV2 Heavy that ArduSub wrote
+(clydemcqueen/guided_above_terrain, 3276cc2), from third differences, which leave fast noise alone. What is slow or
+smoothed there looks quieter than it is; where that matters, the comment says what is taken instead.
+"""
+
+from typing import NamedTuple
+
+from auv_torchrl.sensors import MOTION
+
+
+class Channel(NamedTuple):
+    """How a channel is measured."""
+
+    noise: float  # standard deviation of white noise; m, rad, m/s, rad/s
+    every: int = 1  # rows of the log, 20 a second, from one measurement to the next; it is held between
+
+
+class SensorSet(NamedTuple):
+    """A vehicle, and what it measures."""
+
+    vehicle: str
+    channels: dict[str, Channel]
+
+    @property
+    def noise(self) -> tuple[float, ...]:
+        """Of each number of a motion; 0 where it is not measured."""
+        return tuple(self.channels[axis].noise if axis in self.channels else 0.0 for axis in MOTION)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Channels in the order of a log."""
+        return tuple(axis for axis in MOTION if axis in self.channels)
+
+
+# Third differences of the attitude estimate are 0.06 mrad: a filter smooths it. It is off by 0.1 degrees in roll and
+# pitch, and its heading by more, since a magnetometer holds it: as white noise, that is harder than it is.
+ATTITUDE = {"roll": Channel(0.002, 2), "pitch": Channel(0.002, 2), "yaw": Channel(0.004, 2)}  # 10 Hz: ATT, XKQ
+GYRO = dict.fromkeys("pqr", Channel(0.0015))  # 1.0 to 2.2 mrad/s at 25 Hz: IMU less the bias of XKF1, props turning
+DEPTH = {"z": Channel(0.004, 2)}  # 4.1 mm at 10 Hz: BARO, a Bar30
+DOPPLER = dict.fromkeys("uvw", Channel(0.005, 2))  # 0.6 to 1.3 mm/s at 9 Hz: VISO, smoothed; as in the other logs here
+MOCAP_POSITION, MOCAP_ATTITUDE = Channel(0.002), Channel(0.004)
+
+DEFAULT = SensorSet(  # what is measured where no set is asked for; damages choose which of it a log holds
+    "paper",
+    {
+        **dict.fromkeys("xyz", MOCAP_POSITION),
+        **dict.fromkeys(("roll", "pitch", "yaw"), MOCAP_ATTITUDE),
+        **dict.fromkeys("uvwpqr", Channel(0.005)),  # m/s, rad/s; a Doppler log and a gyro
+    },
+)
+SENSOR_SETS = {
+    "stock": SensorSet("bluerov2_heavy", {**DEPTH, **ATTITUDE, **GYRO}),
+    "dvl": SensorSet("bluerov2_heavy", {**DEPTH, **ATTITUDE, **DOPPLER, **GYRO}),
+    "mocap": SensorSet(
+        "bluerov2_heavy",
+        {**dict.fromkeys("xyz", MOCAP_POSITION), **dict.fromkeys(("roll", "pitch", "yaw"), MOCAP_ATTITUDE)},
+    ),
+}
+
+
+def sensor_set(name: str | None) -> SensorSet:
+    """A set by its name, or what is measured where none is asked for."""
+    return DEFAULT if name is None else SENSOR_SETS[name]
