@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.thresholds import STEEP
 from auv_torchrl.flightlog import POSE, VELOCITY, Finding, FlightLog, FlightLogError, Severity
 from auv_torchrl.flightlog.log import with_axes
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
+DARK = 1e-3  # of the largest push, below which a thruster does not act in a degree of freedom
 TOGETHER = ("x", "y", "yaw")  # a horizontal position says nothing of the body without the other one and the heading
 REMEDY = {"surge": "x, y and yaw, or u", "sway": "x, y and yaw, or v", "heave": "z or w", "roll": "roll or p",
           "pitch": "pitch or q", "yaw": "yaw or r"}  # fmt: skip
@@ -56,9 +58,29 @@ def unseen(problem: Problem) -> list[str]:
     remedies = dict.fromkeys(REMEDY[name] for name in hidden)
     sentence = f"{', '.join(hidden)} {'is' if len(hidden) == 1 else 'are'} not measured: no gap there can be seen"
     push = np.abs(prepare(problem.vehicle.expand(1)).numpy().allocation[0])
-    dark = [str(i + 1) for i in np.flatnonzero(push[problem.layout.dof].max(0) < 1e-3 * push.max())]
-    if dark:
-        sentence += (
-            f", nor what thruster{'s' if len(dark) > 1 else ''} {', '.join(dark)} {'do' if dark[1:] else 'does'}"
-        )
+    seen = push[problem.layout.dof]
+    unlit = seen.max(0) < DARK * push.max()
+    turning = (push[problem.layout.dof[problem.layout.dof < 3]].max(0, initial=0.0) < DARK * push.max()) & ~unlit
+    if unlit.any():
+        sentence += f", nor what {_thrusters(unlit)} {'do' if unlit.sum() > 1 else 'does'}"
+    if turning.any():
+        sentence += f"; {_thrusters(turning)} {'show' if turning.sum() > 1 else 'shows'} by turning the vehicle alone"
     return [f"{sentence}; log {'; '.join(remedies)}"]
+
+
+def _thrusters(which: np.ndarray) -> str:
+    """Names of thrusters by a mask (n,)."""
+    return f"thruster{'s' if which.sum() > 1 else ''} {', '.join(str(i + 1) for i in np.flatnonzero(which))}"
+
+
+def steep_stretches(log: FlightLog) -> tuple[Finding, ...]:
+    """What is said of a log in which the vehicle points straight up or down."""
+    steep = [np.abs(episode.pose[:, POSE.index("pitch")]) > STEEP for episode in log.episodes]
+    share = float(np.concatenate(steep).mean())
+    if not share:
+        return ()
+    sentence = (
+        f"the vehicle points straight up or down in {share:.1%} of the samples, where roll and yaw are not defined: "
+        "windows with such samples are left out where there are others"
+    )
+    return (Finding(Severity.WARNING, "steep", sentence, "Log stretches in which it stays upright", ("pitch",)),)

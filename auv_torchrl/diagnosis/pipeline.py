@@ -6,7 +6,7 @@ from dataclasses import replace
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
-from auv_torchrl.diagnosis.axes import followable, restricted
+from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.healthy import noise_findings, stated_floor
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -88,7 +88,7 @@ def diagnose(
     verdict = judge(found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
-    noise = (*quiet_findings(problem), *outlier_findings(problem), noise_finding(problem))
+    noise = (*quiet_findings(problem), *outlier_findings(problem), *steep_stretches(log), noise_finding(problem))
     findings = (*log.findings, *corrected.findings, *rests_on(looked), *vetoes(vetoed), *shortfalls(short), *noise)
     doubted = doubts(findings)
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)

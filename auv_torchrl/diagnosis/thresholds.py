@@ -16,6 +16,7 @@ LEAST_FREEDOM = 0.15  # share of the numbers that a force must leave over to tel
 
 # What the samples of a log can carry
 MAX_WINDOWS = 180  # 6 minutes of windows of 2 s: what a value is unsure by is then the model's error, not the noise
+STEEP = 1.2  # rad of pitch, from which small errors of the attitude are large ones of roll and yaw: three times
 FLICKERS = 2.0  # times the thrust at the edge of the dead band, below which a thruster comes and goes
 # Of what a change of a command within a grid step makes, not in proportion to it: a short push at one end of a step
 # of 0.05 s is, at the other end, a third less than the same push spread over the step, for a vehicle that answers in

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
-from auv_torchrl.diagnosis.axes import followable, restricted, unseen
+from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches, unseen
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -74,3 +74,36 @@ def test_the_noise_of_the_sensors_is_measured(log):
     assert "sensor_noise: {position: 0.002" in finding.remedy
     problem = replace(problem, vehicle=changed(HELD, position_noise=HELD.position_noise + 0.0005))
     assert noise_finding(problem).severity is Severity.WARNING
+
+
+def test_thrusters_that_only_turn_the_vehicle_are_named():
+    """Of attitude, rates and depth alone, what the horizontal thrusters push is not seen, only how they turn."""
+    heavy = load_vehicle("bluerov2_heavy")
+    stock = ("z", "roll", "pitch", "yaw", "p", "q", "r")
+    log = fly(heavy, {}, seed=1, episodes=1, seconds=8.0, axes=stock)
+    (sentence,) = unseen(problem_of(log, heavy))
+    assert "surge, sway are not measured" in sentence
+    assert "thrusters 1, 2, 3, 4 show by turning the vehicle alone" in sentence
+
+
+def test_a_vehicle_that_turns_over_is_followed_where_it_is_upright(log):
+    """Windows with samples near straight up or down are left out, with a finding, unless there are no others."""
+    assert steep_stretches(log) == ()
+    first, last = log.episodes
+    steep = [replace(e, pose=e.pose.copy()) for e in (first, last)]
+    for episode in steep:
+        episode.pose[:, 4] = 1.4
+    some = replace(log, axes=(*log.axes, "pitch"), episodes=(_level(first), steep[1]))
+    windows = cut_windows(some, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
+    assert set(windows.number) == {first.number}
+    (finding,) = steep_stretches(some)
+    assert "50.0% of the samples" in finding.sentence
+    whole = replace(some, episodes=tuple(steep))
+    assert set(cut_windows(whole, SETTINGS.window_s, SETTINGS.lead_s).number) == {first.number, last.number}
+
+
+def _level(episode):
+    """An episode whose pitch is measured, and small."""
+    pose = episode.pose.copy()
+    pose[:, 4] = 0.01
+    return replace(episode, pose=pose)

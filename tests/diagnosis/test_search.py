@@ -18,6 +18,7 @@ from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulati
 from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, rebase
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.judged import slack_now
+from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
@@ -26,9 +27,12 @@ from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
 from auv_torchrl.diagnosis.thresholds import NEAR, SLACK_LIMIT
 from auv_torchrl.diagnosis.validate.predict import predict
 from auv_torchrl.diagnosis.validate.veto import falls_short
+from auv_torchrl.flightlog import read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
 from benchmarks.blind.fly import fly as sealed_flights
+from benchmarks.blind.hand_over import hand_over
+from benchmarks.blind.sensor_sets import sensor_set
 
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)
@@ -274,3 +278,27 @@ def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(mo
     (knob,), (same,) = found.best.explanation.knobs, whole.best.explanation.knobs
     assert knob.key == same.key == ("thruster_gain", ("gain_4",))
     assert knob.value == pytest.approx(same.value, rel=0.01)
+
+
+def test_slack_is_asked_before_a_value_is_believed():
+    """What slack can take is fitted without the value, from where it was found; what it cannot is not even tried."""
+    problem, follow = follow_windows(problem_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4))
+    off = Explanation((Knob("added_mass", ("scale_heave",), 1.04),))
+    judged = fit_by_simulation(problem, off, follow)
+    nothing = left_to_slack(problem, judged, [0])
+    assert nothing is not None and nothing.explanation.knobs == ()
+    assert nothing.evidence > judged.evidence
+    problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_2": 0.5}}, seed=4))
+    judged = fit_by_simulation(problem, Explanation((Knob("thruster_gain", ("gain_2",), 0.6),)), follow)
+    assert left_to_slack(problem, judged, [0]) is None
+
+
+def test_no_effect_is_fitted_from_what_was_found_where_slack_may_do(tmp_path):
+    """A sound vehicle with slack whose surge and sway nobody measures: the best fit of "no effect" decides."""
+    case = Case(36, "no_gap_slack", plant="foreign", slack=0.03, sensors="stock", axes=sensor_set("stock").axes)
+    heavy = load_vehicle("bluerov2_heavy")
+    ((log, label),) = sealed_flights([case], heavy, seed=0)
+    write_columns(hand_over(log, label).log, tmp_path / "log.csv")
+    found = diagnose(read_flightlog(tmp_path / "log.csv", heavy), heavy)
+    assert found.verdict is Verdict.NO_GAP
+    assert any("surge, sway are not measured" in sentence for sentence in found.cannot_tell)

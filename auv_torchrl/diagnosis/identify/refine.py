@@ -9,6 +9,7 @@ from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.identify.judged import Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
 from auv_torchrl.diagnosis.thresholds import (
@@ -85,6 +86,7 @@ def tidy(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     """Take out what the log does not need, and name what is left as simply as it allows; adds what was simulated."""
     best = _prune(problem, best, polished)
     best = _drop_idle(problem, best, polished)
+    best = _leave_to_slack(problem, best, polished)
     if not best.nothing_left:
         polished.append(fit_by_simulation(problem, best.explanation, best.base))
         best = max(best, polished[-1], key=lambda judged: judged.evidence)
@@ -128,6 +130,19 @@ def _drop_idle(problem: Problem, best: Judged, polished: list[Judged]) -> Judged
     fewer = fit_by_simulation(problem, replace(best.explanation, knobs=tuple(kept)), best.base)
     polished.append(fewer)
     return fewer if fewer.evidence > best.evidence - WORTH_AN_EFFECT else best
+
+
+def _leave_to_slack(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
+    """Take out values, one after the other, that slack can take, as long as another one is left."""
+    while len(best.explanation.knobs) > 1:
+        tried = (left_to_slack(problem, best, [place]) for place in range(len(best.explanation.knobs)))
+        fewer = [judged for judged in tried if judged is not None]
+        polished += fewer
+        better = max(fewer, key=lambda judged: judged.evidence, default=best)
+        if better.evidence <= best.evidence:
+            return best
+        best = better
+    return best
 
 
 def _exchanged(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:

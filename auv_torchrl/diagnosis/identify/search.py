@@ -10,6 +10,7 @@ from auv_torchrl.diagnosis.identify.candidates import Others, candidates_of
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, tidy
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
@@ -18,13 +19,11 @@ from auv_torchrl.diagnosis.thresholds import (
     BROKEN_PROMISE,
     CONTENDS,
     FEW_VALUES,
-    FITTED_ON,
     HOPELESS,
     MANY_WINDOWS,
     POLISHED,
     REFITTED,
     SEARCHED_WINDOWS,
-    STILL_GAINS,
     TURNED_ROUND,
     WORTH_AN_EFFECT,
 )
@@ -129,6 +128,8 @@ def _finish(
         problem = anew
         polished = [reassess(problem, judged) if np.isfinite(judged.chi2) else judged for judged in polished]
         best = _best(problem, polished)
+    problem, polished = _without_effects(problem, best, polished)
+    best = _best(problem, polished)
     if not leaves_much(problem, best):
         polished = _fitted_on(problem, best, polished, field.twins)
         best = _best(problem, polished)
@@ -170,9 +171,14 @@ def _each_alone(explanation: Explanation, families: list[Screened]) -> Explanati
 
 
 def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
-    """What may still win is fitted until nothing moves: a fit that leaves nothing is good, but not yet the best."""
+    """What may still win is fitted until nothing moves: a fit that leaves nothing is good, but not yet the best.
+
+    "No effect" may, however far behind it is, where slack suffices to explain the log.
+    """
 
     def contends(judged: Judged) -> bool:
+        if judged is polished[0] and problem.slack_suffices:
+            return True
         own, its = set(best.explanation.effects), set(judged.explanation.effects)
         if own < its and best.nothing_left:  # no effect more is needed
             return False
@@ -182,19 +188,19 @@ def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: se
     rivals = [judged for judged in polished if contends(judged)]
     if not rivals or not best.explanation.effects:
         return polished
-    fitted = {id(best): _until_still(problem, best)}
+    fitted = {id(best): until_still(problem, best)}
     for rival in rivals:
-        fitted[id(rival)] = _until_still(problem, from_another(problem, rival, fitted[id(best)]))
+        fitted[id(rival)] = until_still(problem, from_another(problem, rival, fitted[id(best)]))
     return [fitted.get(id(judged), judged) for judged in polished]
 
 
-def _until_still(problem: Problem, judged: Judged) -> Judged:
-    for _ in range(FITTED_ON):
-        further = fit_by_simulation(problem, judged.explanation, judged.base)
-        if not further.evidence > judged.evidence + STILL_GAINS:
-            break
-        judged = further
-    return judged
+def _without_effects(problem: Problem, best: Judged, polished: list[Judged]) -> tuple[Problem, list[Judged]]:
+    """What was simulated, "no effect" first, fitted anew where it may do as well as the best."""
+    knobs = best.explanation.knobs
+    nothing = left_to_slack(problem, best, range(len(knobs))) if knobs else None
+    if nothing is None or not nothing.evidence > polished[0].evidence:
+        return problem, polished
+    return replace(problem, slack_suffices=not leaves_much(problem, nothing)), [nothing, *polished[1:]]
 
 
 def _best(problem: Problem, polished: list[Judged]) -> Judged:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows, guess_start
-from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS
+from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS, STEEP
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import CONTROL_DT
@@ -53,6 +53,7 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         raise FlightLogError(
             f"{log.name}: no episode holds a window of {window_s:g} s behind the first {lead_s:g} s: give a longer log"
         )
+    cuts = [cut for cut in cuts if not _is_steep(cut.values)] or cuts
     if len(cuts) > MAX_WINDOWS:
         cuts = [cuts[i] for i in np.linspace(0, len(cuts) - 1, MAX_WINDOWS).astype(int)]
     longest = max(len(grid) for grid in grids)
@@ -99,6 +100,11 @@ def _samples(cuts: list[_Cut], columns: list[int]) -> dict[str, np.ndarray]:
         index[w, :k], fraction[w, :k], present[w, :k] = whole, np.where(behind < 1e-3, 0.0, behind), True
         measured[w, :k], trust[w, :k] = cut.values[:, columns], cut.trusted[:, columns]
     return {"index": index, "fraction": fraction, "present": present, "measured": measured, "trust": trust}
+
+
+def _is_steep(values: Floats) -> bool:
+    """Whether samples (T, 12) show the vehicle point straight up or down, where roll and yaw are not defined."""
+    return bool((np.abs(values[:, CHANNELS.index("pitch")]) > STEEP).any())
 
 
 def _first_seen(position: Floats, known: np.ndarray, lead: int) -> int:

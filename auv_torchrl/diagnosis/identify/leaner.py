@@ -1,0 +1,57 @@
+"""Explanations with fewer values: what the slack of coefficients can take is no finding.
+
+Slack bends a log as effects do, and where much of the motion is unseen its fit takes many steps. An explanation without
+some value that is fitted from afar may stop short of what it can do, and the value would look needed. So it is also
+fitted from where the explanation with the value is.
+"""
+
+from collections.abc import Collection
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.steps import bounded_step, take_step
+from auv_torchrl.diagnosis.thresholds import FITTED_ON, SHOWS, STILL_GAINS
+from auv_torchrl.effects import EFFECTS
+
+
+def left_to_slack(problem: Problem, judged: Judged, places: Collection[int]) -> Judged | None:
+    """An explanation without the fitted knobs at some places, fitted from where it is; None where the log forbids that.
+
+    It does so where its own quadratic says that slack cannot take what those knobs do.
+    """
+    knobs = judged.explanation.knobs
+    if any(knobs[place].discrete for place in places) or not np.isfinite(judged.chi2):
+        return None
+    order = {place: i for i, place in enumerate(p for p, knob in enumerate(knobs) if not knob.discrete)}
+    nominal = {p: EFFECTS[knobs[p].effect].nominal(problem.vehicle)[knobs[p].members[0]] for p in places}
+    k = len(problem.slack)
+    held = {k + order[p]: (nominal[p] - knobs[p].value) / judged.steps[order[p]] for p in places}
+    step, slack_step = bounded_step(problem, judged, held)
+    if _costs(problem, judged, step, slack_step) > SHOWS:
+        return None
+    moved = take_step(problem, judged.explanation, step, slack_step)
+    kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
+    return until_still(problem, fit_by_simulation(problem, Explanation(kept, moved.slack), judged.base))
+
+
+def until_still(problem: Problem, judged: Judged) -> Judged:
+    """An explanation fitted on while that gains something."""
+    for _ in range(FITTED_ON):
+        further = fit_by_simulation(problem, judged.explanation, judged.base)
+        if not further.evidence > judged.evidence + STILL_GAINS:
+            break
+        judged = further
+    return judged
+
+
+def _costs(problem: Problem, judged: Judged, step: np.ndarray, slack_step: np.ndarray) -> float:
+    """What a step of the fitted knobs and of slack adds to chi-square, by the quadratic of an explanation."""
+    q, at = judged.quadratic, slack_now(problem, judged.explanation)
+    x = np.concatenate([slack_step, step / judged.steps])
+    moved = at + slack_step
+    prior = moved @ problem.slack_precision @ moved - at @ problem.slack_precision @ at
+    return float(x @ q.A @ x - 2 * q.b @ x + prior)
