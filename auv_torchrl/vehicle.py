@@ -70,6 +70,7 @@ class Vehicle(TensorClass):
     depth_scale: Tensor  # () and depths times this, too
     depth_bias: Tensor  # () m, reported depth minus true depth
     velocity_scale: Tensor  # () reported linear velocities are the true ones times this
+    gyro_bias: Tensor  # (3,) rad/s, reported angular rates minus true ones
     position_noise: Tensor  # () m, standard deviation per axis
     attitude_noise: Tensor  # () rad, standard deviation per axis
 
@@ -161,6 +162,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
         gain=one.expand(n),
         battery_sag=zero,
         **_read_sensors(vehicle.get("sensors", {})),
+        gyro_bias=zero.expand(3),
         position_noise=zero,
         attitude_noise=zero,
         batch_size=[],

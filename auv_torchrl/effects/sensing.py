@@ -1,4 +1,4 @@
-"""Effects of the sensors that report the pose."""
+"""Effects of the sensors that report pose and velocity."""
 
 import math
 
@@ -101,6 +101,26 @@ velocity_scale = Effect(
 )
 
 
+def _gyro_bias(vehicle: Vehicle, bias: Tensor) -> Vehicle:
+    return changed(vehicle, gyro_bias=vehicle.gyro_bias + bias)
+
+
+gyro_bias = Effect(
+    name="gyro_bias",
+    origin=Origin.SENSING,
+    meaning="reported angular rates minus true ones",
+    source="zero-rate offset of a MEMS gyro, up to 5 deg/s as sold, where nothing estimates it",
+    parameters=(
+        Parameter(
+            "bias", "rad/s", 0.0, -0.2, 0.2, "the gyro reads {value:+.4f} rad/s too much in {which}", tuple("pqr")
+        ),
+    ),
+    change=_gyro_bias,
+    scans={"bias": Scan((0.01,), linear=True)},
+    advice=advice.said("calibrate the gyro with the vehicle at rest, and let it warm up before the dive"),
+)
+
+
 sensor_noise = Effect(
     name="sensor_noise",
     origin=Origin.SENSING,
@@ -114,4 +134,6 @@ sensor_noise = Effect(
     is_noise=True,
 )
 
-EFFECTS = (heading_bias, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, sensor_noise)
+EFFECTS = (
+    heading_bias, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, gyro_bias, sensor_noise,
+)  # fmt: skip

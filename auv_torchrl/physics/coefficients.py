@@ -41,6 +41,7 @@ class Coefficients(NamedTuple):
     depth_scale: Array  # ()
     depth_bias: Array  # ()
     velocity_scale: Array  # ()
+    gyro_bias: Array  # (3,)
     position_noise: Array  # ()
     attitude_noise: Array  # ()
 
@@ -111,7 +112,7 @@ class ActiveTerms(NamedTuple):
 
 def _sensors_are_true(c: Coefficients) -> bool:
     scales = (c.position_scale, c.depth_scale, c.velocity_scale)
-    offsets = (c.heading_bias, c.pose_delay, c.depth_bias)
+    offsets = (c.heading_bias, c.pose_delay, c.depth_bias, c.gyro_bias)
     return not any(bool((scale != 1).any()) for scale in scales) and not any(bool((o != 0).any()) for o in offsets)
 
 
@@ -144,7 +145,8 @@ def prepare(vehicle: Vehicle) -> Coefficients:
 _COPIED = (
     "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
     "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "heading_bias", "pose_delay",
-    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "position_noise", "attitude_noise",
+    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "gyro_bias", "position_noise",
+    "attitude_noise",
 )  # fmt: skip
 
 

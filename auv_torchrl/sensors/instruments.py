@@ -39,7 +39,7 @@ def _velocity(c: Coefficients, motion: Array) -> Array:
 
 
 def _rates(c: Coefficients, motion: Array) -> Array:
-    return motion[..., 9:12]
+    return motion[..., 9:12] + c.gyro_bias
 
 
 INSTRUMENTS = (

@@ -19,6 +19,7 @@ EFFECTS = {
         "depth_scale": {"factor": -0.8},
         "depth_bias": {"offset": 0.3},
         "velocity_scale": {"factor": 0.9},
+        "gyro_bias": {"bias_r": 0.05},
         "heading_bias": {"angle": 2.0},
     },
 }
