@@ -7,6 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.axes import unseen
 from auv_torchrl.diagnosis.identify.assess import as_sure
+from auv_torchrl.diagnosis.identify.detectable import Member
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
@@ -55,10 +56,13 @@ def leave_one_out(found: Found) -> dict[str, float]:
     return shares
 
 
-def cannot_tell(problem: Problem, found: Found) -> tuple[str, ...]:
-    """What this log is silent about: effects without a mark, and values at a bound."""
+def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member] = frozenset()) -> tuple[str, ...]:
+    """What this log is silent about: effects and ``hidden`` parameters without a mark, and values at a bound."""
     seen = {problem.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
     blind = sorted({atom.effect for atom in problem.atoms} - seen)
+    for effect in sorted({effect for effect, _ in hidden}):
+        members = [name for name in EFFECTS[effect].member_parameters(problem.vehicle) if (effect, name) in hidden]
+        blind.append(f"{effect} ({', '.join(members)})")
     sentences = [*unseen(problem), *(f"{name} would leave no mark on this log" for name in blind)]
     for knob in found.best.explanation.fitted:
         p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]

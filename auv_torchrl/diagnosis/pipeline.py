@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.healthy import noise_findings, stated_floor
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
-from auv_torchrl.diagnosis.identify.detectable import detectable_sizes
+from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
@@ -96,7 +96,7 @@ def diagnose(
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)
-    same = indistinguishable(problem, found)
+    same, hidden = indistinguishable(problem, found), hidden_members(problem, found)
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
@@ -114,8 +114,8 @@ def diagnose(
         next_experiment=choose_experiment(problem, found, verdict, where),
         gap=gap,
         input_mappable=input_mappable(problem, found.follow),
-        detectable=detectable_sizes(found.field) if verdict is Verdict.NO_GAP else {},
-        cannot_tell=cannot_tell(problem, found),
+        detectable=detectable_sizes(found.field, hidden) if verdict is Verdict.NO_GAP else {},
+        cannot_tell=cannot_tell(problem, found, hidden),
         findings=findings,
         windows=held_out_windows(predictions, testing),
     )

@@ -159,3 +159,6 @@ NOT_EXCLUDED = float(
 STANDS_IN = 0.6  # probability that a known effect found beside an unknown one only stands in for it
 SCREENING_DOUBT = 10.0  # log evidence by which a screened family is held back against a simulated one
 SHOWS = 30.0  # chi-square that pays for an effect and its place
+FOLLOWS = 3  # steps of the motion that nobody measured
+LITTLE = 3 * SHOWS  # chi-square of the smallest size that is tried; some of it is motion that has not settled yet
+FAINT = 0.25  # of the chi-square that a mark promises: where a vehicle makes less of it, there is no such mark

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
+from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches, unseen
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
@@ -15,6 +16,7 @@ from auv_torchrl.diagnosis.noise import noise_finding
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLogError, Severity
 from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.simulate import simulated_logs
 
 HELD = hold(load_vehicle("paper"))
 SETTINGS = load_settings()
@@ -107,3 +109,14 @@ def _level(episode):
     pose = episode.pose.copy()
     pose[:, 4] = 0.01
     return replace(episode, pose=pose)
+
+
+def test_a_current_is_no_finding_and_said_to_be_hidden_where_nobody_measures_the_way():
+    """Attitude, rates and depth are the same in water that drifts sideways; one that rises shows in the depth."""
+    heavy = load_vehicle("bluerov2_heavy")
+    logs = simulated_logs("bluerov2_heavy", [{"current": {"north": 0.2}}], episodes=3, seconds=16.0, seed=2)
+    found = diagnose(restricted(logs[0], ("z", "roll", "pitch", "yaw", "p", "q", "r")), heavy)
+    assert found.verdict is Verdict.NO_GAP
+    (sentence,) = (sentence for sentence in found.cannot_tell if sentence.startswith("current"))
+    assert sentence == "current (north, east) would leave no mark on this log"
+    assert found.detectable["current"].value < 0.05, "down"

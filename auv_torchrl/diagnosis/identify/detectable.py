@@ -1,27 +1,65 @@
-"""The smallest size of each effect that this log could have shown."""
+"""The smallest size of each effect that this log could have shown, and what it could not show at any size."""
 
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.following import nudged_chi2
+from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.thresholds import SHOWS
+from auv_torchrl.diagnosis.identify.search import Found
+from auv_torchrl.diagnosis.thresholds import FAINT, FOLLOWS, LITTLE, SHOWS
 from auv_torchrl.diagnosis.verdict import Estimate
 
+Member = tuple[str, str]  # effect, parameter
 
-def detectable_sizes(field: Field) -> dict[str, Estimate]:
-    """By effect, the parameter that shows best; ``low`` and ``high`` are the sizes in either direction."""
+
+def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> dict[str, Estimate]:
+    """By effect, the parameter that shows best; ``low`` and ``high`` are the sizes in either direction.
+
+    Parameters that are ``hidden`` do not count.
+    """
     found: dict[str, tuple[float, Estimate]] = {}
     for i, atom in enumerate(field.problem.atoms):
-        if atom.discrete or not field.seen[i]:
-            continue
         name = field.moved_most(atom)
+        if atom.discrete or not field.seen[i] or (atom.effect, name) in hidden:
+            continue
         p = declared(atom.effect, field.problem.vehicle).parameters[name]
         nominal = declared(atom.effect, field.problem.vehicle).nominal[name]
-        share = np.sqrt(SHOWS / field.A[i, i])
-        size = abs(atom.values[name] - nominal) * share
+        size = abs(atom.values[name] - nominal) * _share(field, i)
         relative = size / (p.high - p.low)
         if atom.effect not in found or relative < found[atom.effect][0]:
             value = nominal + size if nominal + size <= p.high else nominal - size
             low, high = max(p.low, nominal - size), min(p.high, nominal + size)
             found[atom.effect] = relative, Estimate(value, low, high, nominal, p.unit)
     return {effect: estimate for effect, (_, estimate) in found.items()}
+
+
+def hidden_members(problem: Problem, found: Found) -> frozenset[Member]:
+    """Parameters whose mark on this log is none, once the motion that nobody measured follows it.
+
+    A mark is worked out along the measured motion. Where a part of that is a guess, the guess may change with the
+    effect so that nothing of it shows: a current, without positions and speeds over ground.
+    """
+    if not problem.layout.moves_unseen:
+        return frozenset()
+    smallest: dict[Member, tuple[float, int]] = {}
+    atoms = problem.atoms
+    for i, atom in enumerate(atoms):
+        if not atom.discrete and found.field.seen[i] and len(atom.values) == 1:
+            (name,) = atom.values
+            size = abs(atom.values[name] - declared(atom.effect, problem.vehicle).nominal[name])
+            smallest[atom.effect, name] = min(smallest.get((atom.effect, name), (np.inf, i)), (size, i))
+    best = found.best
+    rows = [best.explanation]
+    for _, i in smallest.values():
+        rows += [best.explanation.with_atom(atoms[i], problem.vehicle, sign) for sign in (1.0, -1.0)]
+    chi2 = nudged_chi2(problem, rows, best.base, FOLLOWS)
+    rises = 0.5 * (chi2[1::2] + chi2[2::2]) - chi2[0]  # either way, so that no slope plays a part
+    due = np.array([found.field.A[i, i] for _, i in smallest.values()])
+    faint = (rises < FAINT * due) & (rises < LITTLE)
+    return frozenset(member for member, is_faint in zip(smallest, faint, strict=True) if is_faint)
+
+
+def _share(field: Field, i: int) -> float:
+    """How much of an atom would show."""
+    return float(np.sqrt(SHOWS / field.A[i, i]))

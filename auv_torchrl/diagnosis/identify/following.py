@@ -194,13 +194,13 @@ def nudge(problem: Problem, explanation: Explanation, start: Base) -> Base:
     return Base(explanation, vehicle, *_taken_on(state, fresh))
 
 
-def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base) -> Floats:
+def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base, steps: int = 1) -> Floats:
     """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
     vehicles = batch(problem.vehicle, [explanation.values(problem.vehicle) for explanation in explanations])
     freedom = problem.freedom(start.state.slope)
     starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)
     bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
-    *settled, _ = settle(problem.windows, vehicles, problem.layout, freedom, starts, bins)
+    *settled, _ = settle(problem.windows, vehicles, problem.layout, freedom, starts, bins, steps=steps)
     slack = np.stack([slack_now(problem, explanation) for explanation in explanations])
     chi2 = chi_square(problem.windows, problem.layout, freedom, *settled).sum(0)
     return chi2 + ((slack @ problem.slack_precision) * slack).sum(-1)

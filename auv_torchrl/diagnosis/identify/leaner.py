@@ -9,13 +9,13 @@ from collections.abc import Collection
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import bounded_step, take_step
 from auv_torchrl.diagnosis.thresholds import FITTED_ON, SHOWS, STILL_GAINS
-from auv_torchrl.effects import EFFECTS
 
 
 def left_to_slack(problem: Problem, judged: Judged, places: Collection[int]) -> Judged | None:
@@ -27,7 +27,7 @@ def left_to_slack(problem: Problem, judged: Judged, places: Collection[int]) -> 
     if any(knobs[place].discrete for place in places) or not np.isfinite(judged.chi2):
         return None
     order = {place: i for i, place in enumerate(p for p, knob in enumerate(knobs) if not knob.discrete)}
-    nominal = {p: EFFECTS[knobs[p].effect].nominal(problem.vehicle)[knobs[p].members[0]] for p in places}
+    nominal = {p: declared(knobs[p].effect, problem.vehicle).nominal[knobs[p].members[0]] for p in places}
     k = len(problem.slack)
     held = {k + order[p]: (nominal[p] - knobs[p].value) / judged.steps[order[p]] for p in places}
     step, slack_step = bounded_step(problem, judged, held)
