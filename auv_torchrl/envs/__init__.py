@@ -40,7 +40,8 @@ __getattr__ = late(
     },
 )
 
-gymnasium.register(  # by names, so that nothing of it is imported before it is made
+# By names, so that nothing of it is imported before it is made. Gymnasium leaves a part of its type open.
+gymnasium.register(  # pyright: ignore[reportUnknownMemberType]
     ID,
     entry_point="auv_torchrl.envs.gymnasium_env:RegulationEnv",
     vector_entry_point="auv_torchrl.envs.gymnasium_env:RegulationVectorEnv",
