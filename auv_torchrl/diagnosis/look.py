@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
 from auv_torchrl.diagnosis.identify.attitude import (
     attitude_finding,
@@ -24,7 +25,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
 from auv_torchrl.diagnosis.identify.search import Found, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import NEAR, POLISHED
+from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, NEAR, POLISHED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
@@ -48,16 +49,15 @@ class Looked:
 def look(
     training: FlightLog,
     vehicle: Vehicle,
-    healthy: Sequence[FlightLog],
+    sound: Calibration | None,
     settings: Settings,
     report: Progress,
     seen: Looked | None = None,
 ) -> Looked:
-    """Calibrate a vehicle on the healthy logs and explain a log with it.
+    """Explain a log with a vehicle, or with what was calibrated of it on healthy logs.
 
     ``seen`` is what a vehicle with another attitude showed: its explanations are tried too, on the same windows.
     """
-    sound = calibrate(healthy, vehicle, settings) if healthy else None
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     problem = Problem.of(
         cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known
@@ -105,26 +105,46 @@ def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Fin
 
 
 def look_both_ways(
-    training: FlightLog, vehicle: Vehicle, healthy: Sequence[FlightLog], settings: Settings, report: Progress
+    training: FlightLog,
+    vehicle: Vehicle,
+    healthy: Sequence[FlightLog],
+    settings: Settings,
+    report: Progress,
+    coefficients: Sequence[Coefficient] = (),
 ) -> Looked:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
-    level = look(training, hold_attitude(training, vehicle), healthy, settings, report)
-    if level.sound is not None and level.sound.has_gap:
-        # Many coefficients that are a little off, or something unknown, are what calibration and floor are for. A few
-        # effects that explain all of it are a fault that was there already.
+    hidden = is_hidden(training, vehicle)
+    held = hold_attitude(training, vehicle)
+    sound = calibrate(healthy, held, settings, coefficients) if healthy else None
+    tilted = _tilted(healthy, sound, vehicle, settings) if sound is not None and sound.has_gap and hidden else None
+    if sound is not None and ((tilted or sound).has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
+        # Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects
+        # that explain all of it are a fault that was there already.
         before = look_both_ways(join(healthy), vehicle, (), settings, report)
         if judge(before.found) is Verdict.EXPLAINED:
             looked = look_both_ways(training, vehicle, (), settings, report)
             return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
+    if tilted is not None:
+        return look(training, vehicle, tilted, settings, report)
+    level = look(training, held, sound, settings, report)
     best = level.found.best
-    if not is_hidden(training, vehicle) or judge(level.found) is Verdict.NO_GAP:
+    if not hidden or judge(level.found) is Verdict.NO_GAP:
         return level
     if best.nothing_left and len(best.explanation.knobs) <= SIMPLE:
         return replace(level, attitude=(level_enough(),))
-    free = look(training, vehicle, healthy, settings, report, level)
+    sound = None if sound is None else calibrate_free(healthy, sound, vehicle.free, settings)
+    free = look(training, vehicle, sound, settings, report, level)
     odds = log_likelihood(free.found) - log_likelihood(level.found)
     better = free if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
+
+
+def _tilted(
+    healthy: Sequence[FlightLog], level: Calibration, vehicle: Vehicle, settings: Settings
+) -> Calibration | None:
+    """The calibration of a vehicle that may tilt, where that is what a level one lacks on healthy logs."""
+    free = calibrate_free(healthy, level, vehicle.free, settings)
+    return free if free.excess - 1 < TILTS_MATTER * (level.excess - 1) else None
 
 
 def hints_of(found: Found) -> list[Explanation]:

@@ -70,12 +70,13 @@ def diagnose(
     test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
-    corrected = calibrate_coefficients(join(healthy or [training]), vehicle, uncertainty, settings)
-    searched = settings if healthy else corrected.settings(settings)
-    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report)
+    corrected = calibrate_coefficients(training, vehicle, () if healthy else uncertainty, settings)
+    searched = corrected.settings(settings)
+    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report, uncertainty)
     problem, found, own = looked.found.problem, looked.found, looked.found.problem.vehicle
-    before = changed(vehicle, free=own.free)
-    base = changed(corrected.vehicle, free=own.free)
+    sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
+    before = changed(vehicle if sound is None else sound, free=own.free)
+    base = changed(corrected.vehicle if sound is None else sound, free=own.free)
     after = apply_values(own, found.best.explanation.values(own))
     stages = [before, base, after] if corrected.effects else [before, after]
     predictions = predict(testing, stages, settings, problem.sigma, 4 * problem.floor)

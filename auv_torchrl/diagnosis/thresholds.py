@@ -35,6 +35,7 @@ Z95 = 1.96  # standard deviations, 97.5 % quantile of a normal distribution: hal
 NOTICED = 0.15  # relative difference of speed or time that a pilot would notice
 NOTICED_DRIFT = 0.01  # m/s, likewise
 NOTICED_TURN = 0.05  # rad/s, likewise
+STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
 
 # Where the gap is
 LEAST_PREDICTED = 0.1  # of the gap that forces must predict together, or nothing is said
@@ -88,6 +89,8 @@ SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have 
 KNOB_STEP = 0.004  # of the plausible range of a parameter
 SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
 SLACK_STEP = 0.05  # relative step of slack derivatives
+TELLS = 1.0  # chi-square of one standard deviation of slack, below which a log does not tell it; it then keeps ...
+UNTOLD = 0.03  # ... this share of its width
 NOISE_MATTERS = 0.02  # relative change of the sensor noise from which explanations are weighed again
 RELINEARISED = 3  # times at most that windows are linearised again
 FAR_DOWN = 0.3  # of chi-square, that a descent gains where slopes need to be taken again

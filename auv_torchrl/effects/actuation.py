@@ -1,4 +1,4 @@
-"""Effects between the command and the force of a thruster."""
+"""Effects on which thruster gets a command, and on how much and whereto it pushes."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, Same, Valley, changed, in_proportion, mean, own, sets
-from auv_torchrl.effects.scan import DELAYS, Scan
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, Same, changed, own, sets
+from auv_torchrl.effects.scan import Scan
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -23,7 +23,15 @@ thruster_gain = Effect(
     source="Lu et al. 2023, section 5.1, scenarios 2 and 3",
     parameters=(
         Parameter(
-            "gain", "1", 1.0, -2.0, 2.0, "thruster {which} gives {value:z.2f} times its nominal thrust", "thruster"
+            "gain",
+            "1",
+            1.0,
+            -2.0,
+            2.0,
+            "thruster {which} gives {value:z.2f} times its nominal thrust",
+            "thruster",
+            guessed=0.4,  # voltage, wake on the frame, scale of the commands: half to twice what charts say
+            varies=0.03,  # volts, which all thrusters share
         ),
     ),
     change=_gain,
@@ -95,7 +103,14 @@ thruster_misalignment = Effect(
     source="Lu et al. 2023, section 4.1: uncertain transform from thruster forces to the generalized force",
     parameters=(
         Parameter(
-            "angle", "rad", 0.0, -1.6, 1.6, "thruster {which} points {value:+.2f} rad off its direction", "thruster"
+            "angle",
+            "rad",
+            0.0,
+            -1.6,
+            1.6,
+            "thruster {which} points {value:+.2f} rad off its direction",
+            "thruster",
+            guessed=0.05,  # brackets are straight within 3 degrees
         ),
     ),
     change=_misalignment,
@@ -123,118 +138,4 @@ thrust_limit = Effect(
     scans={"limit": Scan((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), all=True, relative=True)},
 )
 
-
-def _dead_band(vehicle: Vehicle, width: Tensor) -> Vehicle:
-    return changed(vehicle, dead_band=in_proportion(vehicle.dead_band, width))
-
-
-dead_band = Effect(
-    name="dead_band",
-    origin=Origin.ACTUATION,
-    meaning="no thrust below this many newtons, all thrusters; the mean where they differ, which stay in proportion",
-    source="Lu et al. 2023, Eq. 2",
-    parameters=(
-        Parameter("width", "N", own("dead_band"), 0.0, 30.0, "the thrusters give nothing below {value:.1f} N"),
-    ),
-    change=_dead_band,
-    advice=advice.said(
-        "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
-    ),
-    scans={"width": Scan((0.0, 2.5, 7.5, 10.0, 12.5, 15.0, 20.0, 25.0))},
-    slack={"width": 0.03},
-    is_rough=True,
-)
-
-
-def _curve(vehicle: Vehicle, exponent: Tensor, asymmetry: Tensor) -> Vehicle:
-    return changed(
-        vehicle,
-        exponent=in_proportion(vehicle.exponent, exponent),
-        asymmetry=in_proportion(vehicle.asymmetry, asymmetry, zero=1.0),  # what is left in reverse is 1 less it
-    )
-
-
-def _same_commands(vehicle: Vehicle, step: float) -> dict[tuple[str, str], float]:
-    """Moves of the means, under another exponent, with which the same commands get through the dead band."""
-    fields = vehicle.exponent, vehicle.dead_band, vehicle.full_thrust, vehicle.asymmetry
-    now, width, full, weaker = (float(mean(values[0])) for values in fields)
-    power = (now + step) / now  # these commands have their thrust, over the full one, to this power
-    return {
-        ("thrust_curve", "exponent"): step,
-        ("dead_band", "width"): full * (width / full) ** power - width,
-        ("thrust_curve", "asymmetry"): (1 - weaker) - (1 - weaker) ** power,
-    }
-
-
-thrust_curve = Effect(
-    name="thrust_curve",
-    origin=Origin.ACTUATION,
-    meaning="F = full sign(c) |c|^exponent, reverse thrust times (1 - asymmetry), then limit and dead band; the means "
-    "where thrusters differ, which stay in proportion",
-    source="Blue Robotics T200 chart",
-    parameters=(
-        Parameter("exponent", "1", own("exponent"), 0.5, 3.0, "thrust grows as the command to the power {value:.2f}"),
-        Parameter("asymmetry", "1", own("asymmetry"), -0.6, 0.6, "reverse thrust is weaker by {value:.0%}"),
-    ),
-    change=_curve,
-    valley=Valley("exponent", ("dead_band", "width"), _same_commands),
-    advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
-    scans={"exponent": Scan((0.7, 0.85, 1.2, 1.5, 1.8, 2.2, 2.6)), "asymmetry": Scan((0.3,), linear=True)},
-)
-
-
-def _lag(vehicle: Vehicle, time_constant: Tensor) -> Vehicle:
-    return changed(vehicle, lag=in_proportion(vehicle.lag, time_constant))
-
-
-thruster_lag = Effect(
-    name="thruster_lag",
-    origin=Origin.ACTUATION,
-    meaning="thrust follows its target with a first-order time constant; the mean where thrusters differ, which stay "
-    "in proportion",
-    source="Yoerger, Cooke and Slotine 1990, thruster dynamics",
-    parameters=(
-        Parameter("time_constant", "s", own("lag"), 0.0, 1.5, "thrust follows the command with a lag of {value:.2f} s"),
-    ),
-    change=_lag,
-    advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
-    scans={"time_constant": Scan((0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2))},
-)
-
-
-command_delay = Effect(
-    name="command_delay",
-    origin=Origin.ACTUATION,
-    meaning="commands reach the thrusters late",
-    source="network and driver latency; a T200's own dead time is 13 ms",
-    parameters=(Parameter("delay", "s", own("delay"), 0.0, 0.8, "commands arrive {value:.2f} s late"),),
-    change=sets(delay="delay"),
-    advice=advice.said("look for what holds commands back: a filter, a slow link, a busy computer"),
-    scans={"delay": Scan(DELAYS)},
-)
-
-
-battery_sag = Effect(
-    name="battery_sag",
-    origin=Origin.ACTUATION,
-    meaning="share of the thrust lost per minute from the start of the episode",
-    source="T200 thrust is roughly proportional to voltage (Blue Robotics chart, 10 to 20 V)",
-    parameters=(
-        Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {value:.0%} of its value per minute"),
-    ),
-    change=sets(rate="battery_sag"),
-    advice=advice.said("charge or change the battery, and log its volts"),
-    scans={"rate": Scan((0.3,), linear=True)},
-)
-
-EFFECTS = (
-    thruster_gain,
-    thruster_swap,
-    thruster_misalignment,
-    thrust_limit,
-    dead_band,
-    thrust_curve,
-    thruster_lag,
-    command_delay,
-    battery_sag,
-)
+EFFECTS = (thruster_gain, thruster_swap, thruster_misalignment, thrust_limit)

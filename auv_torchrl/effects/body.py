@@ -26,7 +26,16 @@ added_mass = Effect(
     meaning="inertia per degree of freedom, on the total of rigid body and added mass",
     source="Lu et al. 2023, Eq. 13 and Table 1",
     parameters=(
-        Parameter("scale", "1", 1.0, 0.2, 5.0, "the inertia in {which} is {value:.2f} times the nominal one", PER_DOF),
+        Parameter(
+            "scale",
+            "1",
+            1.0,
+            0.2,
+            5.0,
+            "the inertia in {which} is {value:.2f} times the nominal one",
+            PER_DOF,
+            guessed=0.4,  # published added masses of one vehicle differ by that
+        ),
     ),
     change=_added_mass,
     advice=advice.said(
@@ -75,7 +84,18 @@ buoyancy = Effect(
     origin=Origin.BODY,
     meaning="a constant force along earth z, down positive: trim weight missing or water inside",
     source="Lu et al. 2023, Eq. 1, the term g",
-    parameters=(Parameter("force", "N", 0.0, -60.0, 60.0, "it is {value:+.1f} N heavier in water than assumed"),),
+    parameters=(
+        Parameter(
+            "force",
+            "N",
+            0.0,
+            -60.0,
+            60.0,
+            "it is {value:+.1f} N heavier in water than assumed",
+            guessed=lambda vehicle, member: 0.2 * float(vehicle.mass.mean()),  # trimmed by hand, to 2 % of its weight
+            varies=0.5,  # 50 g of trim, a bubble, salt
+        ),
+    ),
     change=_buoyancy,
     shows="idle",
     advice=advice.buoyancy,
@@ -94,8 +114,26 @@ mass_offset = Effect(
     meaning="centre of mass off the body origin",
     source="Fossen 2021, Eq. 3.49",
     parameters=(
-        Parameter("x", "m", 0.0, -0.3, 0.3, "the centre of mass is {value:+.3f} m forward of where it should be"),
-        Parameter("y", "m", 0.0, -0.3, 0.3, "the centre of mass is {value:+.3f} m to starboard of where it should be"),
+        Parameter(
+            "x",
+            "m",
+            0.0,
+            -0.3,
+            0.3,
+            "the centre of mass is {value:+.3f} m forward of where it should be",
+            guessed=0.005,
+            varies=0.001,  # a battery that sits a little otherwise
+        ),
+        Parameter(
+            "y",
+            "m",
+            0.0,
+            -0.3,
+            0.3,
+            "the centre of mass is {value:+.3f} m to starboard of where it should be",
+            guessed=0.005,
+            varies=0.001,  # a battery that sits a little otherwise
+        ),
     ),
     change=_mass_offset,
     advice=advice.mass_offset,

@@ -38,6 +38,8 @@ class Parameter:
     sentence: str  # of a report; takes {value} and, for a family, {which}
     over: tuple[str, ...] | str | None = None  # "thruster", or the names of the members
     discrete: bool = False
+    guessed: float | Callable[[Vehicle, str], float] = 0.0  # standard deviation where a vehicle's file is a guess
+    varies: float = 0.0  # standard deviation from flight to flight of a sound vehicle, members of a family together
 
     def members(self, vehicle: Vehicle) -> tuple[str, ...]:
         """Full names, e.g. ``gain_1`` to ``gain_6``; the name itself for a single number."""
@@ -59,6 +61,10 @@ class Parameter:
         if isinstance(value, Tensor) and value.ndim:  # one per thruster
             value = mean(value) if self.over is None else value[self.members(vehicle).index(member)]
         return float(value)
+
+    def guessed_within(self, vehicle: Vehicle, member: str) -> float:
+        """Standard deviation of a member where the vehicle's file is a guess; 0 if it is none of its coefficients."""
+        return float(self.guessed(vehicle, member) if callable(self.guessed) else self.guessed)
 
 
 Same = tuple[str, str, float]  # effect, parameter, value

@@ -91,7 +91,14 @@ linear_drag = Effect(
     source="Lu et al. 2023, Eq. 14 and Table 1",
     parameters=(
         Parameter(
-            "scale", "1", 1.0, 0.0, 10.0, "the linear drag in {which} is {value:.2f} times the nominal one", PER_DOF
+            "scale",
+            "1",
+            1.0,
+            0.0,
+            10.0,
+            "the linear drag in {which} is {value:.2f} times the nominal one",
+            PER_DOF,
+            guessed=0.4,  # published drags of one vehicle differ by that
         ),
     ),
     change=_linear,
@@ -112,7 +119,14 @@ quadratic_drag = Effect(
     source="Lu et al. 2023, Eq. 14 and Table 1",
     parameters=(
         Parameter(
-            "scale", "1", 1.0, 0.0, 10.0, "the quadratic drag in {which} is {value:.2f} times the nominal one", PER_DOF
+            "scale",
+            "1",
+            1.0,
+            0.0,
+            10.0,
+            "the quadratic drag in {which} is {value:.2f} times the nominal one",
+            PER_DOF,
+            guessed=0.4,  # published drags of one vehicle differ by that
         ),
     ),
     change=_quadratic,
@@ -132,6 +146,14 @@ def _coupling(vehicle: Vehicle, drag: Tensor) -> Vehicle:
     return changed(vehicle, linear_drag=vehicle.linear_drag + entries)
 
 
+def _guessed_coupling(vehicle: Vehicle, member: str) -> float:
+    """A tenth of the drags that it couples, in their geometric mean: no hull is quite symmetric."""
+    both = member.removeprefix("drag_").split("_from_")
+    linear = torch.diagonal(vehicle.linear_drag, dim1=-2, dim2=-1).reshape(-1, 6)[0]
+    one, other = (float(linear[DEGREES_OF_FREEDOM.index(name)]) for name in both)
+    return 0.1 * (one * other) ** 0.5
+
+
 drag_coupling = Effect(
     name="drag_coupling",
     origin=Origin.FLOW,
@@ -146,6 +168,7 @@ drag_coupling = Effect(
             100.0,
             "the drag {which} is {value:+.2f} although none is modelled",
             COUPLINGS,
+            guessed=_guessed_coupling,
         ),
     ),
     change=_coupling,
@@ -179,8 +202,8 @@ current = Effect(
     meaning="velocity of the water; drag acts on the relative velocity",
     source="Fossen 2021, section 10.3",
     parameters=(
-        Parameter("north", "m/s", 0.0, -2.0, 2.0, "the water moves north at {value:+.2f} m/s"),
-        Parameter("east", "m/s", 0.0, -2.0, 2.0, "the water moves east at {value:+.2f} m/s"),
+        Parameter("north", "m/s", 0.0, -2.0, 2.0, "the water moves north at {value:+.2f} m/s", varies=0.02),
+        Parameter("east", "m/s", 0.0, -2.0, 2.0, "the water moves east at {value:+.2f} m/s", varies=0.02),
         Parameter("down", "m/s", 0.0, -2.0, 2.0, "the water moves down at {value:+.2f} m/s"),
     ),
     change=_current,

@@ -70,16 +70,9 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
     right, right_class = _rightness(label, verdict, named, first, declared, beside)
     unseen = tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
-    if label.get("fault") and truth in unseen and not named:
-        right_class = True
-    probabilities = {c["name"]: c["probability"] for c in diagnosis["candidates"]}
-    of_effects = {effect["name"]: effect["probability"] for effect in diagnosis["effects"]}
+    right_class = right_class or bool(label.get("fault") and truth in unseen and not named)
     errors, covered = _parameters({} if label["family"] == "onset" else label["values"], diagnosis["effects"], vehicle)
-    of_truth = _probability(truth, probabilities, of_effects, verdict)
-    of_answer = _probability(first, probabilities, of_effects, verdict)
-    if len(effects) == 1 and len(named) == 1:  # what is declared indistinguishable is one answer
-        of_truth = None if of_truth is None else max(of_truth, _of_class(truth, declared, probabilities))
-        of_answer = None if of_answer is None else max(of_answer, _of_class(first, declared, probabilities))
+    groups = declared if len(effects) == 1 and len(named) == 1 else []  # declared indistinguishable: one answer
     onset = (diagnosis.get("where") or {}).get("onset_s")
     return Judgement(
         case=name,
@@ -99,8 +92,8 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         right=right,
         right_class=right_class,
         thrusters_right=thrusters_right(label, diagnosis["effects"], declared, vehicle),
-        probability=of_answer,
-        probability_of_truth=of_truth,
+        probability=_probability(first, diagnosis, groups),
+        probability_of_truth=_probability(truth, diagnosis, groups),
         closed=diagnosis["gap"].get("closed"),
         onset_error_s=abs(onset - label["onset_s"]) if onset is not None and label["onset_s"] is not None else None,
         seconds=answer["seconds"],
@@ -165,17 +158,19 @@ def _of_class(effect: str, declared: list[list[str]], probabilities: Mapping[str
     return min(1.0, sum(probabilities.get(name, 0.0) for name in members))
 
 
-def _probability(
-    answer: str, candidates: Mapping[str, float], explanation: Mapping[str, float], verdict: str
-) -> float | None:
-    """Probability given to an answer: among the candidates, or in the explanation where several effects act."""
+def _probability(answer: str, diagnosis: Mapping[str, Any], groups: list[list[str]]) -> float | None:
+    """Probability of an answer with those of its groups: among the candidates, or in an explanation by several."""
+    candidates = {c["name"]: c["probability"] for c in diagnosis["candidates"]}
+    explanation = {effect["name"]: effect["probability"] for effect in diagnosis["effects"]}
     if answer == "no_gap":
-        return candidates.get("none", candidates.get("no_gap"))
-    if len(explanation) > 1 and answer in explanation:
-        return explanation[answer]
-    if answer in candidates:
-        return candidates[answer]
-    return 0.0 if candidates and verdict not in ("error", "refused") else None
+        own = candidates.get("none", candidates.get("no_gap"))
+    elif len(explanation) > 1 and answer in explanation:
+        own = explanation[answer]
+    elif answer in candidates:
+        own = candidates[answer]
+    else:
+        own = 0.0 if candidates and diagnosis["verdict"] not in ("error", "refused") else None
+    return max(own, _of_class(answer, groups, candidates)) if own is not None and groups else own
 
 
 def _parameters(

@@ -1,96 +1,127 @@
-"""What a log of the sound vehicle says before its fault is looked for: its own coefficients, disturbance and noise."""
+"""What logs of the sound vehicle say before a fault is looked for: its coefficients, its floor, and how it varies.
+
+Three layers are kept apart. What the vehicle's file has wrong is the same in every flight; what differs from flight to
+flight, as trim and current do, has a spread; and only what is neither is new. The first two become slack of the search,
+with all of their uncertainty.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from torch import Tensor
 
+from auv_torchrl.diagnosis.calibrate.flights import Told, share
+from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
+from auv_torchrl.diagnosis.calibrate.gauge import nearest_the_file, unseen_directions
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
 from auv_torchrl.diagnosis.identify.following import follow_windows
-from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
-from auv_torchrl.diagnosis.identify.judged import Judged
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.reduce import OU_TIME, disturbance_precision, local_precision
-from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import PRIOR_NUMBERS, REPEATS
+from auv_torchrl.diagnosis.motion.reduce import OU_TIME
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import STRAYS
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
-ROUNDS = 30
-PASSES = 2  # slack and floor in turn
+PASSES = 2  # coefficients and floor in turn
+FITS = 8  # at most, of the coefficients of a file that is a guess, while each ...
+STILL_FALLS = 2.0  # ... lowers chi-square by this: what no flight tells then follows the prior
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The vehicle as the healthy log shows it."""
+    """The vehicle as healthy logs show it."""
 
-    vehicle: Vehicle  # empty batch, slack included
+    centred: Centred  # the vehicle, empty batch, and what may differ from it in another flight
     known: Known
     slack: dict[tuple[str, str], float]  # deviations from the vehicle as it was given
+    strays: tuple[str, ...]  # effects whose coefficients the file has wrong by more than slack
+    as_stated: float  # chi-square per number where the file is right within slack
+    excess: float  # that of the calibrated vehicle, under the floor of the settings
+    has_gap: bool  # beyond what the file may have wrong
     findings: tuple[Finding, ...]
-    has_gap: bool  # beyond slack, under the floor of the settings
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The calibrated vehicle, empty batch."""
+        return self.centred.vehicle
 
 
-def calibrate(healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings) -> Calibration:
-    """Fit the slack of a sound vehicle, then its disturbance floor, each under the other.
+def calibrate(
+    healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient] = ()
+) -> Calibration:
+    """Fit the coefficients of a sound vehicle, how it varies from flight to flight, and its disturbance floor.
+
+    Where the file is right within slack, that is all that is fitted; else every coefficient that it may have wrong.
 
     Args:
-        healthy: at least one log without the fault.
+        healthy: at least one log without the fault; each is a flight.
         vehicle: nominal, empty batch; roll and pitch held or free as they are to be diagnosed.
         settings: widths of the slack and the floor to begin from.
+        coefficients: what is uncertain in the file; empty for what the effects declare.
     """
     log = join(healthy)
-    problem = Problem.of(cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s), vehicle, settings)
-    problem, follow = follow_windows(problem)
-    judged = fit_by_simulation(problem, Explanation(), follow)
-    if (anew := measure_noise(problem, judged)) is not problem:
-        problem, judged = anew, reassess(anew, judged)
-    excess = judged.chi2 / judged.quadratic.numbers  # under the stated floor
-    for _ in range(PASSES):
-        problem = replace(problem, floor=disturbance_floor(problem, judged))
-        judged = fit_by_simulation(problem, judged.explanation, judged.base)
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    problem, follow = follow_windows(Problem.of(windows, vehicle, settings))
+    nuisance = stated(vehicle, settings)
+    problem, judged = _fit(problem, nuisance, follow, 1)
+    as_stated = _excess([judged])
+    strays: tuple[str, ...] = ()
+    if as_stated > settings.excess:
+        wide = guessed(vehicle, settings, coefficients)
+        wider, refitted = _fit(problem, wide, follow, FITS)
+        if _excess([refitted]) < as_stated:
+            nuisance, problem, judged = wide, wider, refitted
+            strays = _strays(problem, judged, settings)
+    centred = Centred.at(vehicle, nuisance).moved(slack_now(problem, judged.explanation), _left_open(problem, judged))
+    scale = unseen_directions(centred.vehicle, centred.nuisance.slack)
+    centred = centred.moved(nearest_the_file(centred.file, centred.nuisance.width, scale), centred.covariance)
+    flights = _parted(healthy, windows)
+    known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
+    centred, known, excess = _over_flights(flights, centred, known, settings)
     slack = judged.explanation.slack
-    floor = np.array(settings.floor_force)
-    floor[problem.layout.dof] = problem.floor
-    k = len(problem.slack)
-    nominal = np.array([value for _, _, value, _ in problem.slack])
-    covariance = np.linalg.inv(judged.quadratic.A[:k, :k] + problem.slack_precision) + np.diag((REPEATS * nominal) ** 2)
-    own = apply_values(vehicle, Explanation(slack=slack).values(vehicle))
-    known = Known(floor, problem.sigma, problem.rough_noise, covariance)
-    findings = tuple(_findings(log, problem, slack, excess, settings))
-    return Calibration(own, known, slack, findings, excess > settings.excess)
+    calibration = Calibration(centred, known, slack, strays, as_stated, excess, excess > settings.excess, ())
+    return replace(calibration, findings=tuple(_findings(log, calibration, settings)))
 
 
-def disturbance_floor(problem: Problem, judged: Judged) -> Floats:
-    """Standard deviation (D,) in N and N m of the force that acts on a sound vehicle.
+def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tensor, settings: Settings) -> Calibration:
+    """The same for the degrees of freedom ``free`` (6,), from what was calibrated with the vehicle held level.
 
-    The size that makes the samples of all windows most likely (MacKay 1992, fixed point of the evidence). The stated
-    floor counts as a few forces more, so that a log which determines none of them cannot claim a floor of zero.
+    Roll and pitch that nobody measured are seen by what they do to the rest, and that is little: a fit of all
+    coefficients that begins elsewhere would be led astray by them.
     """
-    layout, windows, state = problem.layout, problem.windows, judged.base.state
-    used = np.isfinite(state.slope).all((1, 2)) & np.isfinite(state.residual).all(1) & problem.followed
-    weight = 1.0 / noise_per_sample(windows, problem.sigma)
-    slope, residual = state.slope[used] * weight[:, None], state.residual[used] * weight
-    away = np.concatenate([(state.start - windows.guess)[:, layout.start], state.bins.reshape(len(windows), -1)], 1)
-    away, count = away[used], int(used.sum())
-    gram, pull = slope.swapaxes(1, 2) @ slope, np.einsum("wkl,wk->wl", slope, residual)
-    starts, (bins, dofs) = len(layout.start), (layout.bins, len(layout.dof))
-    unit = disturbance_precision(layout, windows.dt, np.ones(1))  # (B, B)
-    stated = np.array(problem.settings.floor_force)[layout.dof]
-    floor = stated.copy()
-    for _ in range(ROUNDS):
-        precision = local_precision(layout, windows.dt, floor)
-        covariance = np.linalg.inv(gram + precision)
-        mean = away + np.einsum("wlm,wm->wl", covariance, pull - away @ precision)
-        force = mean[:, starts:].reshape(count, bins, dofs)
-        spread = covariance[:, starts:, starts:].reshape(count, bins, dofs, bins, dofs)
-        squares = np.einsum("wbd,bc,wcd->d", force, unit, force)
-        seen = count * bins - np.einsum("bc,wbdcd->d", unit, spread) / floor**2  # numbers that the samples determine
-        floor = np.sqrt((squares + PRIOR_NUMBERS * stated**2) / (seen + PRIOR_NUMBERS))
-    return floor
+    log = join(healthy)
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    centred = replace(level.centred, vehicle=changed(level.vehicle, free=free))
+    known = replace(level.known, floor=np.array(settings.floor_force))
+    centred, known, excess = _over_flights(_parted(healthy, windows), centred, known, settings)
+    freed = replace(level, centred=centred, known=known, excess=excess, has_gap=excess > settings.excess)
+    return replace(freed, findings=tuple(_findings(log, freed, settings)))
+
+
+def _over_flights(
+    flights: Sequence[Windows], centred: Centred, known: Known, settings: Settings
+) -> tuple[Centred, Known, float]:
+    """What flights share, how they differ, the floor (6,) and the excess that there is under the one to begin from."""
+    excess = np.inf
+    for turn in range(PASSES):
+        known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
+        fitted = [_follow_flight(own, centred.vehicle, settings, known) for own in flights]
+        excess = excess if turn else _excess([judged for _, judged in fitted])
+        dof, floor = fitted[0][0].layout.dof, known.floor.copy()
+        floor[dof] = disturbance_floor(fitted)
+        known = replace(known, floor=floor)
+        shared = share([_tells(*_under(one, floor[dof])) for one in fitted], centred.file, centred.nuisance)
+        centred = centred.moved(shared.mean, shared.covariance)
+    return centred, replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance), excess
 
 
 def noise_findings(noisier: dict[str, float]) -> tuple[Finding, ...]:
@@ -112,29 +143,100 @@ def stated_floor(settings: Settings, dof: np.ndarray) -> Finding:
     return Finding(Severity.INFO, "floor_assumed", sentence, remedy)
 
 
-def _findings(
-    log: FlightLog, problem: Problem, slack: dict[tuple[str, str], float], excess: float, settings: Settings
-) -> list[Finding]:
-    floor = np.array(settings.floor_force)
-    floor[problem.layout.dof] = problem.floor
-    most = max(slack, key=lambda key: abs(slack[key]) / _nominal(problem, key), default=None)
-    largest = "" if most is None else f"; the largest correction is {' '.join(most)} {slack[most]:+.3f}"
+def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple[Problem, Judged]:
+    """Fit what may be off on all flights at once, and measure the noise under it."""
+    covariance = np.diag(np.array([width for *_, width in nuisance.slack]) ** 2)
+    problem = replace(
+        problem, slack=nuisance.slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance)
+    )
+    judged = fit_by_simulation(problem, Explanation(), follow)
+    for _ in range(1, fits):
+        further = fit_by_simulation(problem, judged.explanation, judged.base)
+        falls, judged = judged.chi2 - further.chi2, further
+        if not falls > STILL_FALLS:
+            break
+    if (anew := measure_noise(problem, judged)) is not problem:
+        problem, judged = anew, reassess(anew, judged)
+    return problem, judged
+
+
+def _follow_flight(windows: Windows, own: Vehicle, settings: Settings, known: Known) -> tuple[Problem, Judged]:
+    """One flight, with a vehicle that differs from the others as flights do."""
+    problem, follow = follow_windows(Problem.of(windows, own, settings, known))
+    return problem, fit_by_simulation(problem, Explanation(), follow)
+
+
+def _under(flight: tuple[Problem, Judged], floor: Floats) -> tuple[Problem, Judged]:
+    """A flight fitted again under another disturbance (D,)."""
+    problem, judged = flight
+    problem = replace(problem, floor=floor)
+    return problem, fit_by_simulation(problem, judged.explanation, judged.base)
+
+
+def _tells(problem: Problem, judged: Judged) -> Told:
+    return Told.of(judged.quadratic, slack_now(problem, judged.explanation))
+
+
+def _left_open(problem: Problem, judged: Judged) -> Floats:
+    """Covariance (k, k) of slack, as the log leaves it open."""
+    k = len(problem.slack)
+    return np.linalg.inv(judged.quadratic.A[:k, :k] + problem.slack_precision)
+
+
+def _parted(healthy: Sequence[FlightLog], windows: Windows) -> list[Windows]:
+    """The windows of each log, of those that have some, in the order in which they are joined."""
+    ends = np.cumsum([len(log.episodes) for log in healthy])
+    flight = np.searchsorted(ends, windows.episode, side="right")
+    return [windows.subset(flight == number) for number in np.unique(flight)]
+
+
+def _excess(flights: Sequence[Judged]) -> float:
+    """Chi-square per measured number."""
+    return sum(judged.chi2 for judged in flights) / sum(judged.quadratic.numbers for judged in flights)
+
+
+def _strays(problem: Problem, judged: Judged, settings: Settings) -> tuple[str, ...]:
+    """Effects of which some coefficient differs from the file by more than slack, and than the logs leave open."""
+    unsure = np.diag(_left_open(problem, judged))
+    deviation = slack_now(problem, judged.explanation)
+    found = []
+    for (effect, member, nominal, _), size, variance in zip(problem.slack, deviation, unsure, strict=True):
+        width = settings.slack_of(EFFECTS[effect]).get(member.rsplit("_", 1)[0], 0.0) * abs(nominal)
+        if abs(size) > STRAYS * np.hypot(width, np.sqrt(variance)):
+            found.append(effect)
+    return tuple(dict.fromkeys(found))
+
+
+def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> list[Finding]:
+    slack, excess, known = calibration.slack, calibration.excess, calibration.known
+    largest = ""
+    scaled = {
+        e[:2]: abs(slack[e[:2]]) / abs(e[2]) for e in calibration.centred.nuisance.slack if e[2] and e[:2] in slack
+    }
+    if scaled:
+        most = max(scaled, key=lambda key: scaled[key])
+        largest = f"; the largest correction is {' '.join(most)} {slack[most]:+.3f}"
+    dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
-        f"{_sizes(floor, problem.layout.dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
+        f"{_sizes(known.floor, dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
     )
     found = [Finding(Severity.INFO, "floor_measured", sentence)]
-    if excess > settings.excess:
+    if calibration.as_stated > settings.excess:
         sentence = (
-            f"the healthy log {log.name} departs from the simulator by more than slack (chi-square {excess:.2f} per "
-            "number): what is left of it counts as disturbance, and faults of that size cannot be seen"
+            f"the vehicle's file is off by more than slack: {len(slack)} coefficients were corrected on the healthy "
+            f"log {log.name} (chi-square {calibration.as_stated:.3g} per number before, {excess:.3g} after); what is "
+            "found is relative to the vehicle of that log"
+        )
+        found.append(Finding(Severity.INFO, "coefficients_corrected", sentence))
+    if calibration.has_gap:
+        sentence = (
+            f"the healthy log {log.name} departs from the simulator by more than coefficients can explain "
+            f"(chi-square {excess:.2f} per number): what is left of it counts as disturbance, and faults of that size "
+            "cannot be seen"
         )
         found.append(Finding(Severity.WARNING, "healthy_has_gap", sentence, "Diagnose the healthy log by itself first"))
     return found
-
-
-def _nominal(problem: Problem, key: tuple[str, str]) -> float:
-    return next(abs(nominal) for effect, member, nominal, _ in problem.slack if (effect, member) == key)
 
 
 def _sizes(floor: Floats, dof: np.ndarray) -> str:

@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, without_slack
 from auv_torchrl.diagnosis.identify.steps import bounded_step, joint_precision, take_step, value_steps
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import KNOB_STEP, SLACK_SHARES, SLACK_STEP
+from auv_torchrl.diagnosis.thresholds import KNOB_STEP, SLACK_SHARES
 
 
 def assess(
@@ -70,7 +70,7 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
 def knob_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:
     """The explanation with each fitted knob moved a little, and by how much."""
     moved, steps = [], []
-    at_slack = {(effect, member): SLACK_STEP * abs(nominal) for effect, member, nominal, _ in problem.slack}
+    at_slack = {parameter[:2]: problem.slack_step(parameter) for parameter in problem.slack}
     for place, knob in enumerate(explanation.knobs):
         if knob.discrete:
             continue

@@ -55,8 +55,9 @@ class Explanation:
                     row[member] = min(max(both, parameters[member].low), parameters[member].high)
         if slack:
             for (effect, member), deviation in self.slack.items():
-                row = values.setdefault(effect, {})
-                row[member] = row.get(member, known[effect].nominal[member]) + deviation
+                row, (parameters, nominal) = values.setdefault(effect, {}), known[effect]
+                p = parameters[member]
+                row[member] = min(max(row.get(member, nominal[member]) + deviation, p.low), p.high)
         return values
 
     def moved(self, amounts: dict[int, float]) -> "Explanation":

@@ -8,6 +8,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.colour import whiten
 from auv_torchrl.diagnosis.motion.force import force_changes
@@ -79,6 +80,8 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
     states = flown(actuate(problem.windows, vehicle), problem.layout, *_one_row(state)[:2])[1]
     base = Base(explanation, vehicle, state, states[:, 0])
     problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)
+    if problem.known is not None:
+        problem = hold_unseen(problem, base)
     return replace(problem, slack_size=force_of_slack(problem, base)), base
 
 

@@ -121,7 +121,7 @@ def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effec
         else:
             for p in effect.parameters:
                 atoms += _one_by_one(effect, p, vehicle, scans.get(p.name))
-    return [atom for atom in atoms if _changes(vehicle, atom)]
+    return [atom for atom in atoms if changes(vehicle, atom.effect, atom.values)]
 
 
 def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Scan | None) -> list[Atom]:
@@ -163,8 +163,9 @@ def _permutations(effect: Effect, vehicle: Vehicle) -> list[Atom]:
     ]
 
 
-def _changes(vehicle: Vehicle, atom: Atom) -> bool:
-    changed = EFFECTS[atom.effect].apply(vehicle, atom.values)
+def changes(vehicle: Vehicle, effect: str, values: Mapping[str, float]) -> bool:
+    """Whether an effect with these values makes another vehicle at all."""
+    changed = EFFECTS[effect].apply(vehicle, values)
     return any(not torch.equal(changed.get(key), value) for key, value in vehicle.items())
 
 
@@ -179,6 +180,6 @@ def slack_parameters(vehicle: Vehicle, settings: Settings) -> list[tuple[str, st
         for member, p in effect.member_parameters(vehicle).items() if widths else ():
             nominal = p.nominal_value(vehicle, member)
             width = widths.get(p.name, 0.0) * abs(nominal)
-            if _changes(vehicle, Atom(name, {member: nominal + width})):
+            if changes(vehicle, name, {member: nominal + width}):
                 found.append((name, member, nominal, width))
     return found

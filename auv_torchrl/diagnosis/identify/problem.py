@@ -1,6 +1,7 @@
 """What explanations of one log are judged by: windows, vehicle, settings, noise, disturbance and slack."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -9,10 +10,12 @@ from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, mak
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import NOISIER, WIDE_SHARE
+from auv_torchrl.diagnosis.thresholds import KNOB_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
+Slack = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
 FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each holds as much as the slopes
 
 
@@ -23,6 +26,7 @@ class Known:
     floor: Floats  # (6,) N, N m
     noise: dict[str, float]  # by channel
     rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
+    slack: tuple[Slack, ...]
     slack_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
 
 
@@ -63,7 +67,7 @@ class Problem:
     reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom
     wide: Floats  # (D,) N, N m: prior of the force while a wrong model follows the log
     atoms: tuple[Atom, ...]  # changes to try
-    slack: tuple[tuple[str, str, float, float], ...]  # (effect, parameter, nominal, standard deviation)
+    slack: tuple[Slack, ...]
     slack_covariance: Floats  # (k, k)
     slack_precision: Floats  # (k, k)
     prior: Prior
@@ -86,13 +90,14 @@ class Problem:
         """
         layout = Layout.of(windows, vehicle, settings.bin_s)
         reach = _reach(vehicle)
-        atoms, slack = tuple(make_atoms(vehicle, settings)), tuple(slack_parameters(vehicle, settings))
-        covariance = np.diag(np.array([width for *_, width in slack]) ** 2)
         rough, noisier, floor = first_noise(windows), {}, np.array(settings.floor_force)
-        if known is not None:
-            covariance, floor, noisier = known.slack_covariance, known.floor, _noisier(rough, known.rough_noise)
-            widths = np.sqrt(np.diag(covariance)).tolist()
-            slack = tuple((*entry[:3], width) for entry, width in zip(slack, widths, strict=True))
+        if known is None:
+            slack = tuple(slack_parameters(vehicle, settings))
+            covariance = np.diag(np.array([width for *_, width in slack]) ** 2)
+        else:
+            slack, covariance = known.slack, known.slack_covariance
+            floor, noisier = known.floor, _noisier(rough, known.rough_noise)
+        atoms = tuple(make_atoms(vehicle, settings))
         return Problem(
             given=windows,
             windows=windows,
@@ -119,6 +124,21 @@ class Problem:
     def even(self) -> np.ndarray:
         """(k,) slack parameters in which chi-square is smooth: moving a threshold flips single samples."""
         return np.array([not self.settings.is_rough(effect) for effect, *_ in self.slack])
+
+    def slack_step(self, slack: Slack) -> float:
+        """By how much a slack parameter is moved to see what it does."""
+        effect, member, nominal, _ = slack
+        return max(SLACK_STEP * abs(nominal), KNOB_STEP * self.prior.width(effect, member))
+
+    @cached_property
+    def slack_bounds(self) -> tuple[Floats, Floats]:
+        """Least and most (k,) that slack may deviate by: it is no gap, and no effect beyond its bounds."""
+        low, high = [], []
+        for effect, member, nominal, width in self.slack:
+            p = EFFECTS[effect].member_parameters(self.vehicle)[member]
+            low.append(max(-SLACK_LIMIT * width, p.low - nominal))
+            high.append(min(SLACK_LIMIT * width, p.high - nominal))
+        return np.array(low), np.array(high)
 
     def believed(self, measured: dict[str, float]) -> dict[str, float]:
         """Noise by channel: what was measured, or what a healthy log showed, see :func:`believed_noise`."""

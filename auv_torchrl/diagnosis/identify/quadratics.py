@@ -13,7 +13,6 @@ from auv_torchrl.diagnosis.motion.force import force_changes, marks, reading_cha
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, pooled, reduce
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import SLACK_STEP
 from auv_torchrl.physics import prepare
 
 MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
@@ -56,9 +55,9 @@ def _parts(
 def mark_slack(problem: Problem, base: Base, at: Explanation) -> Floats:
     """Marks (W, K, k) of the slack parameters, per unit, around an explanation on the windows of a base."""
     moved, steps = [], np.empty(len(problem.slack))
-    for column, (effect, member, nominal, _) in enumerate(problem.slack):
-        key = effect, member
-        steps[column] = SLACK_STEP * abs(nominal)
+    for column, parameter in enumerate(problem.slack):
+        key = parameter[:2]
+        steps[column] = problem.slack_step(parameter)
         moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
     pieces = _marks_in_pieces(problem, base, moved, None if at == base.explanation else at)
     return np.concatenate([columns for _, columns, _ in pieces]) / steps

@@ -11,7 +11,6 @@ from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import SLACK_LIMIT
 
 
 def value_steps(problem: Problem, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:
@@ -52,8 +51,8 @@ def bounded_step(problem: Problem, judged: Judged, held: Mapping[int, float] | N
     stiffness, least, most = value_steps(problem, judged.explanation, steps)
     pull = joint_precision(problem.slack_precision, stiffness)
     toward = np.concatenate([-problem.slack_precision @ at, np.zeros(len(steps))])
-    reach = SLACK_LIMIT * np.array([width for *_, width in problem.slack])
-    low, high = np.concatenate([-reach - at, least]), np.concatenate([reach - at, most])
+    least_slack, most_slack = problem.slack_bounds
+    low, high = np.concatenate([least_slack - at, least]), np.concatenate([most_slack - at, most])
     x, free = np.zeros(len(low)), np.ones(len(low), bool)
     for column, amount in (held or {}).items():
         x[column], free[column] = amount, False
@@ -70,10 +69,8 @@ def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_st
         p = declared(knob.effect, problem.vehicle).parameters[knob.members[0]]
         amounts[place] = float(np.clip(knob.value + step[order], p.low, p.high))
         order += 1
-    slack = {
-        (e, m): float(np.clip(explanation.slack.get((e, m), 0.0) + move, -SLACK_LIMIT * width, SLACK_LIMIT * width))
-        for (e, m, _, width), move in zip(problem.slack, slack_step, strict=True)
-    }
+    moved = np.clip(slack_now(problem, explanation) + slack_step, *problem.slack_bounds).tolist()
+    slack = {(effect, member): value for (effect, member, _, _), value in zip(problem.slack, moved, strict=True)}
     return replace(explanation.moved(amounts), slack=slack)
 
 

@@ -1,0 +1,50 @@
+"""The disturbance that acts on a sound vehicle, as its flights show it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.judged import Judged
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.reduce import disturbance_precision, local_precision
+from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import PRIOR_NUMBERS
+
+ROUNDS = 30
+
+
+def disturbance_floor(flights: Sequence[tuple[Problem, Judged]]) -> Floats:
+    """Standard deviation (D,) in N and N m of the force that acts on a sound vehicle.
+
+    The size that makes the samples of all windows most likely (MacKay 1992, fixed point of the evidence). The stated
+    floor counts as a few forces more, so that a log which determines none of them cannot claim a floor of zero.
+    """
+    layout, dt = flights[0][0].layout, flights[0][0].windows.dt
+    gathered = [_numbers(problem, judged) for problem, judged in flights]
+    gram, pull, away = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
+    count, starts, (bins, dofs) = len(gram), len(layout.start), (layout.bins, len(layout.dof))
+    unit = disturbance_precision(layout, dt, np.ones(1))  # (B, B)
+    stated = np.array(flights[0][0].settings.floor_force)[layout.dof]
+    floor = stated.copy()
+    for _ in range(ROUNDS):
+        precision = local_precision(layout, dt, floor)
+        covariance = np.linalg.inv(gram + precision)
+        mean = away + np.einsum("wlm,wm->wl", covariance, pull - away @ precision)
+        force = mean[:, starts:].reshape(count, bins, dofs)
+        spread = covariance[:, starts:, starts:].reshape(count, bins, dofs, bins, dofs)
+        squares = np.einsum("wbd,bc,wcd->d", force, unit, force)
+        seen = count * bins - np.einsum("bc,wbdcd->d", unit, spread) / floor**2  # numbers that the samples determine
+        floor = np.sqrt((squares + PRIOR_NUMBERS * stated**2) / (seen + PRIOR_NUMBERS))
+    return floor
+
+
+def _numbers(problem: Problem, judged: Judged) -> tuple[Floats, Floats, Floats]:
+    """Of the windows that are followed: curvature (w, L, L) and slope (w, L) in the free numbers, and these (w, L)."""
+    windows, state = problem.windows, judged.base.state
+    used = np.isfinite(state.slope).all((1, 2)) & np.isfinite(state.residual).all(1) & problem.followed
+    weight = 1.0 / noise_per_sample(windows, problem.sigma)
+    slope, residual = state.slope[used] * weight[:, None], state.residual[used] * weight
+    starts = (state.start - windows.guess)[:, problem.layout.start]
+    away = np.concatenate([starts, state.bins.reshape(len(windows), -1)], 1)
+    return slope.swapaxes(1, 2) @ slope, np.einsum("wkl,wk->wl", slope, residual), away[used]

@@ -1,0 +1,67 @@
+"""Directions in which all coefficients change and no motion does: twice the inertia with twice the thrust and drag.
+
+No log tells the overall scale of a vehicle. Left to a fit it runs away, because a disturbance is in newtons, and a
+lighter vehicle needs less of it. So it is put where the file is nearest.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.problem import Slack
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.hydrodynamics import acceleration
+from auv_torchrl.physics.kinematics import quaternion_from_euler, rotation_matrix
+from auv_torchrl.physics.thrusters import body_wrench, thrust_target
+from auv_torchrl.vehicle import Vehicle
+
+MOTIONS = 300  # drawn at random, several times the numbers that they are to tell apart
+TILT = 0.3  # rad of roll and pitch among them
+STEP = 1e-4  # of a width, for slopes
+UNSEEN = 1e-5  # of the largest slope: the error of the slopes
+
+
+def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:
+    """Changes (k, g) of slack that leave every acceleration as it is, whatever the motion and the commands.
+
+    What acts through time alone, as a delay does, and what changes reports is not among them.
+    """
+    widths = np.array([width for *_, width in slack])
+    rows = []
+    for (effect, member, nominal, _), width in zip(slack, widths.tolist(), strict=True):
+        rows += [{effect: {member: nominal + sign * STEP * width}} for sign in (1, -1)]
+    moves = vehicle.free.numpy() > 0
+    rates = _accelerations(batch(vehicle, rows), moves)
+    slopes = (rates[0::2] - rates[1::2]).reshape(len(slack), -1).T / (2 * STEP)
+    acts = np.flatnonzero(np.abs(slopes).max(0) > UNSEEN * np.abs(slopes).max())
+    _, size, directions = np.linalg.svd(slopes[:, acts], full_matrices=False)
+    unseen = directions[size < UNSEEN * size[0]]
+    found = np.zeros((len(slack), len(unseen)))
+    found[acts] = unseen.T
+    return found * widths[:, None]
+
+
+def nearest_the_file(away: Floats, width: Floats, directions: Floats) -> Floats:
+    """How far (k,) to go along directions (k, g) to come nearest to a file that is ``away`` (k,), in its widths."""
+    known = width > 0
+    weighted = directions[known] / width[known, None]
+    return directions @ np.linalg.lstsq(weighted, away[known] / width[known], rcond=None)[0]
+
+
+def _accelerations(vehicles: Vehicle, moves: np.ndarray) -> Floats:
+    """(R, N, 6) of vehicles (R,) in motions that are drawn once and for all."""
+    rng, shape = np.random.default_rng(0), (len(vehicles), MOTIONS)
+    c = prepare(vehicles).numpy()
+    by_motion, terms = c.rows((slice(None), None)), ActiveTerms.of(c)
+
+    def drawn(low: Floats | float, high: Floats | float, *entries: int) -> Floats:
+        return np.broadcast_to(rng.uniform(low, high, (1, MOTIONS, *entries)), (*shape, *entries))
+
+    velocity, place = drawn(-1.0, 1.0, 6) * moves, drawn(-1.0, 1.0, 3)
+    roll, pitch = (drawn(-TILT, TILT) * free for free in moves[3:5])
+    attitude = quaternion_from_euler(roll, pitch, drawn(-np.pi, np.pi))
+    thrust = thrust_target(by_motion, terms, drawn(-1.0, 1.0, vehicles.thrusters))
+    wrench = body_wrench(by_motion, terms, thrust, np.zeros(shape))
+    return acceleration(by_motion, terms, rotation_matrix(attitude), place, velocity, wrench)

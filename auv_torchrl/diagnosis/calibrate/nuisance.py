@@ -1,0 +1,129 @@
+"""What may differ although nothing is wrong: coefficients that a file has wrong, and what differs between flights."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, apply_values, changes, slack_parameters
+from auv_torchrl.diagnosis.identify.problem import Slack
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import REPEATS
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.vehicle import Vehicle
+
+SMALLEST_FACTOR = 0.05  # of what it was: a number that is nearly gone has no relative width
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Numbers (k,) of a vehicle that no explanation is to be made of."""
+
+    slack: tuple[Slack, ...]  # of the vehicle's file; widths of the file and of flights together
+    width: Floats  # (k,) standard deviation of the file; 0 where it is right
+    spread: tuple[Floats, ...]  # (k, k) covariances between flights, each with a size of its own that can be learnt
+    repeats: Floats  # (k,) standard deviation within which every sound vehicle repeats itself
+
+    def between_flights(self, sizes: Sequence[float] | None = None) -> Floats:
+        """Covariance (k, k) between flights; ``sizes`` are times what is stated of each spread."""
+        sizes = [1.0] * len(self.spread) if sizes is None else sizes
+        parts = (size**2 * part for size, part in zip(sizes, self.spread, strict=True))
+        return sum(parts, np.diag(self.repeats**2))
+
+
+def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) -> Nuisance:
+    """The numbers with these ``widths``, (effect, parameter, nominal, deviation), and all that flights differ in."""
+    width = {(effect, member): (nominal, size) for effect, member, nominal, size in widths}
+    varying: dict[str, list[tuple[tuple[str, str], float]]] = {}
+    for name, effect in EFFECTS.items():
+        for member, p in effect.member_parameters(vehicle).items():
+            if p.varies:
+                varying.setdefault(f"{name}.{p.name}", []).append(((name, member), p.varies))
+                width.setdefault((name, member), (p.nominal_value(vehicle, member), 0.0))
+    keys, spread = list(width), []
+    for members in varying.values():
+        column = np.zeros(len(keys))
+        for key, size in members:
+            column[keys.index(key)] = size
+        spread.append(np.outer(column, column))
+    repeats = np.array([REPEATS * abs(nominal) for nominal, _ in width.values()])
+    own = np.array([size for _, size in width.values()])
+    total = np.sqrt(own**2 + repeats**2 + sum(np.diag(part) for part in spread)).tolist()
+    slack = tuple((*key, width[key][0], size) for key, size in zip(keys, total, strict=True))
+    return Nuisance(slack, own, tuple(spread), repeats)
+
+
+def stated(vehicle: Vehicle, settings: Settings) -> Nuisance:
+    """Of a vehicle whose file is right within the slack of the settings."""
+    return nuisance(vehicle, slack_parameters(vehicle, settings))
+
+
+def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient]) -> Nuisance:
+    """Of a vehicle whose file is a guess: its own ``coefficients`` where it states any, else those of all effects."""
+    if coefficients:
+        given = {(c.effect, c.member): (c.effect, c.member, c.nominal, c.width) for c in coefficients}
+        covered = {name for effect, _ in given for name in EFFECTS[effect].covers}
+        own = {(entry[0], entry[1]): entry for entry in slack_parameters(vehicle, settings) if entry[0] not in covered}
+        return nuisance(vehicle, list((own | given).values()))
+    return nuisance(vehicle, guesses(vehicle))
+
+
+def guesses(vehicle: Vehicle) -> list[tuple[str, str, float, float]]:
+    """(effect, parameter, nominal, standard deviation) of every number that a file may have wrong."""
+    found = []
+    for name, effect in EFFECTS.items():
+        for member, p in effect.member_parameters(vehicle).items():
+            width = p.guessed_within(vehicle, member)
+            nominal = p.nominal_value(vehicle, member)
+            if width and changes(vehicle, name, {member: nominal + width}):
+                found.append((name, member, nominal, width))
+    return found
+
+
+@dataclass(frozen=True)
+class Centred:
+    """A vehicle with what may differ from it, as far as flights have told."""
+
+    vehicle: Vehicle  # empty batch
+    nuisance: Nuisance  # about that vehicle
+    file: Floats  # (k,) where the vehicle's file is from there
+    covariance: Floats  # (k, k) of what another flight will show
+
+    @staticmethod
+    def at(file: Vehicle, nuisance: Nuisance) -> "Centred":
+        """About the vehicle as its file says, before any flight."""
+        covariance = np.diag(nuisance.width**2) + nuisance.between_flights()
+        return Centred(file, nuisance, np.zeros(len(nuisance.slack)), covariance)
+
+    def moved(self, deviation: Floats, covariance: Floats) -> "Centred":
+        """About the vehicle with a deviation (k,), which flights leave open by ``covariance`` (k, k).
+
+        A factor counts from the vehicle that it changes: a gain of 0.8 that became 1 is as unsure as 0.8, over 0.8.
+        """
+        own = apply_values(self.vehicle, self._values(deviation))
+        nominal = [EFFECTS[effect].nominal(own)[member] for effect, member, *_ in self.nuisance.slack]
+        factor = np.ones(len(nominal))
+        for i, ((*_, old, _), new) in enumerate(zip(self.nuisance.slack, nominal, strict=True)):
+            value = old + deviation[i]
+            if old and new == old and abs(value) > SMALLEST_FACTOR * abs(old):
+                factor[i] = old / value
+        slack = tuple((*s[:2], new, s[3]) for s, new in zip(self.nuisance.slack, nominal, strict=True))
+        repeats = np.array([REPEATS * abs(value) for value in nominal])
+        nuisance = Nuisance(slack, self.nuisance.width * np.abs(factor), self.nuisance.spread, repeats)
+        moved = Centred(own, nuisance, (self.file - deviation) * factor, covariance)
+        return moved.sure(covariance * np.outer(factor, factor) + nuisance.between_flights())
+
+    def sure(self, covariance: Floats) -> "Centred":
+        """The same, as sure as a covariance (k, k) says."""
+        size = np.sqrt(np.diag(covariance)).tolist()
+        slack = tuple((*entry[:3], s) for entry, s in zip(self.nuisance.slack, size, strict=True))
+        return replace(self, nuisance=replace(self.nuisance, slack=slack), covariance=covariance)
+
+    def _values(self, deviation: Floats) -> Values:
+        """Effect values within their bounds: a mean over flights knows of none."""
+        values: Values = {}
+        for (effect, member, nominal, _), by in zip(self.nuisance.slack, deviation.tolist(), strict=True):
+            p = EFFECTS[effect].member_parameters(self.vehicle)[member]
+            values.setdefault(effect, {})[member] = min(max(nominal + by, p.low), p.high)
+        return values

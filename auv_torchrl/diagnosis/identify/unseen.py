@@ -1,0 +1,30 @@
+"""Directions of slack that a log cannot tell: they are not fitted to it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import quadratic
+from auv_torchrl.diagnosis.thresholds import TELLS, UNTOLD
+
+
+def hold_unseen(problem: Problem, follow: Base) -> Problem:
+    """The problem with slack that keeps its width only along directions of which its windows tell something.
+
+    Healthy flights leave open what moves nothing, as twice the inertia with twice the thrust and drag. To first order
+    that costs a fit nothing either, so that it would go there as far as it may for the least of reasons.
+    """
+    A = quadratic(problem, follow, [], chosen=problem.followed).A
+    if not np.isfinite(A).all():
+        return problem
+    size, direction = np.linalg.eigh(problem.slack_covariance)
+    root = direction * np.sqrt(np.maximum(size, 0.0))
+    told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of slack
+    share = np.where(told < TELLS, UNTOLD, 1.0)
+    root = root @ along * share
+    covariance = root @ root.T
+    widths = np.sqrt(np.diag(covariance)).tolist()
+    slack = tuple((*entry[:3], width) for entry, width in zip(problem.slack, widths, strict=True))
+    return replace(problem, slack=slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance))

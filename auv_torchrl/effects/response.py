@@ -1,0 +1,162 @@
+"""Effects on how a thruster answers its command: its curve, and when."""
+
+from torch import Tensor
+
+from auv_torchrl.effects import advice
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, Valley, changed, in_proportion, mean, own, sets
+from auv_torchrl.effects.scan import DELAYS, Scan
+from auv_torchrl.vehicle import Vehicle
+
+
+def _dead_band(vehicle: Vehicle, width: Tensor) -> Vehicle:
+    return changed(vehicle, dead_band=in_proportion(vehicle.dead_band, width))
+
+
+def _guessed_width(vehicle: Vehicle, member: str) -> float:
+    """A dead band is known within 40 %, and one that a file leaves out is 1 % of the thrust at most."""
+    return float((0.4 * vehicle.dead_band).maximum(0.01 * vehicle.full_thrust).mean())
+
+
+dead_band = Effect(
+    name="dead_band",
+    origin=Origin.ACTUATION,
+    meaning="no thrust below this many newtons, all thrusters; the mean where they differ, which stay in proportion",
+    source="Lu et al. 2023, Eq. 2",
+    parameters=(
+        Parameter(
+            "width",
+            "N",
+            own("dead_band"),
+            0.0,
+            30.0,
+            "the thrusters give nothing below {value:.1f} N",
+            guessed=_guessed_width,
+        ),
+    ),
+    change=_dead_band,
+    advice=advice.said(
+        "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
+    ),
+    scans={"width": Scan((0.0, 2.5, 7.5, 10.0, 12.5, 15.0, 20.0, 25.0))},
+    slack={"width": 0.03},
+    is_rough=True,
+)
+
+
+def _curve(vehicle: Vehicle, exponent: Tensor, asymmetry: Tensor) -> Vehicle:
+    return changed(
+        vehicle,
+        exponent=in_proportion(vehicle.exponent, exponent),
+        asymmetry=in_proportion(vehicle.asymmetry, asymmetry, zero=1.0),  # what is left in reverse is 1 less it
+    )
+
+
+def _same_commands(vehicle: Vehicle, step: float) -> dict[tuple[str, str], float]:
+    """Moves of the means, under another exponent, with which the same commands get through the dead band."""
+    fields = vehicle.exponent, vehicle.dead_band, vehicle.full_thrust, vehicle.asymmetry
+    now, width, full, weaker = (float(mean(values[0])) for values in fields)
+    power = (now + step) / now  # these commands have their thrust, over the full one, to this power
+    return {
+        ("thrust_curve", "exponent"): step,
+        ("dead_band", "width"): full * (width / full) ** power - width,
+        ("thrust_curve", "asymmetry"): (1 - weaker) - (1 - weaker) ** power,
+    }
+
+
+thrust_curve = Effect(
+    name="thrust_curve",
+    origin=Origin.ACTUATION,
+    meaning="F = full sign(c) |c|^exponent, reverse thrust times (1 - asymmetry), then limit and dead band; the means "
+    "where thrusters differ, which stay in proportion",
+    source="Blue Robotics T200 chart",
+    parameters=(
+        Parameter(
+            "exponent",
+            "1",
+            own("exponent"),
+            0.5,
+            3.0,
+            "thrust grows as the command to the power {value:.2f}",
+            guessed=0.4,  # 1 where a controller makes thrust linear, 2 where it commands speed
+        ),
+        Parameter(
+            "asymmetry",
+            "1",
+            own("asymmetry"),
+            -0.6,
+            0.6,
+            "reverse thrust is weaker by {value:.0%}",
+            guessed=0.15,  # T200: a fifth
+        ),
+    ),
+    change=_curve,
+    valley=Valley("exponent", ("dead_band", "width"), _same_commands),
+    advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
+    scans={"exponent": Scan((0.7, 0.85, 1.2, 1.5, 1.8, 2.2, 2.6)), "asymmetry": Scan((0.3,), linear=True)},
+)
+
+
+def _lag(vehicle: Vehicle, time_constant: Tensor) -> Vehicle:
+    return changed(vehicle, lag=in_proportion(vehicle.lag, time_constant))
+
+
+thruster_lag = Effect(
+    name="thruster_lag",
+    origin=Origin.ACTUATION,
+    meaning="thrust follows its target with a first-order time constant; the mean where thrusters differ, which stay "
+    "in proportion",
+    source="Yoerger, Cooke and Slotine 1990, thruster dynamics",
+    parameters=(
+        Parameter(
+            "time_constant",
+            "s",
+            own("lag"),
+            0.0,
+            1.5,
+            "thrust follows the command with a lag of {value:.2f} s",
+            guessed=lambda vehicle, member: 0.4 * float(vehicle.lag.mean()),  # none: delay stands for it
+        ),
+    ),
+    change=_lag,
+    advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
+    scans={"time_constant": Scan((0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2))},
+)
+
+
+command_delay = Effect(
+    name="command_delay",
+    origin=Origin.ACTUATION,
+    meaning="commands reach the thrusters late",
+    source="network and driver latency; a T200's own dead time is 13 ms",
+    parameters=(
+        Parameter(
+            "delay",
+            "s",
+            own("delay"),
+            0.0,
+            0.8,
+            "commands arrive {value:.2f} s late",
+            guessed=0.05,  # driver and link
+            varies=0.005,  # of a clock against another
+        ),
+    ),
+    change=sets(delay="delay"),
+    advice=advice.said("look for what holds commands back: a filter, a slow link, a busy computer"),
+    scans={"delay": Scan(DELAYS)},
+)
+
+
+battery_sag = Effect(
+    name="battery_sag",
+    origin=Origin.ACTUATION,
+    meaning="share of the thrust lost per minute from the start of the episode",
+    source="T200 thrust is roughly proportional to voltage (Blue Robotics chart, 10 to 20 V)",
+    parameters=(
+        Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {value:.0%} of its value per minute"),
+    ),
+    change=sets(rate="battery_sag"),
+    advice=advice.said("charge or change the battery, and log its volts"),
+    scans={"rate": Scan((0.3,), linear=True)},
+)
+
+EFFECTS = (dead_band, thrust_curve, thruster_lag, command_delay, battery_sag)
