@@ -30,6 +30,7 @@ FAMILIES = (
     "left_out", "onset", "damaged", "damaged_fault",
 )  # fmt: skip
 EPISODES = 6
+HEALTHY = "healthy"  # family of flights that are given with other cases
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,14 @@ class Case:
     damage: str | None = None  # of the log, in DAMAGES
     axes: tuple[str, ...] = POSES  # that the log holds
     healthy: int = 0  # episodes of a log that is handed over as healthy and has the same effects
+    stranger: int | None = None  # number of the vehicle, where it is a stranger
     sensors: str | None = None  # set of sensors, in SENSOR_SETS
     fault: str | None = None  # of a vehicle with such a set, in FAULTS there
 
     @property
     def name(self) -> str:
         """A name that tells nothing."""
-        return f"case_{self.number:04d}"
+        return f"{'healthy' if self.family == HEALTHY else 'case'}_{self.number:04d}"
 
     @property
     def truth(self) -> str:

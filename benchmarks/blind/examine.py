@@ -57,7 +57,7 @@ def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any], flown:
     try:
         vehicle = load_vehicle(flown)
         flight_log = read_flightlog(log_path(folder, name), vehicle)
-        healthy = [read_flightlog(log_path(folder, task["healthy"]), vehicle)] if task["healthy"] else []
+        healthy = [read_flightlog(log_path(folder, sound), vehicle) for sound in task["healthy"]]
         diagnosis = diagnose(flight_log, vehicle, healthy, vehicle_name=flown, settings=settings)
         answer["diagnosis"] = to_json(diagnosis)
     except FlightLogError as error:

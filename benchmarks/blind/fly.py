@@ -3,12 +3,12 @@
 import logging
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from auv_torchrl.effects import get_effect
-from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog
+from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.simulator import record
@@ -19,12 +19,14 @@ from benchmarks.blind.faults import draw_fault
 from benchmarks.blind.foreign import ForeignPlant
 from benchmarks.blind.foreign_heavy import ForeignHeavy
 from benchmarks.blind.influence import CLEAR_AT, influence
+from benchmarks.blind.logged import Flight, flight_log, measured_velocity, noise_of
 from benchmarks.blind.mujoco_plant import MujocoPlant, loosened
 from benchmarks.blind.outside import OUTSIDE, Motion, Outside
 from benchmarks.blind.pilots import Pilots
 from benchmarks.blind.plant import Influences, Plant, Reported, Slack
 from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.blind.sizes import draw_failures, draw_values
+from benchmarks.blind.strangers import Changes, draw_flight, draw_stranger, with_changes
 
 ROUNDS = 12  # of drawing an effect again until it shows clearly
 START = np.array([1, 1, 1, np.pi, 0.3, 0.3, 0.2, 0.5])  # m, rad, m/s, rad/s; half widths
@@ -40,7 +42,8 @@ class Draw:
     rng: np.random.Generator
     slack: Slack | None
     onset_s: float | None
-    values: dict[str, dict[str, float]] = field(default_factory=dict)
+    base: tuple[Changes, ...] = ()  # of a stranger, and of its flight: no part of what is to be found
+    values: Changes = field(default_factory=dict)
     outside: Outside | None = None
     influence: dict[str, float] = field(default_factory=dict)
     damage_seed: int | None = None
@@ -53,17 +56,8 @@ class Draw:
     def label(self) -> dict[str, Any]:
         """The truth, of plain types."""
         drawn = {"values": self.values, "onset_s": self.onset_s, "influence": self.influence}
-        return {**asdict(self.case), "truth": self.case.truth, **drawn, "damage_seed": self.damage_seed}
-
-
-class Flight(NamedTuple):
-    """What was recorded of one case; (episodes, T, ...)."""
-
-    pose: np.ndarray  # as reported, noiseless
-    velocity: np.ndarray  # of the body, noiseless
-    measured: np.ndarray  # pose as logged
-    measured_velocity: np.ndarray  # as logged
-    commands: np.ndarray  # as sent
+        given = {"base": list(self.base), "damage_seed": self.damage_seed}
+        return {**asdict(self.case), "truth": self.case.truth, **drawn, **given}
 
 
 def fly(cases: list[Case], vehicle: Vehicle, seed: int) -> list[tuple[FlightLog, dict[str, Any]]]:
@@ -82,7 +76,7 @@ def fly(cases: list[Case], vehicle: Vehicle, seed: int) -> list[tuple[FlightLog,
         for draw, flight in zip(waiting, _fly_once(waiting, vehicle), strict=True):
             draw.influence = {} if draw.case.sensors else _influence(draw, flight, vehicle)
             if draw.case.scale != 1.0 or min(draw.influence.values(), default=np.inf) >= CLEAR_AT:
-                logs[draw.case.number] = _flight_log(draw.case, flight)
+                logs[draw.case.number] = flight_log(draw.case, flight)
         if len(logs) == len(draws):
             return [(logs[draw.case.number], draw.label()) for draw in draws]
     small = {draw.case.name: draw.influence for draw in draws if draw.case.number not in logs}
@@ -94,7 +88,8 @@ def _draw(case: Case, vehicle: Vehicle, seed: int) -> Draw:
     slack = Slack.draw(rng, case.slack, vehicle.thrusters) if case.slack else None
     onset_s = float(rng.uniform(0.3, 0.7) * case.episode_s) if case.onset else None
     damage_seed = int(rng.integers(2**32)) if case.damage else None
-    return Draw(case, rng, slack, onset_s, damage_seed=damage_seed)
+    base = () if case.stranger is None else (draw_stranger(seed, case.stranger, vehicle), draw_flight(rng))
+    return Draw(case, rng, slack, onset_s, base, damage_seed=damage_seed)
 
 
 def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
@@ -128,13 +123,15 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
     for part, draw in zip(rows, draws, strict=True):
         if draw.slack:
             plant.loosen(part, draw.slack)
+        for changes in draw.base:
+            _change(plant, part, changes)
         if draw.onset_s is None:
-            _break(plant, part, draw)
+            _change(plant, part, draw.values)
     starts = [draw.rng.uniform(-1, 1, (draw.rows, 8)) * START for draw in draws]
     pilots = [
         (Autopilots if d.case.sensors else Pilots)(vehicle, np.arange(d.rows) % 2 == 0, duration, d.rng) for d in draws
     ]
-    noise = [_noise(d.case)[:6] * d.rng.standard_normal((steps, d.rows, 6)) for d in draws]
+    noise = [noise_of(d.case)[:6] * d.rng.standard_normal((steps, d.rows, 6)) for d in draws]
     start = np.concatenate(starts)
     plant.reset(start[:, :3], start[:, 3], start[:, 4:])
 
@@ -146,8 +143,8 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
     pose, velocity, measured, sent = record(sealed, command, steps, CONTROL_DT, np.concatenate(noise, axis=1))
     measured[..., 3:] = wrap_angle(measured[..., 3:])
     return [
-        Flight(pose[part], velocity[part], measured[part], _measured_velocity(velocity[part], draw), sent[part])
-        for part, draw in zip(rows, draws, strict=True)
+        Flight(pose[part], velocity[part], measured[part], measured_velocity(velocity[part], d.case, d.rng), sent[part])
+        for part, d in zip(rows, draws, strict=True)
     ]
 
 
@@ -177,24 +174,13 @@ class SealedPlant:
         reaching, influences = commands.copy(), Influences.none(*commands.shape)
         for part, draw in self._draws:
             if draw.onset_s is not None and time - CONTROL_DT < draw.onset_s <= time:
-                _break(self._plant, part, draw)
+                _change(self._plant, part, draw.values)
             if draw.outside:
                 reaching[part] = draw.outside.received(commands[part])
                 mine = Influences(*(field[part] for field in influences))
                 draw.outside.act(time, Motion(*(field[part] for field in motion)), reaching[part], mine)
         self._plant.step(reaching, influences)
         self._steps += 1
-
-
-def _measured_velocity(velocity: np.ndarray, draw: Draw) -> np.ndarray:
-    if not set(VELOCITY) & set(draw.case.axes):
-        return np.full_like(velocity, np.nan)
-    return velocity + _noise(draw.case)[6:] * draw.rng.standard_normal(velocity.shape)
-
-
-def _noise(case: Case) -> np.ndarray:
-    """Standard deviation (12,) of the noise of each number of a motion."""
-    return case.noise * np.array(sensor_set(case.sensors).noise)
 
 
 _PLANTS = ("mujoco", "foreign")
@@ -208,14 +194,14 @@ def _plant(name: str, case: Case, vehicle: Vehicle, rows: int) -> Plant:
     return _FOREIGN[sensor_set(case.sensors).vehicle](rows, CONTROL_DT)
 
 
-def _break(plant: Plant, rows: slice, draw: Draw) -> None:
-    for name, values in draw.values.items():
+def _change(plant: Plant, rows: slice, changes: Changes) -> None:
+    for name, values in changes.items():
         plant.change(rows, name, values)
 
 
 def _influence(draw: Draw, flight: Flight, vehicle: Vehicle) -> dict[str, float]:
     """How much each effect shows when all others are known."""
-    base = loosened(vehicle, draw.slack) if draw.slack else vehicle
+    base = with_changes(loosened(vehicle, draw.slack) if draw.slack else vehicle, draw.base)
     flown, found = base, {}
     for name, values in draw.values.items():
         flown = get_effect(name).apply(flown, values)
@@ -226,24 +212,3 @@ def _influence(draw: Draw, flight: Flight, vehicle: Vehicle) -> dict[str, float]
                 known = get_effect(name).apply(known, values)
         found[left_out] = influence(known, flown, flight.pose, flight.velocity, flight.commands, CONTROL_DT)
     return found
-
-
-def _flight_log(case: Case, flight: Flight) -> FlightLog:
-    """All episodes that were flown, those of the healthy log last."""
-    episodes = []
-    for number, commands in enumerate(flight.commands):
-        pose = _logged(case, POSE, flight.measured[number])
-        velocity = _logged(case, VELOCITY, flight.measured_velocity[number])
-        t = np.arange(len(pose), dtype=np.float64) * CONTROL_DT
-        episodes.append(Episode(number, t, pose, velocity, commands))
-    return FlightLog(case.name, tuple(episodes), case.axes)
-
-
-def _logged(case: Case, axes: tuple[str, ...], measured: np.ndarray) -> np.ndarray:
-    """Columns (T, 6) as they come into the log: NaN where they are not in it, held from one measurement to the next."""
-    columns = np.full_like(measured, np.nan)
-    for i, axis in enumerate(axes):
-        if axis in case.axes:
-            every = sensor_set(case.sensors).channels[axis].every
-            columns[:, i] = np.repeat(measured[::every, i], every)[: len(measured)]
-    return columns

@@ -58,7 +58,7 @@ class ForeignVehicles:
         """Change the thrusters of a vehicle; False if that is not what the effect does."""
         match effect:
             case "thruster_gain":
-                self._family(rest, "gain", self.gain[row])
+                self.gain[row] *= self._factors(rest, "gain", THRUSTERS)
             case "thruster_swap":
                 givers = self.source[row] + 1.0
                 self._family(rest, "command", givers)
@@ -70,8 +70,8 @@ class ForeignVehicles:
             case "dead_band":
                 self.dead_band[row] = rest.pop("width")
             case "thrust_curve":
-                self.exponent[row] = rest.pop("exponent", 1.0)
-                self.asymmetry[row] = rest.pop("asymmetry", 0.0)
+                self.exponent[row] = rest.pop("exponent", self.exponent[row, 0])
+                self.asymmetry[row] = rest.pop("asymmetry", self.asymmetry[row, 0])
             case "thruster_lag":
                 self.lag[row] = rest.pop("time_constant")
             case "command_delay":
@@ -83,29 +83,32 @@ class ForeignVehicles:
         return True
 
     @staticmethod
-    def _family(rest: dict[str, float], name: str, target: np.ndarray, members: Sequence[str] = THRUSTERS) -> None:
-        """Read one number of each thruster, or of each axis."""
-        for column, member in enumerate(members):
+    def _family(rest: dict[str, float], name: str, target: np.ndarray) -> None:
+        """Read one number of each thruster."""
+        for column, member in enumerate(THRUSTERS):
             target[column] = rest.pop(f"{name}_{member}", target[column])
+
+    @staticmethod
+    def _factors(rest: dict[str, float], name: str, members: Sequence[str]) -> np.ndarray:
+        """Read one factor of each thruster, or of each axis, on what the vehicle has."""
+        return np.array([rest.pop(f"{name}_{member}", 1.0) for member in members])
 
     def _change_hull_or_sensors(self, row: int, effect: str, rest: dict[str, float]) -> bool:
         """Change hull, load, surroundings or sensors of a vehicle; False if that is not what the effect does."""
         match effect:
             case "added_mass":
-                self._family(rest, "scale", self.mass_scale[row], AXES)
+                self.mass_scale[row] *= self._factors(rest, "scale", AXES)
             case "payload":
                 self.load[row] = [rest.pop(key, 0.0) for key in ("mass", "weight", "x", "y")]
                 rest.pop("z", None)  # a height changes nothing while roll and pitch are held
             case "buoyancy":
                 self.down_force[row] += rest.pop("force")
             case "mass_offset":
-                self.offset[row] = [rest.pop("x", 0.0), rest.pop("y", 0.0)]
+                self.offset[row] += [rest.pop("x", 0.0), rest.pop("y", 0.0)]
             case "linear_drag":
-                for i, axis in enumerate(AXES):
-                    self.linear[row, i, i] *= rest.pop(f"scale_{axis}", 1.0)
+                self.linear[row] *= self._factors(rest, "scale", AXES)[:, None]  # of each axis, by all motions
             case "quadratic_drag":
-                for i, axis in enumerate(AXES):
-                    self.quadratic[row, i] *= rest.pop(f"scale_{axis}", 1.0)
+                self.quadratic[row] *= self._factors(rest, "scale", AXES)
             case "drag_coupling":
                 for i, to in enumerate(AXES):
                     for j, by in enumerate(AXES):

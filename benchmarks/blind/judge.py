@@ -8,6 +8,7 @@ from typing import Any
 from auv_torchrl.effects import get_effect
 from auv_torchrl.vehicle import Vehicle
 from benchmarks.blind.judge_damage import Named, judge_damage
+from benchmarks.blind.strangers import with_changes
 from benchmarks.blind.thrusters import split_entry, thrusters_right
 
 NOT_EXPLAINED = ("partly_explained", "unexplained")
@@ -56,11 +57,13 @@ class Judgement:
     fault_found: bool | None = None  # beside the damage; None also where the rest of the log does not show it
     fault: str | None = None  # of a vehicle with a set of sensors
     sizes: dict[str, float] = field(default_factory=dict)  # by effect, the smallest that a log without a gap would show
+    stranger: int | None = None  # number of the vehicle, where it is a stranger
     unseen: tuple[str, ...] = ()  # effects that it said would leave no mark on the log
 
 
 def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicle: Vehicle) -> Judgement:
-    """Compare the answer to a case with its label."""
+    """Compare the answer to a case with its label; what is found on a stranger counts from what it is."""
+    vehicle = with_changes(vehicle, label.get("base", ()))
     silent = {"verdict": "refused" if "refused" in answer else "error", "effects": [], "candidates": [], "gap": {}}
     diagnosis = answer.get("diagnosis") or silent
     verdict, named = diagnosis["verdict"], tuple(effect["name"] for effect in diagnosis["effects"])
@@ -107,6 +110,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         fault_found=beside.fault,
         fault=label.get("fault"),
         sizes=_sizes(diagnosis.get("detectable", {})),
+        stranger=label.get("stranger"),
         unseen=unseen,
     )
 

@@ -9,7 +9,6 @@ from auv_torchrl.files import write_whole
 from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score import tables
-from benchmarks.blind.score_sensors import set_tables
 from benchmarks.blind.seal import write_json
 from benchmarks.blind.table import Table
 
@@ -22,17 +21,22 @@ CAPTIONS = {
 }
 
 
-def markers(sensors: str | None) -> tuple[str, str]:
-    """Between what the tables of a set of sensors stand in a document."""
-    name = "blind" if sensors is None else f"blind {sensors}"
+def markers(part: str | None) -> tuple[str, str]:
+    """Between what the tables of a part of the benchmark stand in a document; None is its main part."""
+    name = "blind" if part is None else f"blind {part}"
     return BEGIN.replace("blind", name), END.replace("blind", name)
 
 
-def write_report(judgements: Sequence[Judgement], folder: Path, command: str, sensors: str | None = None) -> str:
-    """Write results.json, results.md and, without a set of sensors, pictures to ``folder``; give back the Markdown."""
+def write_report(
+    judgements: Sequence[Judgement], folder: Path, command: str, shown: Sequence[Table] | None = None
+) -> str:
+    """Write results.json, results.md and pictures to ``folder``; give back the Markdown.
+
+    ``shown`` are the tables of a part of the benchmark, which has no pictures; None are those of the main part.
+    """
     write_json(folder / "results.json", [asdict(j) for j in judgements])
-    pictures = draw_figures(judgements, folder) if sensors is None else []
-    shown = tables(judgements) if sensors is None else set_tables(judgements, sensors)
+    pictures = draw_figures(judgements, folder) if shown is None else []
+    shown = tables(judgements) if shown is None else shown
     text = "\n\n".join(
         [
             f"{len(judgements)} sealed logs; `{command}`.",
@@ -53,13 +57,13 @@ def markdown(table: Table) -> str:
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table.rows])
 
 
-def publish(text: str, pictures: Path, document: Path, sensors: str | None = None) -> None:
+def publish(text: str, pictures: Path, document: Path, part: str | None = None) -> None:
     """Replace what stands between the markers of ``document`` and copy the pictures beside it.
 
     Raises:
         ValueError: if the document does not have both markers, in order.
     """
-    first, last = markers(sensors)
+    first, last = markers(part)
     before, begin, rest = document.read_text(encoding="utf-8").partition(first)
     _, end, after = rest.partition(last)
     if not begin or not end:

@@ -20,8 +20,10 @@ class BlindSchema:
     folder: str = MISSING
     publish: str | None = MISSING
     sensors: Annotated[str, OneOf(tuple(SENSOR_SETS))] | None = MISSING
+    strangers: Annotated[int, In("[1, 100]")] | None = MISSING
     families: dict[str, float] = MISSING
     set_families: dict[str, float] = MISSING
+    stranger_families: dict[str, float] = MISSING
 
 
 def register() -> None:

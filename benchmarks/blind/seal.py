@@ -12,7 +12,8 @@ import numpy as np
 
 import auv_torchrl.diagnosis
 from auv_torchrl.files import write_whole
-from auv_torchrl.flightlog import FlightLog, write_columns
+from auv_torchrl.flightlog import FlightLog, raw_columns, write_columns
+from benchmarks.blind.cases import HEALTHY
 from benchmarks.blind.hand_over import hand_over
 
 MANIFEST = "manifest.json"
@@ -34,18 +35,28 @@ def examiner_version() -> str:
 
 
 def seal(folder: Path, settings: dict[str, Any], flown: list[tuple[FlightLog, dict[str, Any]]]) -> None:
-    """Write logs, tasks and sealed labels; the manifest comes last and says that all is there."""
+    """Write logs, tasks and sealed labels; the manifest comes last and says that all is there.
+
+    Healthy flights of strangers are no task of their own, and go with every case of their vehicle.
+    """
     (folder / LOGS).mkdir(parents=True, exist_ok=True)
     (folder / LABELS).parent.mkdir(exist_ok=True)
     labels, tasks = {}, {}
+    sound: dict[int | None, list[str]] = {}
+    for flight_log, label in flown:
+        if label["family"] == HEALTHY:
+            _write_once(raw_columns(flight_log), log_path(folder, flight_log.name))
+            sound.setdefault(label["stranger"], []).append(flight_log.name)
     for flight_log, label in flown:
         name = flight_log.name
+        if label["family"] == HEALTHY:
+            continue
         handed = hand_over(flight_log, label)
         _write_once(handed.log, log_path(folder, name))
         if handed.healthy is not None:
             _write_once(handed.healthy, log_path(folder, healthy_name(name)))
         labels[name] = {**label, "named_by": handed.named_by}
-        healthy = None if handed.healthy is None else healthy_name(name)
+        healthy = sound.get(label["stranger"], []) if handed.healthy is None else [healthy_name(name)]
         tasks[name] = {"left_out": label["left_out"], "healthy": healthy}
     write_json(folder / LABELS, labels)
     digest = _digest(folder / LABELS)

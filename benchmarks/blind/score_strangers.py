@@ -1,0 +1,114 @@
+"""What the judgements say about vehicles whose file is wrong, of which healthy flights were given."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from auv_torchrl.effects import EFFECTS
+from benchmarks.blind.judge import Judgement
+from benchmarks.blind.score import of_families, outside
+from benchmarks.blind.statistics import Share, quantile
+from benchmarks.blind.table import Table
+
+
+def stranger_tables(judgements: Sequence[Judgement], flights: int) -> list[Table]:
+    """All of them, in the order in which they are read."""
+    every = (by_effect, by_stranger, outside, wrong)
+    return [stranger_numbers(judgements, flights), *(table(judgements) for table in every)]
+
+
+def stranger_numbers(judgements: Sequence[Judgement], flights: int) -> Table:
+    """The targets with what was measured."""
+    single, pairs = of_families(judgements, "single"), of_families(judgements, "pair")
+    healthy, unknown = of_families(judgements, "no_gap"), of_families(judgements, "outside")
+    numbered = [j.thrusters_right for j in single if j.thrusters_right is not None]
+    covered = [held for j in judgements for held in j.covered.values()]
+    errors = [error for j in single for error in j.errors.values()]
+    seconds = [j.cpu_s for j in judgements]
+    rows = [
+        ("single effect: named, and nothing else", "≥ 85 %", "≥ 95 %", Share.of([_alone(j) for j in single])),
+        ("… or one declared indistinguishable from it", "", "", Share.of([_declared(j) for j in single])),
+        ("… named first, whatever else is named", "", "", Share.of([j.right for j in single])),
+        ("thrusters at fault named (exchangeable ones declared)", "≥ 95 %", "≥ 99 %", Share.of(numbered)),
+        ("pairs: both found, and nothing else", "", "", Share.of([j.right for j in pairs])),
+        ("… up to what was declared indistinguishable", "", "", Share.of([j.right_class for j in pairs])),
+        ("no gap: false alarms", "≤ 5 %", "≤ 2 %", Share.of([j.verdict != "no_gap" for j in healthy])),
+        ("outside the library: not called explained", "≥ 85 %", "≥ 95 %", Share.of([j.right for j in unknown])),
+        ("95 % intervals that hold the truth", "88 to 99 %", "92 to 98 %", Share.of(covered)),
+        ("parameter error, median", "", "", f"{quantile(errors, 0.5):.1%} (n = {len(errors)})" if errors else "–"),
+        ("CPU seconds per log, calibration included, median / largest", "", "", _median_and_largest(seconds)),
+    ]
+    head = ("", "must", "aim", "measured (95 % interval)")
+    return Table(f"Strangers, {flights} healthy flights", head, [(*row[:3], str(row[3])) for row in rows])
+
+
+def by_effect(judgements: Iterable[Judgement]) -> Table:
+    """Single effects of strangers."""
+    cases = of_families(judgements, "single")
+    rows = []
+    for name in EFFECTS:
+        if mine := [j for j in cases if j.truth == name]:
+            numbers = Share.of([j.thrusters_right for j in mine if j.thrusters_right is not None])
+            errors = [error for j in mine for error in j.errors.values()]
+            instead = Counter(_answer(j) for j in mine if not _alone(j))
+            rows.append(
+                (
+                    name,
+                    f"{sum(_alone(j) for j in mine)}/{len(mine)}",
+                    f"{numbers.hits}/{numbers.n}" if numbers.n else "",
+                    f"{quantile(errors, 0.5):.1%}" if errors else "–",
+                    ", ".join(f"{answer} {n}" for answer, n in instead.most_common()),
+                )
+            )
+    head = ("effect", "named, and nothing else", "thrusters", "median parameter error", "instead")
+    return Table("Single effects of strangers", head, rows)
+
+
+def by_stranger(judgements: Iterable[Judgement]) -> Table:
+    """Each vehicle with what was right about it."""
+    judgements = list(judgements)
+    rows = []
+    for number in sorted({j.stranger for j in judgements if j.stranger is not None}):
+        mine = [j for j in judgements if j.stranger == number]
+        seconds = _median_and_largest([j.cpu_s for j in mine])
+        rows.append((str(number), mine[0].plant, f"{sum(_alone(j) for j in mine)}/{len(mine)}", seconds))
+    head = ("stranger", "simulator", "right, and nothing else named", "CPU seconds, median / largest")
+    return Table("Vehicles", head, rows)
+
+
+def wrong(judgements: Iterable[Judgement]) -> Table:
+    """Every case of which the answer is not the truth and nothing else."""
+    rows = []
+    for j in judgements:
+        numbers = j.thrusters_right is False
+        if _alone(j) and not numbers:
+            continue
+        shows = "" if j.influence is None else f"{j.influence:.1f}"
+        answer = _answer(j) + (" (other thrusters)" if numbers else "")
+        answer += " (declared)" if _declared(j) and not _alone(j) else ""
+        probability = "–" if j.probability is None else f"{j.probability:.2f}"
+        truth = j.outside or " + ".join(j.effects) or j.truth
+        told = f"{answer} {j.message}".strip()
+        rows.append((j.case, str(j.stranger), truth, shows, told, j.verdict, probability))
+    head = ("case", "stranger", "truth", "shows", "answer", "verdict", "its probability")
+    return Table("Cases that fail", head, rows)
+
+
+def _alone(judgement: Judgement) -> bool:
+    """Whether the answer is right and names nothing beside the truth."""
+    return judgement.right and _as_many(judgement)
+
+
+def _declared(judgement: Judgement) -> bool:
+    return judgement.right_class and _as_many(judgement)
+
+
+def _as_many(judgement: Judgement) -> bool:
+    return judgement.truth == "unknown" or len(judgement.named) == len(judgement.effects)
+
+
+def _answer(judgement: Judgement) -> str:
+    return " + ".join(judgement.named) or judgement.verdict
+
+
+def _median_and_largest(seconds: Sequence[float]) -> str:
+    return f"{quantile(seconds, 0.5):.1f} / {max(seconds):.1f}"
