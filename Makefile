@@ -4,7 +4,6 @@ PYTHON ?= python3
 SCENARIO ?= thruster_gain
 VEHICLE ?= paper
 LOG ?= examples/flight.csv
-CASES ?= 430
 SENSORS ?= null
 STRANGERS ?= null
 JOBS ?= 2
@@ -57,8 +56,8 @@ bench: $(READY) ## measure the figures of docs/benchmarks.md
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python -m benchmarks.control
 
-blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430, or 40 with SENSORS=stock or STRANGERS=2
-	$(BIN)/python -m benchmarks.blind cases=$(CASES) sensors=$(SENSORS) strangers=$(STRANGERS)
+blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430 SENSORS=stock STRANGERS=2
+	$(BIN)/python -m benchmarks.blind $(if $(CASES),cases=$(CASES)) sensors=$(SENSORS) strangers=$(STRANGERS)
 
 clean: ## remove the environment and caches, keep outputs
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info

@@ -34,7 +34,7 @@ class Part:
             ValueError: for two of them at once.
         """
         if config.sensors is not None and config.strangers is not None:
-            raise ValueError("blind: sensors and strangers are parts of their own: set one of them to null")
+            raise ValueError("sensors and strangers are parts of their own: set one of them to null")
         families = config.families
         if config.sensors is not None:
             families = config.set_families

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING
+from omegaconf import MISSING, OmegaConf
 
 from auv_torchrl.settings import In, OneOf, Seed
 from benchmarks.blind.sensor_sets import SENSOR_SETS
@@ -26,6 +26,10 @@ class BlindSchema:
     stranger_families: dict[str, float] = MISSING
 
 
+CASES, CASES_OF_A_PART = 430, 40  # where the command line says no number
+
+
 def register() -> None:
-    """Make the schema known to Hydra as ``blind_schema``."""
+    """Make the schema known to Hydra as ``blind_schema``, and how many cases its parts have."""
     ConfigStore.instance().store("blind_schema", BlindSchema)
+    OmegaConf.register_new_resolver("cases_of", lambda *parts: CASES_OF_A_PART if any(parts) else CASES, replace=True)

@@ -15,6 +15,7 @@ BAD = {  # command line, what the answer names
     "other cases": (["cases=6"], "choose another folder"),
     "misspelt family": (["families.singel=1"], "did you mean single"),
     "no case": (["cases=0"], "1 or more"),
+    "two parts at once": (["sensors=dvl", "strangers=2"], "set one of them to null"),
     "no such sensors": (["sensors=sonar"], "stock or dvl or mocap"),
 }
 

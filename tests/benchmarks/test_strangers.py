@@ -114,8 +114,9 @@ def test_truth_gets_full_marks_and_seeing_nothing_none(flown):
     assert all(error < 1e-9 for j in true for error in j.errors.values())
     assert "nothing else | ≥ 85 % | ≥ 95 % | 100.0% (5/5" in markdown(stranger_numbers(true, 2))
     assert markdown(stranger_tables(true, 2)[-1]).endswith("None.")
+    beside = {"name": "current", "probability": 0.6, "parameters": {}, "thrusters": []}
     for answer in given:
-        answer["diagnosis"]["effects"].append({"name": "current", "probability": 0.6, "parameters": {}, "thrusters": []})
+        answer["diagnosis"]["effects"].append(beside)
     more = [judge(str(i), label, answer, VEHICLE) for i, (label, answer) in enumerate(zip(labels, given, strict=True))]
     text = markdown(stranger_numbers(more, 2))
     assert "nothing else | ≥ 85 % | ≥ 95 % | 0.0% (0/5" in text and "whatever else is named |  |  | 100.0% (5/5" in text
