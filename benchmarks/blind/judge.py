@@ -76,7 +76,6 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     right_class = right_class or bool(label.get("fault") and truth in unseen and not named)
     errors, covered = _parameters({} if label["family"] == "onset" else label["values"], diagnosis["effects"], vehicle)
     groups = declared if len(effects) == 1 and len(named) == 1 else []  # declared indistinguishable: one answer
-    onset = (diagnosis.get("where") or {}).get("onset_s")
     return Judgement(
         case=name,
         family=label["family"],
@@ -98,7 +97,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         probability=_probability(first, diagnosis, groups),
         probability_of_truth=_probability(truth, diagnosis, groups),
         closed=diagnosis["gap"].get("closed"),
-        onset_error_s=abs(onset - label["onset_s"]) if onset is not None and label["onset_s"] is not None else None,
+        onset_error_s=_onset_error(label["onset_s"], (diagnosis.get("where") or {}).get("onset_s")),
         seconds=answer["seconds"],
         cpu_s=answer["cpu_s"],
         errors=errors,
@@ -130,6 +129,11 @@ def _rightness(
         right = set(named) == set(effects)
         return right, right or _same_sets(effects, named, declared)
     return first == truth, first == truth or _same_sets((truth,), (first,), declared)
+
+
+def _onset_error(true: float | None, said: float | None) -> float | None:
+    """Seconds between them; None where one of them is no onset."""
+    return None if true is None or said is None else abs(said - true)
 
 
 def _sizes(detectable: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
