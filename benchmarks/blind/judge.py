@@ -8,7 +8,7 @@ from typing import Any
 from auv_torchrl.effects import get_effect
 from auv_torchrl.vehicle import Vehicle
 from benchmarks.blind.judge_damage import Named, judge_damage
-from benchmarks.blind.strangers import with_changes
+from benchmarks.blind.strangers import as_flown, with_changes
 from benchmarks.blind.thrusters import split_entry, thrusters_right
 
 NOT_EXPLAINED = ("partly_explained", "unexplained")
@@ -74,7 +74,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     right, right_class = _rightness(label, verdict, named, first, declared, beside)
     unseen = tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
     right_class = right_class or bool(label.get("fault") and truth in unseen and not named)
-    errors, covered = _parameters({} if label["family"] == "onset" else label["values"], diagnosis["effects"], vehicle)
+    errors, covered = _parameters({} if label["family"] == "onset" else as_flown(label), diagnosis["effects"], vehicle)
     groups = declared if len(effects) == 1 and len(named) == 1 else []  # declared indistinguishable: one answer
     return Judgement(
         case=name,

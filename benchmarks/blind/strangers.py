@@ -6,6 +6,7 @@ differ from one flight to the next.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -90,6 +91,17 @@ def with_changes(vehicle: Vehicle, changes: Iterable[Changes]) -> Vehicle:
         for name, values in one.items():
             vehicle = get_effect(name).apply(vehicle, values)
     return vehicle
+
+
+def as_flown(label: Mapping[str, Any]) -> Changes:
+    """The values by effect that the log of a label has: a current adds to that of its flight, and no log parts them."""
+    own: Changes = {}
+    for flight in label.get("base", ())[1:]:
+        own.update(flight)
+    return {
+        name: {key: value + own.get(name, {}).get(key, 0.0) for key, value in values.items()}
+        for name, values in label["values"].items()
+    }
 
 
 def _plant(number: int) -> str:

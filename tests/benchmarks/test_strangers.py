@@ -20,7 +20,14 @@ from benchmarks.blind.report import markdown
 from benchmarks.blind.score_strangers import stranger_numbers, stranger_tables
 from benchmarks.blind.seal import log_path, open_labels, read_manifest, seal
 from benchmarks.blind.sizes import CLEAR, draw_values
-from benchmarks.blind.strangers import draw_flight, draw_stranger, draw_stranger_cases, healthy_flights, with_changes
+from benchmarks.blind.strangers import (
+    as_flown,
+    draw_flight,
+    draw_stranger,
+    draw_stranger_cases,
+    healthy_flights,
+    with_changes,
+)
 from tests.benchmarks.test_flying import APART, distance, swim
 from tests.benchmarks.test_scoring import blind_eye, perfect
 
@@ -104,11 +111,20 @@ def test_labels_say_what_was_flown(flown):
     assert len(vehicles) == 2 and len(trims) == len(flown)
 
 
+def test_a_current_adds_to_that_of_its_flight():
+    """What a log has of an effect is what befell the vehicle and what this flight has of it, and no more."""
+    own, flight = {"buoyancy": {"force": 2.0}}, {"current": {"north": 0.25}, "buoyancy": {"force": 0.5}}
+    values = {"current": {"north": 0.5, "east": 0.2}, "thruster_gain": {"gain_1": 0.5}}
+    assert as_flown({"values": values, "base": [own, flight]}) == values | {"current": {"north": 0.75, "east": 0.2}}
+    assert as_flown({"values": values}) == values
+
+
 def test_truth_gets_full_marks_and_seeing_nothing_none(flown):
     """What is found counts from the stranger, and an effect too many is a wrong answer."""
     labels = [label for _, label in flown if label["family"] != HEALTHY]
     vehicles = [with_changes(VEHICLE, label["base"]) for label in labels]
-    given = [perfect(label, vehicle) for label, vehicle in zip(labels, vehicles, strict=True)]
+    told = [{**label, "values": as_flown(label)} for label in labels]
+    given = [perfect(label, vehicle) for label, vehicle in zip(told, vehicles, strict=True)]
     true = [judge(str(i), label, answer, VEHICLE) for i, (label, answer) in enumerate(zip(labels, given, strict=True))]
     assert all(j.right and j.thrusters_right is not False and all(j.covered.values()) for j in true)
     assert all(error < 1e-9 for j in true for error in j.errors.values())
