@@ -3,13 +3,13 @@
 from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input, command
-from auv_torchrl.diagnosis.logs import find_logs
+from auv_torchrl.diagnosis.logs import find_logs, is_series
 from auv_torchrl.diagnosis.schema import register
 
 register()
 
 
-@command("diagnose", files=("log", "healthy", "test", "params", "output", "vehicle"))
+@command("diagnose", files=("log", "healthy", "test", "params", "store", "output", "vehicle"))
 def main(config: DictConfig) -> None:
     """Diagnose the logs that are named, once it is sure that they are there."""
     with checking_input():
@@ -17,6 +17,9 @@ def main(config: DictConfig) -> None:
     from auv_torchrl.diagnosis.uncompiled import without_compiler  # here: torch takes a second to import
 
     with without_compiler():
-        from auv_torchrl.diagnosis.job import answer
+        if is_series(config):
+            from auv_torchrl.diagnosis.dives.job import answer_dives as answer
+        else:
+            from auv_torchrl.diagnosis.job import answer
 
     answer(config)

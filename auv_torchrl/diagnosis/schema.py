@@ -21,6 +21,12 @@ class DiagnoseSchema:
     params: Any = MISSING
     system: Any = MISSING
     trust_log: bool = MISSING
+    dives: bool = MISSING
+    reference: int = MISSING
+    each: str = MISSING
+    dives_per_false_alarm: float = MISSING
+    jobs: int = MISSING
+    store: str = MISSING
     output: str = MISSING
 
 

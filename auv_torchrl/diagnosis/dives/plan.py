@@ -1,0 +1,66 @@
+"""Which logs are dives, which of them are the reference, and in which order they were flown."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from auv_torchrl.diagnosis.logs import find_logs
+
+_DATE = re.compile(r"(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?:[-_. T]?([0-2]\d)[-_.:h]?([0-5]\d)(?:[-_.:]?([0-5]\d))?)?")
+
+
+@dataclass(frozen=True)
+class Planned:
+    """Dives in their order; the first ones are the reference."""
+
+    paths: tuple[Path, ...]
+    begun: tuple[str, ...]  # date and time as far as the name of the file has them; else empty
+    reference: int  # how many
+
+
+def plan(config: DictConfig) -> Planned:
+    """The dives that a config names.
+
+    Raises:
+        ValueError: if there are too few, one that cannot be read, or keys that go with a single log alone.
+    """
+    if config.test:
+        raise ValueError("test=... goes with one log: leave it out, or diagnose the dives one by one")
+    found = find_logs(config)
+    healthy = found["healthy"]
+    own = {path.resolve() for path in healthy}
+    dives = [path for path in found["log"] if path.resolve() not in own]
+    dives = _by_date(dives)
+    reference = len(healthy) or int(config.reference)
+    if not healthy and reference < 1:
+        raise ValueError(f"reference is {reference}: give 1 dive or more that is known to be sound, or healthy=[...]")
+    paths = (*healthy, *dives)
+    if len(paths) <= reference:
+        raise ValueError(
+            f"{len(paths)} dives, and the first {reference} are the reference: give more, or fewer as reference=1"
+        )
+    return Planned(paths, tuple(begun(path) for path in paths), reference)
+
+
+def begun(path: Path) -> str:
+    """When a dive began, as the name of its file says; empty where it does not."""
+    found = _DATE.search(path.name)
+    if found is None:
+        return ""
+    numbers = [int(part) for part in found.groups() if part is not None]
+    try:
+        moment = datetime(*numbers)  # pyright: ignore[reportArgumentType]  # three to six numbers
+    except ValueError:
+        return ""
+    return moment.isoformat(sep=" ", timespec="minutes") if len(numbers) > 3 else moment.date().isoformat()
+
+
+def _by_date(dives: Sequence[Path]) -> list[Path]:
+    """By the dates in their names where all have one, else as they were given."""
+    if all(begun(path) for path in dives):
+        return sorted(dives, key=begun)
+    return list(dives)

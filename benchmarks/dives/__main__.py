@@ -1,0 +1,151 @@
+"""``python -m benchmarks.dives``: fly many dives, follow them, and count how early and how wrongly an alarm is raised.
+
+Vehicles whose files are a few per cent wrong fly dives of 90 s, with another trim, current and voltage each time. Of
+some a thruster fades by 1 % a dive from the fourth dive on; others stay as they are. Prints Markdown tables and, with
+``--publish``, writes them into docs/dives.md. Another ``--seed`` draws other vehicles, pilots and days.
+"""
+
+import argparse
+import logging
+import platform
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from auv_torchrl.diagnosis.dives.changes import Judged, judge
+from auv_torchrl.diagnosis.dives.follow import refer, tell
+from auv_torchrl.diagnosis.dives.said import label_of
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.paths import PROJECT
+from auv_torchrl.vehicle import Vehicle, load_vehicle
+from benchmarks.dives.fly import Series, fly_series
+
+log = logging.getLogger(__name__)
+PAGE = PROJECT / "docs" / "dives.md"
+BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+VEHICLE = "paper"
+REFERENCE, FADES_OVER, FADE = 3, 20, 0.01
+DIVES_PER_FALSE_ALARM = 1000.0
+MUST, AIM = 0.15, 0.08
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was found over one series."""
+
+    what: str
+    judged: Judged
+    seconds: float  # of the processor
+
+    def labels(self, rows: Sequence[int]) -> str:
+        """Numbers as people call them."""
+        return ", ".join(label_of(self.judged.series.numbers[row]) for row in rows)
+
+
+def run(what: str, vehicle: Vehicle, series: Series) -> Outcome:
+    """Fly a series, calibrate on its first dives, follow all of them."""
+    begin = time.process_time()
+    logs = fly_series(vehicle, series)
+    reference = refer(logs[:REFERENCE], vehicle, load_settings())
+    dives = []
+    for flight in logs:
+        dives.append(tell(flight, reference))
+        log.info("%s: %s", what, flight.name)
+    judged = judge(dives, reference.normal, REFERENCE, DIVES_PER_FALSE_ALARM)
+    return Outcome(what, judged, time.process_time() - begin)
+
+
+def faded(thruster: int, seed: int, over: int = FADES_OVER) -> Series:
+    """Dives of which one thruster fades behind the reference."""
+    gain = np.append(np.ones(REFERENCE), 1 - FADE * np.arange(1, over + 1))
+    return Series(REFERENCE + over, seed, changes={"thruster_gain": {f"gain_{thruster}": gain}})
+
+
+def lost_at(outcome: Outcome) -> float:
+    """The thrust that was lost when an alarm was first raised; all of it where none was."""
+    alarms = outcome.judged.alarms
+    return FADE * (alarms[0].dive - REFERENCE + 1) if alarms else 1.0
+
+
+def fading_table(outcomes: Sequence[Outcome]) -> list[str]:
+    """A row per fading thruster."""
+    lines = ["| fading | thrust lost at the first alarm | it names | at the end | loss per dive | since dive |",
+             "|---|---:|---|---|---|---|"]  # fmt: skip
+    for outcome in outcomes:
+        judged = outcome.judged
+        alarm = judged.alarms[0] if judged.alarms else None
+        named = outcome.labels([alarm.number, *alarm.rivals]) if alarm else "–"
+        found, size, since = [], "–", "–"
+        for change in judged.changes:
+            found.append(outcome.labels([change.number, *change.rivals]))
+        if judged.changes:
+            shift = judged.changes[0].shifts[0]
+            size = f"{-100 * shift.size:.2f} ± {196 * shift.deviation:.2f} %" if shift.is_drift else "a step"
+            since = f"{shift.begin + 1} ({shift.low + 1} to {shift.high + 1})"
+        lost = f"{100 * lost_at(outcome):.0f} %" if alarm else "no alarm"
+        lines.append(f"| {outcome.what} | {lost} | {named} | {'; '.join(found) or '–'} | {size} | {since} |")
+    return lines
+
+
+def sound_line(outcomes: Sequence[Outcome]) -> str:
+    """How many false alarms there were."""
+    dives = sum(outcome.judged.series.value.shape[1] - REFERENCE for outcome in outcomes)
+    alarms = [alarm for outcome in outcomes for alarm in outcome.judged.alarms]
+    names = [o.labels([alarm.number]) for o in outcomes for alarm in o.judged.alarms]
+    said = f" ({', '.join(names)})" if names else ""
+    return f"{len(outcomes)} sound vehicles, {dives} dives behind the reference: {len(alarms)} false alarms{said}."
+
+
+def report(fading: Sequence[Outcome], sound: Sequence[Outcome], seed: int) -> list[str]:
+    """All that was measured, as Markdown."""
+    worst = max((lost_at(outcome) for outcome in fading), default=0.0)
+    count = sum(outcome.judged.series.value.shape[1] for outcome in (*fading, *sound))
+    seconds = sum(outcome.seconds for outcome in (*fading, *sound))
+    return [
+        *fading_table(fading),
+        "",
+        f"Latest first alarm: {100 * worst:.0f} % of the thrust lost (must {100 * MUST:.0f} %, aim {100 * AIM:.0f} %).",
+        sound_line(sound),
+        f"Threshold for one false alarm in {DIVES_PER_FALSE_ALARM:g} dives. Seed {seed}, vehicle `{VEHICLE}`, "
+        f"{seconds / max(count, 1):.1f} CPU s a dive, calibration included, on {platform.machine()}.",
+    ]  # fmt: skip
+
+
+def publish(lines: Sequence[str]) -> None:
+    """Write the tables into the page, between its marks."""
+    page = PAGE.read_text(encoding="utf-8")
+    before, rest = page.split(BEGIN)
+    _, after = rest.split(END)
+    PAGE.write_text("\n".join([before + BEGIN, *lines, END + after]), encoding="utf-8")
+
+
+def main(show: Callable[[str], object] = lambda line: sys.stdout.write(f"{line}\n")) -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--fading", type=int, default=6, help="vehicles of which a thruster fades, each another one")
+    parser.add_argument("--sound", type=int, default=4, help="vehicles that stay as they are")
+    parser.add_argument("--dives", type=int, default=50, help="of each of these, behind the reference")
+    parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.name}")
+    options = parser.parse_args()
+    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
+    log.setLevel(logging.INFO)
+    torch.set_num_threads(1)
+    vehicle = load_vehicle(VEHICLE)
+    numbered = [i % vehicle.thrusters + 1 for i in range(options.fading)]
+    seeds = [1000 * options.seed + i for i in range(options.fading + options.sound)]
+    fading = [run(f"thruster {t}", vehicle, faded(t, s)) for t, s in zip(numbered, seeds, strict=False)]
+    sound = [run("none", vehicle, Series(REFERENCE + options.dives, s)) for s in seeds[options.fading :]]
+    lines = report(fading, sound, options.seed)
+    for line in lines:
+        show(line)
+    if options.publish:
+        publish(lines)
+
+
+if __name__ == "__main__":
+    main()

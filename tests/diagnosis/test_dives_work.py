@@ -1,0 +1,204 @@
+"""Work over many dives: found in folders, put in order, kept, gone on with, and apart from that of other versions."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from auv_torchrl.diagnosis.dives import store, work
+from auv_torchrl.diagnosis.dives.plan import begun, plan
+from auv_torchrl.diagnosis.dives.told import Dive
+from auv_torchrl.diagnosis.dives.work import Work, follow_all
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.logs import is_series, logs_of
+from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.streams.stream import ReadOptions
+from auv_torchrl.vehicle import load_vehicle
+from tests.command_lines import answers_of
+from tests.diagnosis.many_dives import NORMAL, NUMBERS, fading, told
+
+
+def config(**given):
+    return OmegaConf.create({"log": None, "healthy": [], "test": [], "dives": False, "reference": 3, **given})
+
+
+def folder_of(path, *names):
+    path.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        (path / name).write_text(f"t,x\n{name}\n")
+    return path
+
+
+@pytest.fixture
+def dives(tmp_path):
+    return folder_of(tmp_path / "dives", *(f"dive_{i}.csv" for i in range(1, 12)))
+
+
+@pytest.fixture
+def followed(monkeypatch):
+    """The names of the dives that were followed, each of which tells what its number says."""
+    by_name = {dive.name: dive for dive in told(fading(8))}
+    names = []
+
+    def tell(path, reference, begun):
+        names.append(path.name)
+        return by_name[path.name]
+
+    monkeypatch.setattr(work, "tell", tell)
+    monkeypatch.setattr(work, "refer", lambda *_: type("Reference", (), {"normal": NORMAL}))
+    monkeypatch.setattr(Work, "read", lambda self, path: path)
+    return names
+
+
+def work_in(folder, **changed):
+    given = {"vehicle": load_vehicle("paper"), "vehicle_name": "paper", "settings": load_settings(), "uncertainty": ()}
+    given |= {"extra": (), "options": ReadOptions((), {}), "trust_log": False, "shaped_by": {}, "jobs": 1}
+    return Work(**{**given, "store": folder, **changed})
+
+
+def test_a_folder_holds_dives_and_a_list_one_log(dives):
+    """A folder is a series in the order of counting; a list is one log, unless dives are asked for."""
+    assert is_series(config(log=str(dives)))
+    assert [path.name for path in logs_of(config(log=str(dives)))] == [f"dive_{i}.csv" for i in range(1, 12)]
+    both = [str(dives / "dive_2.csv"), str(dives / "dive_1.csv")]
+    assert not is_series(config(log=both))
+    assert is_series(config(log=both, dives=True))
+    assert [path.name for path in logs_of(config(log=both))] == ["dive_2.csv", "dive_1.csv"]
+
+
+def test_a_bag_is_one_log(tmp_path):
+    """A folder that is a bag of ROS 2 is no folder of dives, and may be one of them."""
+    bag = folder_of(tmp_path / "runs" / "one", "metadata.yaml")
+    assert not is_series(config(log=str(bag)))
+    assert logs_of(config(log=str(tmp_path / "runs"))) == (bag,)
+
+
+def test_a_folder_without_logs_is_refused(tmp_path):
+    """One line says which folder holds none, and what would be one."""
+    with pytest.raises(FlightLogError, match=r"empty.*no log.*\.csv"):
+        logs_of(config(log=str(folder_of(tmp_path / "empty", "notes.txt"))))
+
+
+def test_dates_in_names_put_dives_in_order(tmp_path):
+    """Where every name has a date, that is the order; the time of day counts."""
+    names = ("b_2026-03-02.csv", "a_20260302_1430.csv", "c_2026-02-28 08-15-00.csv")
+    folder = folder_of(tmp_path / "dated", *names)
+    planned = plan(config(log=str(folder), reference=1))
+    assert [path.name for path in planned.paths] == [names[2], names[0], names[1]]
+    assert planned.begun == ("2026-02-28 08:15", "2026-03-02", "2026-03-02 14:30")
+    assert begun(Path("dive_20269999.csv")) == ""
+
+
+def test_healthy_logs_are_the_reference(dives):
+    """They come first, and are not counted twice where they lie in the folder."""
+    sound = [str(dives / "dive_4.csv"), str(dives / "dive_5.csv")]
+    planned = plan(config(log=str(dives), healthy=sound))
+    assert planned.reference == 2
+    assert [path.stem[5:] for path in planned.paths] == ["4", "5", "1", "2", "3", "6", "7", "8", "9", "10", "11"]
+
+
+def test_too_few_dives_are_refused(dives):
+    """A reference that leaves no dive to judge is refused, and so are keys of a single log."""
+    with pytest.raises(ValueError, match="11 dives, and the first 11 are the reference"):
+        plan(config(log=str(dives), reference=11))
+    with pytest.raises(ValueError, match="give 1 dive or more"):
+        plan(config(log=str(dives), reference=0))
+    with pytest.raises(ValueError, match="test="):
+        plan(config(log=str(dives), test="a.csv"))
+
+
+def test_a_killed_run_goes_on(dives, followed, tmp_path, monkeypatch):
+    """After a kill in the fifth dive, the rest is done and no more; a third run does nothing, with the same answer."""
+    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
+    whole = work.tell
+
+    def killed(path, reference, begun):
+        if len(followed) == 4:
+            raise KeyboardInterrupt
+        return whole(path, reference, begun)
+
+    monkeypatch.setattr(work, "tell", killed)
+    with pytest.raises(KeyboardInterrupt):
+        follow_all(mine, planned, lambda *_: None)
+    monkeypatch.setattr(work, "tell", whole)
+    normal, first = follow_all(mine, planned, lambda *_: None)
+    assert followed == [f"dive_{i}.csv" for i in range(1, 12)]
+    again, second = follow_all(mine, planned, lambda *_: None)
+    assert len(followed) == 11
+    assert again.numbers == normal.numbers == NUMBERS
+    for one, other in zip(first, second, strict=True):
+        assert (one.name, one.noise, one.excess) == (other.name, other.noise, other.excess)
+        assert (one.A == other.A).all() and (one.h == other.h).all()
+
+
+def test_answers_of_another_version_are_kept_apart(dives, followed, tmp_path, monkeypatch):
+    """Another program, other settings, another reference or another log has its own answers."""
+    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
+    follow_all(mine, planned, lambda *_: None)
+    follow_all(work_in(tmp_path / "store", shaped_by={"vehicle": "heavier"}), planned, lambda *_: None)
+    assert len(followed) == 22
+    follow_all(mine, plan(config(log=str(dives), reference=4)), lambda *_: None)
+    assert len(followed) == 33
+    (dives / "dive_9.csv").write_text("t,x\nflown again\n")
+    follow_all(mine, planned, lambda *_: None)
+    assert followed[33:] == ["dive_9.csv"]
+    monkeypatch.setattr(store, "program", lambda: "another")
+    follow_all(mine, planned, lambda *_: None)
+    assert len(followed) == 45
+
+
+def test_a_damaged_answer_is_worked_out_again(dives, followed, tmp_path):
+    """A file of the store that cannot be read is not believed."""
+    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
+    follow_all(mine, planned, lambda *_: None)
+    (tmp_path / "store" / f"dive_{mine.key(planned, planned.paths[4])}.json").write_text("{")
+    follow_all(mine, planned, lambda *_: None)
+    assert followed[11:] == ["dive_5.csv"]
+
+
+def test_a_dive_that_cannot_be_read_does_not_end_the_run(dives, followed, tmp_path, monkeypatch):
+    """It is kept as refused, with the reason; one of the reference ends the run, because all rests on it."""
+
+    def read(self, path):
+        if path.name in ("dive_7.csv", *broken):
+            raise FlightLogError(f"{path.name} has no column t")
+        return path
+
+    broken: list[str] = []
+    monkeypatch.setattr(Work, "read", read)
+    planned = plan(config(log=str(dives)))
+    _, found = follow_all(work_in(tmp_path / "store"), planned, lambda *_: None)
+    assert [dive.refused for dive in found if dive.refused] == ["dive_7.csv has no column t"]
+    broken.append("dive_2.csv")
+    with pytest.raises(FlightLogError, match=r"dive_2\.csv"):
+        follow_all(work_in(tmp_path / "other"), planned, lambda *_: None)
+
+
+def test_what_other_processes_get_can_be_sent(tmp_path):
+    """Work and dives survive being sent to another process."""
+    mine = pickle.loads(pickle.dumps(work_in(tmp_path)))
+    assert mine.vehicle.thrusters == 6
+    dive = Dive.unread("a.csv", "why", 3)
+    assert pickle.loads(pickle.dumps(dive)).refused == "why"
+
+
+def test_the_command_tells_of_dives(tmp_path):
+    """--help says how dives are given, and bad input is one line."""
+    empty = folder_of(tmp_path / "empty", "notes.txt")
+    one = folder_of(tmp_path / "one", "dive_1.csv")
+    lines = {
+        "help": ["--help"],
+        "empty": [f"log={empty}", f"output={tmp_path / 'a'}"],
+        "few": [f"log={one}", f"output={tmp_path / 'b'}"],
+        "each": [f"log={folder_of(tmp_path / 'two', '1.csv', '2.csv')}", "reference=1", "each=some",
+                 f"output={tmp_path / 'c'}"],
+    }  # fmt: skip
+    found = answers_of("diagnose", lines)
+    for word in ("log=FOLDER", "dives=true", "reference=3", "each=changed", "dives_per_false_alarm"):
+        assert word in found["help"][1]
+    for case, word in (("empty", "holds no log"), ("few", "give more"), ("each", "changed, all or none")):
+        code, _, err = found[case]
+        assert code == 2, case
+        assert word in err
+        assert err.count("\n") == 1

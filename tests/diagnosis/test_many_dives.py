@@ -1,0 +1,143 @@
+"""Many dives: what changed is named, what did not is not, and page and file say the same."""
+
+import json
+import re
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from auv_torchrl.diagnosis.dives.answer import OwnDiagnosis
+from auv_torchrl.diagnosis.dives.changes import judge
+from auv_torchrl.diagnosis.dives.dives_file import from_json, to_json
+from auv_torchrl.diagnosis.dives.job import to_diagnose
+from auv_torchrl.diagnosis.dives.page import dives_page
+from auv_torchrl.diagnosis.dives.said import console
+from auv_torchrl.diagnosis.dives.told import Dive
+from auv_torchrl.vehicle import load_vehicle
+from tests.diagnosis.many_dives import NORMAL, NUMBERS, REFERENCE, answer, fading, told
+
+SECTIONS = {"summary", "verdict", "facts", "vehicle", "changes", "numbers", "dives", "limits"}
+
+
+@pytest.fixture(scope="module")
+def faded():
+    return answer(told(fading()), diagnoses={8: OwnDiagnosis("explained", "Thruster 3 is weak.", "dives/009_dive_9")})
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return load_vehicle("paper")
+
+
+def keys(rows, dives):
+    return [NORMAL.all_numbers(dives)[row].key for row in rows]
+
+
+def test_a_fading_thruster_raises_an_alarm_in_time():
+    """A thruster that fades by 1 % a dive raises an alarm before it lost 8 %, which names it and nothing else."""
+    for seed in range(5):
+        dives = told(fading(), seed)
+        judged = judge(dives, NORMAL, REFERENCE, 1000.0)
+        assert keys([alarm.number for alarm in judged.alarms], dives) == ["thruster_gain.gain_3"]
+        assert judged.alarms[0].dive - REFERENCE + 1 < 8
+        (change,) = judged.changes
+        assert change.shifts[0].is_drift
+        assert change.shifts[0].size == pytest.approx(-0.01, abs=0.001)
+
+
+def test_sound_dives_raise_no_alarm():
+    """400 dives of sound vehicles, whose trim and current differ each time, raise at most one alarm."""
+    changed = np.zeros((103, 5))
+    changed[:, 4] = np.random.default_rng(9).uniform(-0.3, 0.3, 103)  # currents are the day's
+    alarms = [judge(told(changed, seed), NORMAL, REFERENCE, 1000.0).alarms for seed in range(4)]
+    assert sum(map(len, alarms)) <= 1
+
+
+def test_what_dives_cannot_tell_apart_is_named_together():
+    """Two thrusters that always get the same command are one answer: this one or that one."""
+    changed = np.zeros((20, 5))
+    changed[10:, 2] = -0.2
+    dives = told(changed)
+    (change,) = judge(dives, NORMAL, REFERENCE, 1000.0).changes
+    both = {*keys([change.number], dives), *keys(change.rivals, dives)}
+    assert both == {"thruster_gain.gain_5", "thruster_gain.gain_6"}
+
+
+def test_a_noisier_sensor_is_a_change():
+    """A channel that is 1.4 times as noisy from dive 11 on is named with its moment."""
+    noise = np.where(np.arange(20) >= 10, 1.4, 1.0)
+    said = answer(told(np.zeros((20, 5)), noise=noise))
+    assert [change.number for change in said.changes] == ["noise.x"]
+    assert said.changes[0].shifts[0].dive == 11
+
+
+def test_a_dive_that_could_not_be_read_is_passed_over():
+    """It is listed with the reason, and the rest is judged without it."""
+    dives = told(fading())
+    dives[7] = Dive.unread("broken.csv", "no column t", len(NUMBERS))
+    said = answer(dives)
+    assert said.dives[7].refused == "no column t"
+    assert not said.dives[7].values
+    assert [change.number for change in said.changes] == ["thruster_gain.gain_3"]
+    assert "broken.csv" in console(said)
+
+
+def test_dives_that_show_something_are_diagnosed_by_themselves():
+    """By default those of alarms, the last one of a change, and those that no number explains; or all, or none."""
+    dives = told(fading())
+    judged = judge(dives, NORMAL, REFERENCE, 1000.0)
+    odd = [replace(dive, excess=3.0) if i == 15 else dive for i, dive in enumerate(dives)]
+    assert to_diagnose("changed", odd, judged, 1.15) == sorted({judged.alarms[0].dive, 15, len(dives) - 1})
+    assert to_diagnose("all", dives, judged, 1.15) == list(range(len(dives)))
+    assert to_diagnose("none", odd, judged, 1.15) == []
+    sound = told(np.zeros((20, 5)))
+    assert to_diagnose("changed", sound, judge(sound, NORMAL, REFERENCE, 1000.0), 1.15) == []
+
+
+def test_an_answer_survives_its_file(faded):
+    """Reading dives.json gives the answer that was written."""
+    content = json.loads(json.dumps(to_json(faded), allow_nan=False))
+    assert content["version"] == 1
+    assert from_json(content) == faded
+    with pytest.raises(ValueError, match="version 2.*version 1"):
+        from_json({**content, "version": 2})
+
+
+def test_the_page_over_many_dives_stands_alone(faded, paper):
+    """It refers to nothing but the reports beside it, has every section once, and its pictures are sound XML."""
+    page = dives_page(faded, paper)
+    addresses = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert set(addresses) == {"data:,", "dives/009_dive_9/report.html"}
+    assert "url(" not in page and "@import" not in page and "<script" not in page
+    ids = re.findall(r' id="(\w+)"', page)
+    assert len(ids) == len(set(ids))
+    assert set(ids) >= SECTIONS
+    pictures = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
+    assert len(pictures) == 2 + len(faded.numbers)
+    for picture in pictures:
+        assert ElementTree.fromstring(picture).attrib["aria-label"]
+
+
+def test_the_page_over_many_dives_says_what_was_found(faded, paper):
+    """Summary, alarm, change, rate and advice are there, and the thruster is marked."""
+    page = dives_page(faded, paper)
+    words = [faded.summary, faded.alarms[0].sentence, "one alarm in 1000 dives", "Thruster 3 is weak.", "look for weed"]
+    for text in words:
+        assert text in page
+    assert set(re.findall(r'<text class="thruster bad number"[^>]*>([^<]+)<', page)) == {"3"}
+    assert 'class="alarm"' in page and 'class="curve shift"' in page
+
+
+def test_a_page_where_nothing_changed_says_so(paper):
+    """Sound dives have a page without an alarm, an odd one among them is pointed at, and names are shown, not run."""
+    names = [f"<script>{i}</script>.csv" for i in range(12)]
+    dives = told(np.zeros((12, 5)), names=names)
+    said = answer(dives)
+    page = dives_page(said, paper)
+    assert "Nothing changed over 12 dives." in page
+    assert "<script" not in page
+    assert "as it was" in page
+    odd = answer([replace(dive, excess=4.0) if i == 6 else dive for i, dive in enumerate(dives)])
+    assert "Dive 7 shows something that is none of the numbers followed." in dives_page(odd, paper)
