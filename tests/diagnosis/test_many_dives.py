@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.dives.dives_file import from_json, to_json
 from auv_torchrl.diagnosis.dives.job import to_diagnose
 from auv_torchrl.diagnosis.dives.page import dives_page
 from auv_torchrl.diagnosis.dives.said import console
-from auv_torchrl.diagnosis.dives.told import Dive
+from auv_torchrl.diagnosis.dives.told import Dive, number_of
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.many_dives import NORMAL, NUMBERS, REFERENCE, answer, fading, told
 
@@ -55,6 +55,14 @@ def test_sound_dives_raise_no_alarm():
     assert sum(map(len, alarms)) <= 1
 
 
+def test_what_is_the_days_is_not_watched(paper):
+    """A current is the day's; a gain, and what a vehicle's own file calls uncertain, are the vehicle's."""
+    assert not number_of("current", "north", 0.0, paper).watched
+    assert number_of("thruster_gain", "gain_3", 1.0, paper).watched
+    assert number_of("hull", "linear_surge", 10.0, paper, file_width=3.0).watched
+    assert not number_of("dead_band", "width", 5.0, paper, rough=True).watched
+
+
 def test_what_dives_cannot_tell_apart_is_named_together():
     """Two thrusters that always get the same command are one answer: this one or that one."""
     changed = np.zeros((20, 5))
@@ -63,6 +71,26 @@ def test_what_dives_cannot_tell_apart_is_named_together():
     (change,) = judge(dives, NORMAL, REFERENCE, 1000.0).changes
     both = {*keys([change.number], dives), *keys(change.rivals, dives)}
     assert both == {"thruster_gain.gain_5", "thruster_gain.gain_6"}
+
+
+def test_what_was_mended_needs_no_advice():
+    """Weed that was caught at dive 9 and taken off before dive 15 is told, and nothing is to be done about it."""
+    changed = np.zeros((25, 5))
+    changed[8:14, 0] = -0.2
+    (change,) = answer(told(changed)).changes
+    assert [shift.dive for shift in change.shifts] == [9, 15]
+    assert "by now it is as it was" in change.sentence
+    assert not change.advice
+
+
+def test_several_changes_are_one_line():
+    """The summary names each number and its moment; the page has the rest."""
+    changed = np.zeros((25, 5))
+    changed[8:, 0], changed[15:, 3] = -0.2, 4.0
+    said = answer(told(changed))
+    assert said.summary.startswith("2 numbers changed: ")
+    for words in ("thruster gain 3 since dive 9", "buoyancy force since dive 16"):
+        assert words in said.summary
 
 
 def test_a_noisier_sensor_is_a_change():

@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.dives.answer import (
 )
 from auv_torchrl.diagnosis.dives.changes import Alarm, Change, Judged
 from auv_torchrl.diagnosis.dives.said import change_sentence, label_of, summary_of
+from auv_torchrl.diagnosis.dives.series import Series
 from auv_torchrl.diagnosis.dives.shifts import Shift
 from auv_torchrl.diagnosis.dives.told import NOISE, Dive, Normal, Number
 from auv_torchrl.diagnosis.thresholds import Z95
@@ -67,11 +68,12 @@ def compose(
         )
         for t, dive in enumerate(dives)
     ]
-    changes = tuple(_change(change, series.numbers, len(dives), vehicle) for change in judged.changes)
+    changes = tuple(_change(change, series, vehicle) for change in judged.changes)
+    labels = {number.key: label_of(number) for number in series.numbers}
     alarms = tuple(_alarm(alarm, series.numbers) for alarm in judged.alarms)
     return ManyDives(
         vehicle=vehicle_name,
-        summary=summary_of(changes, alarms, told),
+        summary=summary_of(changes, labels, alarms, told),
         dives=tuple(told),
         numbers=tuple(Followed(n.key, n.effect, label_of(n), n.unit, n.watched) for n in series.numbers),
         alarms=alarms,
@@ -87,10 +89,12 @@ def _value(value: float, deviation: float) -> Value:
     return Value(float(value), float(value - Z95 * deviation), float(value + Z95 * deviation))
 
 
-def _change(change: Change, numbers: Sequence[Number], dives: int, vehicle: Vehicle) -> ChangeTold:
-    number, line = numbers[change.number], change.at(np.arange(dives))
+def _change(change: Change, series: Series, vehicle: Vehicle) -> ChangeTold:
+    numbers, spread = series.numbers, series.variance[change.number]
+    number, line = numbers[change.number], change.at(np.arange(len(spread)))
     moments = tuple(_shift(shift) for shift in change.shifts)
     now = float(line[-1])
+    is_back = len(moments) > 1 and abs(now) < Z95 * float(np.sqrt(spread[np.isfinite(spread)][-1]))
     return ChangeTold(
         number=number.key,
         shifts=moments,
@@ -98,8 +102,8 @@ def _change(change: Change, numbers: Sequence[Number], dives: int, vehicle: Vehi
         line=tuple(line.tolist()),
         probability=change.probability,
         rivals=tuple(numbers[row].key for row in change.rivals),
-        sentence=change_sentence(number, moments, now, [numbers[row] for row in change.rivals]),
-        advice=_advice(number, now, vehicle),
+        sentence=change_sentence(number, moments, now, is_back, [numbers[row] for row in change.rivals]),
+        advice=() if is_back else _advice(number, now, vehicle),
     )
 
 

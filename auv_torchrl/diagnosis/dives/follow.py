@@ -51,9 +51,10 @@ def refer(
         free = calibrate_free(healthy, calibration, vehicle.free, settings)
         calibration = free if free.excess < calibration.excess else calibration
     known = calibration.known
+    file_widths = calibration.centred.nuisance.width.tolist()
     numbers = tuple(
-        number_of(effect, member, nominal, calibration.vehicle, settings.is_rough(effect))
-        for effect, member, nominal, _ in known.slack
+        number_of(effect, member, nominal, calibration.vehicle, width, settings.is_rough(effect))
+        for (effect, member, nominal, _), width in zip(known.slack, file_widths, strict=True)
     )
     normal = Normal(numbers, known.slack_covariance, known.rough_noise, calibration.findings)
     return Reference(calibration, normal, settings)

@@ -1,6 +1,6 @@
 """What changed, in words."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from auv_torchrl.diagnosis.dives.answer import AlarmTold, ChangeTold, DiveTold, ManyDives, ShiftTold
 from auv_torchrl.diagnosis.dives.told import NOISE, Number
@@ -30,8 +30,10 @@ def size_of(deviation: float, unit: str) -> str:
     return f"{sign}{written(abs(deviation), 2)}\u202f{unit}"
 
 
-def change_sentence(number: Number, moments: Sequence[ShiftTold], now: float, rivals: Sequence[Number]) -> str:
-    """What happened to one number, from the first moment to now."""
+def change_sentence(
+    number: Number, moments: Sequence[ShiftTold], now: float, is_back: bool, rivals: Sequence[Number]
+) -> str:
+    """What happened to one number, from the first moment to now; ``is_back`` where it is again as it was."""
     clauses = []
     for shift in moments:
         size = size_of(shift.size.value, number.unit)
@@ -39,20 +41,26 @@ def change_sentence(number: Number, moments: Sequence[ShiftTold], now: float, ri
         falls = f"{'falls' if shift.size.value < 0 else 'rises'} by {size.lstrip('+−')} a dive"
         clauses.append(f"from dive {shift.dive} on it {falls}" if drifts else f"{size} since dive {shift.dive}")
     said = f"{label_of(number)}: {', then '.join(clauses)}"
-    if len(moments) > 1 or moments[0].kind == "drift":
+    if is_back:
+        said += "; by now it is as it was"
+    elif len(moments) > 1 or moments[0].kind == "drift":
         said += f"; {size_of(now, number.unit)} by now"
     if rivals:
         said += f" (or it is {' or '.join(label_of(rival) for rival in rivals[:_MOST_NAMED])})"
     return said
 
 
-def summary_of(changes: Sequence[ChangeTold], alarms: Sequence[AlarmTold], dives: Sequence[DiveTold]) -> str:
+def summary_of(
+    changes: Sequence[ChangeTold], labels: Mapping[str, str], alarms: Sequence[AlarmTold], dives: Sequence[DiveTold]
+) -> str:
     """One sentence about all dives."""
     used = [dive for dive in dives if not dive.refused]
+    if len(changes) == 1:
+        return sentence(changes[0].sentence)
     if changes:
-        said = "; ".join(sentence(change.sentence).rstrip(".") for change in changes[:_MOST_NAMED])
-        more = len(changes) - _MOST_NAMED
-        return f"{said}{f'; {more} more' if more > 0 else ''}."
+        each = [f"{labels[change.number]} since dive {change.shifts[0].dive}" for change in changes[:_MOST_NAMED]]
+        more = [f"{len(changes) - _MOST_NAMED} more"] if len(changes) > _MOST_NAMED else []
+        return f"{len(changes)} numbers changed: {', '.join([*each, *more])}."
     odd = [dive.number for dive in used if not dive.is_explained]
     which = f"{', '.join(map(str, odd[:_MOST_NAMED]))}{', …' if len(odd) > _MOST_NAMED else ''}"
     strange = f" Dive {which} shows something that is none of the numbers followed." if odd else ""

@@ -41,10 +41,21 @@ class Number:
         return not self.is_daily and not self.is_rough
 
 
-def number_of(effect: str, member: str, nominal: float, vehicle: Vehicle, rough: bool) -> Number:
-    """A number of a vehicle's effect; ``rough`` where slopes do not tell what it does."""
+def number_of(
+    effect: str, member: str, nominal: float, vehicle: Vehicle, file_width: float = 0.0, rough: bool = False
+) -> Number:
+    """A number of a vehicle's effect.
+
+    Args:
+        effect: in the registry.
+        member: of its parameters.
+        nominal: at which it does nothing.
+        vehicle: calibrated, empty batch.
+        file_width: standard deviation by which the vehicle's own file says that it may be off.
+        rough: slopes do not tell what it does.
+    """
     p = EFFECTS[effect].member_parameters(vehicle)[member]
-    width = p.guessed_within(vehicle, member)
+    width = max(p.guessed_within(vehicle, member), file_width)
     daily = not width  # what no file can have wrong
     return Number(effect, member, nominal, p.unit, width or OF_THE_DAY * (p.high - p.low), daily, rough)
 
