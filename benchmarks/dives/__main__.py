@@ -97,7 +97,7 @@ def sound_line(outcomes: Sequence[Outcome]) -> str:
     alarms = [alarm for outcome in outcomes for alarm in outcome.judged.alarms]
     names = [o.labels([alarm.number]) for o in outcomes for alarm in o.judged.alarms]
     said = f" ({', '.join(names)})" if names else ""
-    return f"{len(outcomes)} sound vehicles, {dives} dives behind the reference: {len(alarms)} false alarms{said}."
+    return f"{len(outcomes)} sound vehicles, {dives} dives behind the reference; false alarms: {len(alarms)}{said}."
 
 
 def report(fading: Sequence[Outcome], sound: Sequence[Outcome], seed: int) -> list[str]:
