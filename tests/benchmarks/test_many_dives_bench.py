@@ -33,11 +33,11 @@ def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
     assert outcome.labels([change.number]) == "thruster gain 2"
     assert change.at(np.arange(9))[-1] == pytest.approx(-0.12, abs=0.03)
     page = tmp_path / "dives.md"
-    page.write_text(f"# Dives\n{bench.BEGIN}\nold\n{bench.END}\nrest\n")
+    page.write_text(f"# Dives\n{bench.BEGIN}\noutdated\n{bench.END}\nrest\n")
     monkeypatch.setattr(bench, "PAGE", page)
     bench.publish(bench.report([outcome], [], 5))
     assert "| thruster 2 |" in page.read_text()
-    assert "old" not in page.read_text()
+    assert "outdated" not in page.read_text()
     assert page.read_text().endswith("rest\n")
 
 
