@@ -55,7 +55,7 @@ class Vehicle(TensorClass):
     mixer: Tensor  # (n, 6) commands per unit demand in each degree of freedom
     routing: Tensor  # (n, n) which command reaches which thruster
     full_thrust: Tensor  # (n,) N at command +1
-    asymmetry: Tensor  # (n,) reverse thrust is weaker by this share
+    asymmetry: Tensor  # (n,) reverse thrust is weaker by this share, stronger where it is below 0
     exponent: Tensor  # (n,) of the thrust curve
     dead_band: Tensor  # (n,) N
     limit: Tensor  # (n,) N
@@ -82,7 +82,7 @@ class Vehicle(TensorClass):
 
 _VECTORS = {  # section -> key -> length; 0 is a scalar
     "rigid_body": {"mass": 0, "inertia": 3, "centre_of_mass": 3, "centre_of_buoyancy": 3, "buoyancy": 0},
-    "": {"added_mass": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
+    "": {"added_mass": 6, "mass_scale": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
     "thrusters": {"full_thrust": 0, "asymmetry": 0, "exponent": 0, "dead_band": 0, "limit": 0, "lag": 0, "delay": 0},
 }
 _SENSORS = {  # what a vehicle's own sensors are off by, where that is known; the nominal values are those of true ones
@@ -90,8 +90,9 @@ _SENSORS = {  # what a vehicle's own sensors are off by, where that is known; th
     "velocity_scale": 1.0,
 }  # fmt: skip
 _PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay"}  # one number for all, or one each
-_POSITIVE = {"mass", "inertia", "buoyancy", "full_thrust", "exponent", "limit"}
-_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "asymmetry", "dead_band", "lag", "delay"}
+_POSITIVE = {"mass", "inertia", "buoyancy", "mass_scale", "full_thrust", "exponent", "limit"}
+_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "dead_band", "lag", "delay"}
+_SAID_OF_IT = {"name", "uncertainty", "calibration"}  # what the diagnosis and the training read besides
 
 
 def read_vehicle_file(vehicle: str | Path | Mapping[str, Any]) -> Mapping[str, Any]:
@@ -143,14 +144,13 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
     zero = torch.zeros((), dtype=torch.float64)
     one = torch.ones((), dtype=torch.float64)
     return Vehicle(
-        **{**fields, "linear_drag": torch.diag(fields["linear_drag"])},
+        **fields,
         **per_thruster,
         free=one.expand(6),
         payload_mass=zero,
         payload_weight=zero,
         payload_position=zero.expand(3),
         vertical_force=zero,
-        mass_scale=one.expand(6),
         current=zero.expand(3),
         tether_anchor=zero.expand(3),
         tether_stiffness=zero,
@@ -170,7 +170,8 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
 
 
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
-    known = {"name", "uncertainty", "rigid_body", "thrusters", "mixer", "sensors", *_VECTORS[""]}
+    vehicle = {"mass_scale": [1.0] * 6, **vehicle}
+    known = {"rigid_body", "thrusters", "mixer", "sensors", *_SAID_OF_IT, *_VECTORS[""]}
     if unknown := set(vehicle) - known:
         odd = sorted(map(str, unknown))
         raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
@@ -189,17 +190,27 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
                 raise ValueError(f"vehicle: {label} is missing")
             if key in _PER_THRUSTER and isinstance(block[key], list | tuple):
                 fields[key] = _each_thruster(label, block[key], block.get("position"))
+            elif key == "linear_drag":
+                fields[key] = _drag_matrix(block[key])
             else:
                 fields[key] = _numbers(label, block[key], (length,) if length else ())
             if key in _POSITIVE and not (fields[key] > 0).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give values above 0")
-            if key == "asymmetry" and not (fields[key] < 1).all():
-                raise ValueError(f"vehicle: {label} is {short(block[key])}: give a share below 1")
-            if key in _NON_NEGATIVE and not (fields[key] >= 0).all():
+            if key == "asymmetry" and not (fields[key].abs() < 1).all():
+                raise ValueError(f"vehicle: {label} is {short(block[key])}: give a share below 1, and above -1")
+            sizes = fields[key].diagonal() if key == "linear_drag" else fields[key]
+            if key in _NON_NEGATIVE and not (sizes >= 0).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give values of 0 or more")
     if "mixer" not in vehicle:
         raise ValueError("vehicle: mixer is missing")
     return fields
+
+
+def _drag_matrix(value: Any) -> Tensor:
+    """Six numbers of the diagonal, or six rows of six where one degree of freedom drags on another."""
+    if isinstance(value, list | tuple) and len(value) == 6 and all(isinstance(row, list | tuple) for row in value):
+        return _matrix("linear_drag", value, 6)
+    return torch.diag(_numbers("linear_drag", value, (6,), "6 numbers, or 6 rows of 6"))
 
 
 def _read_sensors(block: Any) -> dict[str, Any]:

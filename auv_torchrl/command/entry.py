@@ -39,6 +39,7 @@ def command(
     groups: tuple[str, ...] = (),
     short: Mapping[str, str] = MappingProxyType({}),
     register: Callable[[], None] = lambda: None,
+    has_folder: bool = True,
 ) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
     """``hydra.main`` on ``conf/<config_name>.yaml`` that ends with one line and exit code 2 on bad input.
 
@@ -47,6 +48,7 @@ def command(
         files: keys whose values name files or folders.
         groups: folders of ``conf`` from which ``+group=option`` may add something.
         register: makes schemas known to Hydra, those of one's own files included; may be called again.
+        has_folder: whether it works in an output folder, which is then claimed and finished.
         short: other names of keys: ``{"diagnosis": "diagnosis_file"}`` lets people write ``diagnosis=FILE``.
     """
 
@@ -55,18 +57,18 @@ def command(
         def job(config: DictConfig) -> None:
             spell_signs()  # here too, because jobs of a sweep may run in processes of their own
             folder = Path(HydraConfig.get().runtime.output_dir)
-            if is_finished(folder):  # in a sweep that goes on
+            if has_folder and is_finished(folder):  # in a sweep that goes on
                 log.info("finished before: %s", folder)
                 return
             try:
                 with writing():
                     register()  # here too, because of the resolvers
                     task(config)
-                    finish(folder)
+                    finish(folder)  # nothing where this process holds none
             except BadInput as error:
                 if HydraConfig.get().mode is RunMode.MULTIRUN:
                     raise  # the other jobs of the sweep go on; Hydra reports this one when they are done
-                if error.code == BAD_INPUT:
+                if has_folder and error.code == BAD_INPUT:
                     discard_start(folder, config_name)
                 fail(config_name, error)
             finally:

@@ -30,6 +30,7 @@ def answer(config: DictConfig) -> None:
             vehicle_name=request.vehicle_name,
             settings=request.settings,
             uncertainty=request.uncertainty,
+            kept=request.kept,
         )
     folder = Path(HydraConfig.get().runtime.output_dir)
     log.info("\n%s\n", summary_table(diagnosis))  # before the files, so that a full disk does not keep it

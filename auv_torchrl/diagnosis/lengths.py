@@ -1,6 +1,7 @@
-"""Whether logs are long enough for the settings, before anything is computed."""
+"""What is learnt from and what is held out, and whether both are long enough, before anything is computed."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -10,6 +11,19 @@ from auv_torchrl.flightlog import FlightLog, FlightLogError, join
 
 LEARNT = 0.8  # of each episode, where no test log is given and there are too few episodes to hold one out
 ROUNDING_S = 0.1  # s: cuts fall on samples and on grid steps
+
+
+def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:
+    """What to learn from, what to test on, and the numbers of the held-out episodes."""
+    if test:
+        return log, join(test), ()
+    if len(log.episodes) >= 3:
+        last = log.episodes[-1].number
+        return log.only(e.number for e in log.episodes[:-1]), log.only([last]), (last,)
+    cut = [int(LEARNT * len(episode)) for episode in log.episodes]
+    early = replace(log, episodes=tuple(e.rows(0, k) for e, k in zip(log.episodes, cut, strict=True)))
+    late = replace(log, episodes=tuple(e.rows(k, len(e)) for e, k in zip(log.episodes, cut, strict=True)))
+    return early, late, tuple(e.number for e in log.episodes)
 
 
 def check_lengths(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
+from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
 from auv_torchrl.diagnosis.identify.attitude import (
@@ -25,13 +26,12 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
 from auv_torchrl.diagnosis.identify.search import Found, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, NEAR, POLISHED
+from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, NEAR, POLISHED, TILTS_MATTER
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
-TILTS_MATTER = 0.5  # of the chi-square beyond noise, that a free vehicle must promise to leave of what a level one does
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
 
 
@@ -111,11 +111,17 @@ def look_both_ways(
     settings: Settings,
     report: Progress,
     coefficients: Sequence[Coefficient] = (),
+    kept: Kept | None = None,
 ) -> Looked:
-    """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle."""
+    """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle.
+
+    ``kept`` is what the vehicle's file keeps of healthy logs, for where there are none.
+    """
     hidden = is_hidden(training, vehicle)
     held = hold_attitude(training, vehicle)
-    sound = calibrate(healthy, held, settings, coefficients) if healthy else None
+    sound = calibrate(healthy, held, settings, coefficients) if healthy else kept.calibration(held) if kept else None
+    if kept and sound is not None and not healthy and not kept.level and hidden:
+        return look(training, sound.vehicle, sound, settings, report)
     tilted = _tilted(healthy, sound, vehicle, settings) if sound is not None and sound.has_gap and hidden else None
     if sound is not None and ((tilted or sound).has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
         # Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects
@@ -132,7 +138,8 @@ def look_both_ways(
         return level
     if best.nothing_left and len(best.explanation.knobs) <= SIMPLE:
         return replace(level, attitude=(level_enough(),))
-    sound = None if sound is None else calibrate_free(healthy, sound, vehicle.free, settings)
+    if sound is not None:
+        sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound_free(sound)
     free = look(training, vehicle, sound, settings, report, level)
     odds = log_likelihood(free.found) - log_likelihood(level.found)
     better = free if odds > 0 else level

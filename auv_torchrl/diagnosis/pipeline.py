@@ -9,13 +9,14 @@ from threadpoolctl import threadpool_limits
 from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.healthy import noise_findings, stated_floor
+from auv_torchrl.diagnosis.calibrate.kept import Kept
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
 from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
-from auv_torchrl.diagnosis.lengths import LEARNT, check_lengths
+from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.localize.mappable import input_mappable
 from auv_torchrl.diagnosis.look import Looked, excess, judge, look_both_ways
@@ -28,7 +29,7 @@ from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_window
 from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
+from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.vehicle import Vehicle
 
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
@@ -45,6 +46,7 @@ def diagnose(
     vehicle_name: str = "",
     settings: Settings | None = None,
     uncertainty: Sequence[Coefficient] = (),
+    kept: Kept | None = None,
 ) -> Diagnosis:
     """Tell where a vehicle differs from its simulator, by which effects, and how far they close the gap.
 
@@ -60,6 +62,7 @@ def diagnose(
         settings: how to diagnose; None reads ``conf/diagnosis/default.yaml``.
         uncertainty: coefficients of the vehicle that are guesses: they are calibrated on the healthy logs, else on the
             log itself, before effects are looked for.
+        kept: what the vehicle's file keeps of healthy logs; it stands for them where there are none.
 
     Raises:
         FlightLogError: if a log is too short for the settings, or has no axis that can be followed.
@@ -70,9 +73,9 @@ def diagnose(
     test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
-    corrected = calibrate_coefficients(training, vehicle, () if healthy else uncertainty, settings)
+    corrected = calibrate_coefficients(training, vehicle, () if healthy or kept else uncertainty, settings)
     searched = corrected.settings(settings)
-    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report, uncertainty)
+    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report, uncertainty, kept)
     problem, found, own = looked.found.problem, looked.found, looked.found.problem.vehicle
     sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
     before = changed(vehicle if sound is None else sound, free=own.free)
@@ -120,19 +123,6 @@ def diagnose(
         findings=findings,
         windows=held_out_windows(predictions, testing),
     )
-
-
-def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:
-    """What to learn from, what to test on, and the numbers of the held-out episodes."""
-    if test:
-        return log, join(test), ()
-    if len(log.episodes) >= 3:
-        last = log.episodes[-1].number
-        return log.only(e.number for e in log.episodes[:-1]), log.only([last]), (last,)
-    cut = [int(LEARNT * len(episode)) for episode in log.episodes]
-    early = replace(log, episodes=tuple(e.rows(0, k) for e, k in zip(log.episodes, cut, strict=True)))
-    late = replace(log, episodes=tuple(e.rows(k, len(e)) for e, k in zip(log.episodes, cut, strict=True)))
-    return early, late, tuple(e.number for e in log.episodes)
 
 
 def rests_on(looked: Looked) -> tuple[Finding, ...]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
+from auv_torchrl.diagnosis.calibrate.kept import Kept, read_kept
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.logs import KINDS, find_logs, names
@@ -27,6 +28,7 @@ class Request:
     uncertainty: tuple[Coefficient, ...]  # of the vehicle's coefficients
     settings: Settings
     log: FlightLog
+    kept: Kept | None = None  # what the vehicle's file keeps of healthy logs
     healthy: tuple[FlightLog, ...] = field(default=())
     test: tuple[FlightLog, ...] = field(default=())
 
@@ -38,22 +40,25 @@ def read_request(config: DictConfig) -> Request:
         ValueError: for a vehicle, setting or log that cannot be used, naming it and what to do.
     """
     paths = find_logs(config)
-    vehicle = load_vehicle(_plain(config.vehicle))
-    settings = read_settings(_plain(config.diagnosis), vehicle)
-    uncertainty = read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle)
+    vehicle = load_vehicle(plain(config.vehicle))
+    settings = read_settings(plain(config.diagnosis), vehicle)
+    content = plain(config.vehicle)
+    uncertainty = read_uncertainty(content.get("uncertainty"), vehicle)
+    kept = read_kept(content.get("calibration"), uncertainty)
     extra = names(config, "extra")
-    options = read_options(names(config, "modes"), _plain(config.params), config.system)
+    options = read_options(names(config, "modes"), plain(config.params), config.system)
     kinds = {kind: tuple(read_flightlog(path, vehicle, extra, options) for path in paths[kind]) for kind in KINDS}
     logs = [flight for group in kinds.values() for flight in group]
     report_findings(logs)
     if not config.trust_log:
-        _refuse_errors(logs)
+        refuse_errors(logs)
     return Request(
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
         vehicle=vehicle,
         uncertainty=uncertainty,
         settings=settings,
         log=join(kinds["log"]),
+        kept=kept,
         healthy=kinds["healthy"],
         test=kinds["test"],
     )
@@ -69,11 +74,17 @@ def report_findings(logs: Sequence[FlightLog]) -> None:
             log.info("  %s", finding)
 
 
-def _refuse_errors(logs: Sequence[FlightLog]) -> None:
+def refuse_errors(logs: Sequence[FlightLog]) -> None:
+    """Refuse logs of which the check says that they cannot be what they should.
+
+    Raises:
+        FlightLogError: naming log and error.
+    """
     errors = [f"{flight.name}: {f}" for flight in logs for f in flight.findings if f.severity is Severity.ERROR]
     if errors:
         raise FlightLogError(f"{'; '.join(errors)} Or give trust_log=true to diagnose it as it is")
 
 
-def _plain(config: Any) -> Any:
+def plain(config: Any) -> Any:
+    """A part of a config as lists and mappings."""
     return OmegaConf.to_container(config, resolve=True) if OmegaConf.is_config(config) else config

@@ -1,4 +1,4 @@
-"""Types of everything that conf/diagnose.yaml holds, so that a misspelt key or a wrong type is an error."""
+"""Types of everything in conf/diagnose.yaml and conf/calibrate.yaml: a misspelt key or a wrong type is an error."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -30,6 +30,23 @@ class DiagnoseSchema:
     output: str = MISSING
 
 
+@dataclass
+class CalibrateSchema:
+    """Types of ``conf/calibrate.yaml``; the comments are there."""
+
+    healthy: Any = MISSING
+    vehicle: dict[str, Any] = MISSING
+    diagnosis: dict[str, Any] = MISSING
+    extra: Any = MISSING
+    modes: Any = MISSING
+    params: Any = MISSING
+    system: Any = MISSING
+    trust_log: bool = MISSING
+    replace: bool = MISSING
+    output: str = MISSING
+
+
 def register() -> None:
-    """Make the schema known to Hydra as ``diagnose_schema``."""
+    """Make the schemas known to Hydra as ``diagnose_schema`` and ``calibrate_schema``."""
     ConfigStore.instance().store("diagnose_schema", DiagnoseSchema)
+    ConfigStore.instance().store("calibrate_schema", CalibrateSchema)

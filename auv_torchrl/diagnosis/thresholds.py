@@ -75,6 +75,7 @@ AGREES_BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must
 
 # Roll and pitch
 SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
+TILTS_MATTER = 0.5  # of the chi-square beyond noise, that a free vehicle must promise to leave of what a level one does
 
 # Priors
 SECOND_EFFECT = 0.02  # prior probability of one more effect once there is one: two faults in one log are rare

@@ -117,13 +117,13 @@ def closed_share(p: Predictions, before: int = 0, after: int = 1) -> float | Non
 
 def measure_gap(p: Predictions, held_out: tuple[int, ...], closed: float | None) -> Gap:
     """Errors at the horizons, by kind and by degree of freedom."""
-    return Gap(_horizons(p.windows), **errors_by_kind(p), closed=closed, held_out_episodes=held_out)
+    return Gap(horizons_of(p.windows), **errors_by_kind(p), closed=closed, held_out_episodes=held_out)
 
 
 def errors_by_kind(p: Predictions) -> dict[str, Any]:
     """``position_m``, ``yaw_rad`` and ``velocity`` (None where not measured), and ``dof``: errors at the horizons."""
     windows = p.windows
-    rows = [_at_horizon(windows, horizon) for horizon in _horizons(windows)]
+    rows = [_at_horizon(windows, horizon) for horizon in horizons_of(windows)]
     columns = {name: i for i, name in enumerate(windows.channels)}
 
     def errors(values: Floats, floor: Floats, seen: np.ndarray) -> Errors:
@@ -147,7 +147,8 @@ def errors_by_kind(p: Predictions) -> dict[str, Any]:
     }
 
 
-def _horizons(windows: Windows) -> tuple[float, ...]:
+def horizons_of(windows: Windows) -> tuple[float, ...]:
+    """Horizons in s that stretches of a log are long enough for."""
     return tuple(h for h in HORIZONS_S if h <= windows.steps * windows.dt + windows.dt)
 
 

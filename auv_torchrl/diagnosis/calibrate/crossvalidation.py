@@ -1,0 +1,174 @@
+"""Whether a calibration holds in flights that it has not seen, and which healthy flight is not like the others.
+
+Each flight is held against what all others say of the vehicle: how well it is predicted from its commands alone, and
+whether it departs from them by more than flights do.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.diagnosis.calibrate.healthy import FITS, STILL_FALLS, Calibration, calibrate, calibrate_free
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.identify.attitude import hold_attitude, is_hidden
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.thresholds import TILTS_MATTER, WITHIN_FLOOR, WORTH_A_CORRECTION
+from auv_torchrl.diagnosis.validate.predict import errors_by_kind, horizons_of, predict
+from auv_torchrl.diagnosis.validate.veto import scaled_errors
+from auv_torchrl.diagnosis.verdict import Errors
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.flightlog import FlightLog, join
+from auv_torchrl.vehicle import Vehicle
+
+FEWEST_TO_BLAME_ONE = 3  # of two that disagree, nobody knows which one is wrong
+STANDS_OUT = 3.0  # times the excess chi-square of the next flight, from which one is not like the others
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A flight under the vehicle as other flights show it."""
+
+    name: str
+    excess: float  # chi-square per number; 1 is noise, disturbance and what flights differ in
+    before: float  # root mean square error of predictions by the vehicle's file, in units of the floor
+    after: float  # and by what the other flights made of it
+    horizons_s: tuple[float, ...]
+    position_m: Errors | None  # None where it is not measured
+    yaw_rad: Errors | None
+    velocity: Errors | None
+
+
+def calibrate_attitude(
+    healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient] = ()
+) -> Calibration:
+    """The calibration of a vehicle that is held level, or may tilt, as these flights ask for.
+
+    Args:
+        healthy: at least one log without a fault; each is a flight.
+        vehicle: as its file says, empty batch.
+        settings: of the diagnosis.
+        coefficients: what the file says is uncertain.
+    """
+    log = join(healthy)
+    level = calibrate(healthy, hold_attitude(log, vehicle), settings, coefficients)
+    if not level.has_gap or not is_hidden(log, vehicle):
+        return level
+    free = calibrate_free(healthy, level, vehicle.free, settings)
+    return free if free.excess - 1 < TILTS_MATTER * (level.excess - 1) else level
+
+
+def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settings: Settings) -> Unseen:
+    """A flight under a calibration of others.
+
+    Args:
+        flight: not one of those that were calibrated on.
+        sound: the vehicle as these show it.
+        vehicle: as its file says, empty batch.
+        settings: of the diagnosis.
+    """
+    windows = cut_windows(flight, settings.window_s, settings.lead_s, settings.bin_s)
+    problem, follow = follow_windows(Problem.of(windows, sound.vehicle, settings, sound.known))
+    judged = fit_by_simulation(problem, Explanation(), follow)
+    for _ in range(FITS):  # a window that flew off under the others' trim comes back once this flight's is fitted
+        falls, judged = judged.chi2, fit_by_simulation(problem, judged.explanation, judged.base)
+        if not falls - judged.chi2 > STILL_FALLS:
+            break
+    stages = [changed(vehicle, free=sound.vehicle.free), sound.vehicle]
+    predictions = predict(flight, stages, settings, problem.sigma, 4 * problem.floor)
+    before, after = scaled_errors(predictions).tolist()
+    errors = errors_by_kind(predictions)
+    return Unseen(
+        name=flight.name,
+        excess=judged.chi2 / judged.quadratic.numbers,
+        before=before,
+        after=after,
+        horizons_s=horizons_of(predictions.windows),
+        **{kind: errors[kind] for kind in ("position_m", "yaw_rad", "velocity")},
+    )
+
+
+def cross_validate(
+    healthy: Sequence[FlightLog],
+    vehicle: Vehicle,
+    settings: Settings,
+    coefficients: Sequence[Coefficient] = (),
+    report: Callable[[int], None] = lambda done: None,
+) -> tuple[Unseen, ...]:
+    """Each of two or more flights under the calibration of all the others; ``report`` is told how many are done."""
+    found = []
+    for i, flight in enumerate(healthy):
+        others = [log for k, log in enumerate(healthy) if k != i]
+        found.append(
+            hold_against(flight, calibrate_attitude(others, vehicle, settings, coefficients), vehicle, settings)
+        )
+        report(i + 1)
+    return tuple(found)
+
+
+def odd_one(flights: Sequence[Unseen], settings: Settings) -> int | None:
+    """Which flight is not like the others, by its place; None where none is, or where nobody can tell.
+
+    A calibration on a fault among sound flights takes the fault for how flights differ, and sound flights then fit it;
+    the fault does not fit the calibration on sound flights.
+    """
+    if len(flights) < FEWEST_TO_BLAME_ONE:
+        return None
+    excess = np.array([flight.excess for flight in flights])
+    excess = np.where(np.isfinite(excess), excess, np.inf)
+    second, first = np.argsort(excess)[-2:].tolist()
+    beyond = [max(excess[place], settings.excess) - 1 for place in (second, first)]
+    return first if excess[first] > settings.excess and beyond[1] > STANDS_OUT * beyond[0] else None
+
+
+def without_odd_ones(
+    healthy: Sequence[FlightLog],
+    vehicle: Vehicle,
+    settings: Settings,
+    coefficients: Sequence[Coefficient] = (),
+    report: Callable[[int], None] = lambda done: None,
+) -> tuple[tuple[FlightLog, ...], tuple[Unseen, ...], tuple[Unseen, ...]]:
+    """The flights that agree, each under the calibration of the others among them, and those that were left out.
+
+    At most a minority is left out: of flights half of which are odd, nobody knows which half.
+    """
+    used, left_out, done = tuple(healthy), [], 0
+    while True:
+        flights = cross_validate(used, vehicle, settings, coefficients, lambda more, before=done: report(before + more))
+        odd = odd_one(flights, settings) if 2 * (len(left_out) + 1) < len(healthy) else None
+        if odd is None:
+            return used, flights, tuple(left_out)
+        done += len(used)
+        left_out.append(flights[odd])
+        used = tuple(log for place, log in enumerate(used) if place != odd)
+
+
+def disagree(flights: Sequence[Unseen], settings: Settings) -> bool:
+    """Whether two flights show two vehicles, of which nobody can tell the sound one."""
+    return len(flights) == 2 and all(flight.excess > settings.excess for flight in flights)
+
+
+def pooled(flights: Sequence[Unseen]) -> tuple[float, float]:
+    """Root mean square error over unseen flights in units of the floor, by the file and by what was calibrated."""
+    squares = np.square([[flight.before, flight.after] for flight in flights])
+    before, after = np.sqrt(squares.mean(0)).tolist()
+    return before, after
+
+
+def why_not(flights: Sequence[Unseen]) -> str:
+    """Why a calibration is not worth keeping; empty where it predicts unseen flight better than the file."""
+    before, after = pooled(flights)
+    if not np.isfinite(after):
+        return "the calibrated vehicle flies off where the file's does not" if np.isfinite(before) else "both fly off"
+    if before <= WITHIN_FLOOR:
+        return f"the file predicts unseen flight as well as the sensors allow (error of {before:.2f} floors)"
+    if after > (1 - WORTH_A_CORRECTION) * before:
+        return (
+            f"it predicts unseen flight no better than the file does ({after:.2f} floors of error, {before:.2f} before)"
+        )
+    return ""

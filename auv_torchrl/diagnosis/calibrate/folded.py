@@ -1,0 +1,98 @@
+"""A calibrated vehicle as the entries of a vehicle file: effects become coefficients of its own."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.vehicle import Vehicle, load_vehicle
+
+DIGITS = 8  # significant, of each number that is written
+SAME = 1e-6  # relative, of what was calibrated and what the file says after rounding
+_PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
+_SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
+
+
+def fold(vehicle: Vehicle) -> Vehicle:
+    """The same vehicle (empty batch) with gains in thrusts, limits and dead bands, and trim in its buoyancy.
+
+    The water stands still, because a current is of one flight, and roll and pitch are free, because whether they are
+    held is up to who flies it.
+
+    Raises:
+        ValueError: for a thruster that gives nothing, or a trim of more than its buoyancy.
+    """
+    dead = (vehicle.gain == 0).nonzero()[:, 0].tolist()
+    if dead:
+        numbers = ", ".join(str(i + 1) for i in dead)
+        raise ValueError(f"thruster {numbers} gives nothing: that is a fault, and no coefficient of a sound vehicle")
+    gain, buoyancy = vehicle.gain.abs(), vehicle.buoyancy - vehicle.vertical_force
+    if not buoyancy > 0:
+        raise ValueError(f"trim of {float(vehicle.vertical_force):.3g} N is more than the buoyancy of the vehicle")
+    return changed(
+        vehicle,
+        gain=torch.ones_like(gain),
+        thruster_direction=vehicle.thruster_direction * vehicle.gain.sign()[:, None],
+        full_thrust=vehicle.full_thrust * gain,
+        limit=vehicle.limit * gain,
+        dead_band=vehicle.dead_band * gain,
+        buoyancy=buoyancy,
+        vertical_force=torch.zeros_like(buoyancy),
+        centre_of_buoyancy=vehicle.centre_of_buoyancy * vehicle.buoyancy / buoyancy,  # it rights as before
+        current=torch.zeros_like(vehicle.current),
+        free=torch.ones_like(vehicle.free),
+    )
+
+
+def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
+    """What a file says of a folded vehicle, as :func:`auv_torchrl.vehicle.load_vehicle` reads it.
+
+    Raises:
+        ValueError: for a vehicle with something that no file can say.
+    """
+    diagonal = bool((vehicle.linear_drag == vehicle.linear_drag.diagonal().diag()).all())
+    alike = {key: getattr(vehicle, key) for key in _PER_THRUSTER}
+    content = {
+        "name": name,
+        "rigid_body": {
+            key: numbers(getattr(vehicle, key))
+            for key in ("mass", "inertia", "centre_of_mass", "centre_of_buoyancy", "buoyancy")
+        },
+        "added_mass": numbers(vehicle.added_mass),
+        "mass_scale": numbers(vehicle.mass_scale),
+        "linear_drag": numbers(vehicle.linear_drag.diagonal() if diagonal else vehicle.linear_drag),
+        "quadratic_drag": numbers(vehicle.quadratic_drag),
+        "coriolis": numbers(vehicle.coriolis),
+        "thrusters": {
+            "position": numbers(vehicle.thruster_position),
+            "direction": numbers(vehicle.thruster_direction),
+            **{key: numbers(each[0] if (each == each[0]).all() else each) for key, each in alike.items()},
+            "delay": numbers(vehicle.delay),
+        },
+        "mixer": numbers(vehicle.mixer),
+        "sensors": {key: numbers(getattr(vehicle, key)) for key in _SENSORS},
+    }
+    _refuse_what_is_lost(vehicle, content)
+    return content
+
+
+def numbers(values: Tensor) -> Any:
+    """Plain numbers, in lists as the tensor has them; whole ones as they are written by hand."""
+    return _rounded(values.tolist())
+
+
+def _rounded(value: Any) -> Any:
+    return [_rounded(entry) for entry in value] if isinstance(value, list) else float(f"{value:.{DIGITS}g}") + 0.0
+
+
+def _refuse_what_is_lost(vehicle: Vehicle, content: Mapping[str, Any]) -> None:
+    read = load_vehicle(content)
+    lost = [
+        key
+        for key, value in vehicle.items()
+        if not torch.allclose(read.get(key), value, rtol=SAME, atol=SAME * max(1e-3, float(value.abs().max())))
+    ]
+    if lost:
+        raise ValueError(f"a vehicle file cannot say {', '.join(lost)}: calibrate without effects that change it")

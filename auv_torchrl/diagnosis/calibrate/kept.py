@@ -1,0 +1,152 @@
+"""What a vehicle file keeps of its calibration: how sure each coefficient is, and what a sound vehicle's logs leave."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.identify.problem import Known, Slack
+from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.settings import choices
+from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle, read_vehicle_file
+
+KEYS = ("logs", "seconds", "vehicle", "made", "version", "excess", "level", "floor", "noise", "rough_noise", "together")
+REMEDY = "calibrate it again with auv-calibrate, or take the section calibration out"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The section ``calibration`` of a vehicle file, with its section ``uncertainty``."""
+
+    logs: tuple[str, ...]  # of the healthy flights
+    seconds: float  # of flight
+    vehicle: str  # that was calibrated
+    made: str  # date and time, UTC
+    version: str  # of this package
+    excess: float  # chi-square per number of the healthy logs under the calibrated vehicle
+    level: bool  # whether roll and pitch were held
+    floor: Floats  # (6,) N, N m
+    noise: dict[str, float]  # by channel
+    rough_noise: dict[str, float]  # by channel, from third differences
+    slack: tuple[Slack, ...]
+    together: Floats  # (k, k) lower triangle whose product with its transpose is their correlation
+
+    @property
+    def known(self) -> Known:
+        """What a diagnosis takes from healthy logs."""
+        factor = np.array([width for *_, width in self.slack])[:, None] * self.together
+        return Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T)
+
+    def calibration(self, vehicle: Vehicle) -> Calibration:
+        """As if the healthy logs were here; ``vehicle`` is that of the file, roll and pitch held or free."""
+        k = len(self.slack)
+        nothing = Nuisance(self.slack, np.zeros(k), (), np.zeros(k))
+        known = self.known
+        centred = Centred(vehicle, nothing, np.zeros(k), known.slack_covariance)
+        sound = Calibration(centred, known, {}, (), self.excess, self.excess, False, (self._finding(),))
+        return sound if self.level else sound_free(sound)
+
+    def _finding(self) -> Finding:
+        dof = np.flatnonzero([size > 0 for size in self.floor])
+        sizes = ", ".join(
+            f"{self.floor[d]:.2g} {'N' if d < 3 else 'N m'} in {DEGREES_OF_FREEDOM[d]}" for d in dof if d not in (3, 4)
+        )
+        sentence = (
+            f"the verdict rests on the calibration of this vehicle's file, made on {self.made} from "
+            f"{', '.join(self.logs)} ({self.seconds:.0f} s), of which it leaves a chi-square of {self.excess:.2f} per "
+            f"number: disturbance of {sizes}"
+        )
+        return Finding(Severity.INFO, "calibration_kept", sentence)
+
+
+def sound_free(sound: Calibration) -> Calibration:
+    """The same calibration of a vehicle that may roll and pitch."""
+    vehicle = sound.centred.vehicle
+    return replace(sound, centred=replace(sound.centred, vehicle=changed(vehicle, free=vehicle.free.new_ones(6))))
+
+
+def load_kept(name: str | Path, vehicle: Vehicle) -> Kept | None:
+    """What the file of a vehicle, of that name in ``conf/vehicle`` or a YAML file, keeps of its calibration."""
+    content = read_vehicle_file(name)
+    return read_kept(content.get("calibration"), read_uncertainty(content.get("uncertainty"), vehicle))
+
+
+def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | None:
+    """The section ``calibration`` of a vehicle file; None where there is none.
+
+    Args:
+        content: the section.
+        coefficients: what the section ``uncertainty`` says, in its order.
+
+    Raises:
+        ValueError: for what no calibration wrote, naming it.
+    """
+    if content is None:
+        return None
+    if not isinstance(content, Mapping):
+        raise ValueError(f"calibration is no mapping: {REMEDY}")
+    if odd := set(content) - set(KEYS):
+        raise ValueError(f"calibration: unknown entries {sorted(map(str, odd))}: {choices(odd, KEYS)}")
+    if missing := set(KEYS) - set(content):
+        raise ValueError(f"calibration: {', '.join(sorted(missing))} missing: {REMEDY}")
+    floor = _positive(content["floor"], "floor", 6)
+    together = _triangle(content["together"], len(coefficients))
+    noise, rough = (_by_channel(content[key], key) for key in ("noise", "rough_noise"))
+    seconds, excess = (float(_positive([content[key]], key, 1)[0]) for key in ("seconds", "excess"))
+    logs = content["logs"]
+    if not isinstance(logs, list | tuple) or not isinstance(content["level"], bool):
+        raise ValueError(f"calibration: logs is no list, or level neither true nor false: {REMEDY}")
+    slack = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients)
+    return Kept(
+        logs=tuple(map(str, logs)),
+        seconds=seconds,
+        vehicle=str(content["vehicle"]),
+        made=str(content["made"]),
+        version=str(content["version"]),
+        excess=excess,
+        level=content["level"],
+        floor=floor,
+        noise=noise,
+        rough_noise=rough,
+        slack=slack,
+        together=together,
+    )
+
+
+def _positive(value: Any, key: str, count: int) -> Floats:
+    try:
+        found = np.array(value, float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"calibration: {key} is no list of numbers: {REMEDY}") from error
+    if found.shape != (count,) or not (np.isfinite(found) & (found > 0)).all():
+        raise ValueError(f"calibration: {key} is not {count} number{'s' * (count > 1)} above 0: {REMEDY}")
+    return found
+
+
+def _by_channel(value: Any, key: str) -> dict[str, float]:
+    if not isinstance(value, Mapping) or not value or not set(value) <= set(CHANNELS):
+        raise ValueError(f"calibration: {key} is no mapping out of {', '.join(CHANNELS)}: {REMEDY}")
+    return dict(zip(value, _positive(list(value.values()), key, len(value)).tolist(), strict=True))
+
+
+def _triangle(rows: Any, count: int) -> Floats:
+    """Rows of 1, 2, ... numbers as a lower triangle (k, k) whose rows have length 1."""
+    if not isinstance(rows, list | tuple) or not count or len(rows) != count:
+        raise ValueError(f"calibration: together has not one row for each of the {count} of uncertainty: {REMEDY}")
+    found = np.zeros((count, count))
+    for i, row in enumerate(rows):
+        try:
+            found[i, : i + 1] = np.array(row, float).reshape(i + 1)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"calibration: row {i + 1} of together is not {i + 1} numbers: {REMEDY}") from error
+    length = np.linalg.norm(found, axis=1, keepdims=True)
+    if not np.isfinite(found).all() or not (np.abs(length - 1) < 1e-3).all() or not (np.diag(found) > 0).all():
+        raise ValueError(f"calibration: together is no correlation: {REMEDY}")
+    return found / length

@@ -1,0 +1,152 @@
+"""A calibration as a vehicle file: coefficients, how sure they are, and what a diagnosis needs of the healthy logs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import yaml
+
+from auv_torchrl.command.errors import one_line
+from auv_torchrl.diagnosis.calibrate.folded import DIGITS, entries, fold
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import Z95
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.vehicle import Vehicle, load_vehicle
+
+LEAST = 1e-12  # of an eigenvalue of a correlation, which rounding may have made singular
+UNITS = {
+    "mass": "kg", "inertia": "kg m^2", "centre_of_mass": "m", "centre_of_buoyancy": "m", "buoyancy": "N",
+    "added_mass": "kg, kg m^2", "mass_scale": "on the total of rigid body and added mass",
+    "linear_drag": "kg/s, kg m^2/s; rows of 6: drag in each degree of freedom by speed in all",
+    "quadratic_drag": "kg/m, kg m^2", "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
+    "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
+    "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
+    "mixer": "columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
+}  # fmt: skip
+
+
+def vehicle_yaml(
+    sound: Calibration, given: Vehicle, name: str, about: Mapping[str, Any], comments: Sequence[str] = ()
+) -> str:
+    """A vehicle file, which training, flights and diagnoses read like any other.
+
+    Args:
+        sound: what was calibrated.
+        given: the vehicle that it was calibrated from, as its file says, empty batch.
+        name: of the vehicle.
+        about: entries of the section ``calibration`` that the calibration itself does not know.
+        comments: lines at the top.
+
+    Raises:
+        ValueError: for a vehicle that no file can hold.
+    """
+    content = entries(fold(sound.vehicle), name)
+    own = load_vehicle(content)
+    order, width = _as_in_file(sound, own)
+    lines = [f"# {line}" for line in comments]
+    for key, value in content.items():
+        lines += _section(key, value, 0)
+    lines += [
+        "# Standard deviations, each with all others unknown. No log tells the overall scale, of all masses, thrusts",
+        "# and drags alike: it is where the vehicle that was calibrated had it, and makes most of these numbers. What",
+        "# the logs tell of them together is in calibration.together. The words compare with the vehicle that was",
+        f"# calibrated, {one_line(str(about['vehicle']))}.",
+        "uncertainty:",
+    ]
+    told = _told(sound, given)
+    effect = ""
+    for place in order:
+        its, member, *_ = sound.known.slack[place]
+        lines += [f"  {its}:"] if its != effect else []
+        effect = its
+        lines.append(f"    {member}: {width[place]:.{DIGITS}g}  # {told[place]}")
+    kept = {
+        **about,
+        "excess": _round(sound.excess),
+        "level": not bool((sound.vehicle.free[3:5] > 0).any()),
+        "floor": [_round(size) for size in sound.known.floor.tolist()],
+        "noise": {channel: _round(size) for channel, size in sound.known.noise.items()},
+        "rough_noise": {channel: _round(size) for channel, size in sound.known.rough_noise.items()},
+    }
+    lines += [
+        "# What a diagnosis takes from the healthy flights, so that it needs none; N, N m in surge to yaw, m, rad.",
+        "calibration:",
+        *("  " + line for line in yaml.safe_dump(kept, sort_keys=False, default_flow_style=None).splitlines()),
+        "  together:  # times its transpose, the correlation of the numbers above, in their order",
+        *(f"    - {_flow(row[: i + 1])}" for i, row in enumerate(_root(sound, order).tolist())),
+    ]
+    return "\n".join([*lines, ""])
+
+
+def _as_in_file(sound: Calibration, own: Vehicle) -> tuple[list[int], list[float]]:
+    """The places of the slack parameters in the order in which a file is read, and their deviations in its units."""
+    slack = sound.known.slack
+    rank = {
+        (effect, member): place
+        for place, (effect, member) in enumerate(
+            (name, member) for name, effect in EFFECTS.items() for member in effect.member_parameters(own)
+        )
+    }
+    order = sorted(range(len(slack)), key=lambda place: rank[slack[place][:2]])
+    size = np.sqrt(np.diag(sound.known.slack_covariance)).tolist()
+    for place, (effect, member, nominal, _) in enumerate(slack):
+        if nominal and (now := EFFECTS[effect].nominal(own)[member]):
+            size[place] *= abs(now / nominal)  # gains are part of the thrusts and dead bands now
+    return order, size
+
+
+def _root(sound: Calibration, order: list[int]) -> Floats:
+    """Lower triangle (k, k) whose product with its transpose is the correlation of the slack parameters."""
+    covariance = sound.known.slack_covariance[np.ix_(order, order)]
+    size = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(size, size)
+    value, vector = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    half = vector * np.sqrt(np.maximum(value, LEAST))
+    root: Floats = np.transpose(np.linalg.qr(half.T, mode="r"))
+    return root * np.where(np.diag(root) < 0, -1.0, 1.0)
+
+
+def _told(sound: Calibration, given: Vehicle) -> list[str]:
+    """Each coefficient in words, against the file that was calibrated, with its 95 % interval."""
+    size, away = np.sqrt(np.diag(sound.known.slack_covariance)), sound.centred.file
+    told = []
+    for (effect, member, nominal, _), sd, file in zip(sound.known.slack, size.tolist(), away.tolist(), strict=True):
+        p = EFFECTS[effect].member_parameters(given)[member]
+        before = p.nominal_value(given, member)
+        own_number = callable(p.nominal)
+        if nominal and not own_number:  # a factor counts from the vehicle that it changes
+            value, half = before * nominal / (nominal + file), Z95 * sd * before / abs(nominal + file)
+        else:
+            value, half = (nominal if own_number else nominal - file), Z95 * sd
+        words = p.sentence.format(value=value, which=member.removeprefix(f"{p.name}_"))
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        low, high = max(value - half, p.low), min(value + half, p.high)
+        told.append(f"{words}; 95 % in [{low:.3g}, {high:.3g}]{unit}")
+    return told
+
+
+def _section(key: str, value: Any, depth: int) -> list[str]:
+    indent, unit = "  " * depth, f"  # {UNITS[key]}" if key in UNITS else ""
+    if isinstance(value, Mapping):
+        inside = [line for name, entry in value.items() for line in _section(name, entry, depth + 1)]
+        return [f"{indent}{key}:", *inside]
+    if isinstance(value, list) and any(isinstance(row, list) for row in value):
+        return [f"{indent}{key}:{unit}", *(f"{indent}  - {_flow(row)}" for row in value)]
+    if isinstance(value, list):
+        return [f"{indent}{key}: {_flow(value)}{unit}"]
+    shown = f"{value:.{DIGITS}g}" if isinstance(value, float) else _word(value)
+    return [f"{indent}{key}: {shown}{unit}"]
+
+
+def _flow(row: Sequence[float]) -> str:
+    return f"[{', '.join(f'{value:.{DIGITS}g}' for value in row)}]"
+
+
+def _word(text: str) -> str:
+    """A word as YAML has it, in quotes where it needs some."""
+    return yaml.safe_dump(text, width=10_000, allow_unicode=True).splitlines()[0]
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
