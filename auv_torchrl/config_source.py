@@ -13,7 +13,7 @@ from auv_torchrl.paths import OWN, own_folder
 from auv_torchrl.yaml_file import YamlFileError, read_yaml
 
 PLAIN = ("vehicle", "scenario", "randomization")  # groups of physical numbers, which depend on nothing outside of them
-_ENDINGS = (".yaml", ".yml")
+ENDINGS = (".yaml", ".yml")
 
 
 class CheckedFiles(FileConfigSource):
@@ -48,14 +48,14 @@ class CheckedFiles(FileConfigSource):
     def _elsewhere(self, config_path: str) -> Path | None:
         """The file that ``vehicle/path/to/mine.yaml`` stands for; None for an entry of this folder."""
         group, _, chosen = config_path.partition("/")
-        if group not in PLAIN or not chosen.endswith(_ENDINGS):
+        if group not in PLAIN or not chosen.endswith(ENDINGS):
             return None
         path = Path(chosen).expanduser().absolute()
         return None if (Path(self.path) / config_path).is_file() and not path.exists() else path
 
     @staticmethod
     def _normalize_file_name(filename: str) -> str:
-        return filename if filename.endswith(_ENDINGS) else f"{filename}.yaml"
+        return filename if filename.endswith(ENDINGS) else f"{filename}.yaml"
 
 
 # Hydra registers its own sources anew in each process of a sweep: one of the same name stays, another is an error.

@@ -10,7 +10,9 @@ import pytest
 from auv_torchrl.paths import PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
-TRAIN, DIAGNOSE, LOG = (f"auv_torchrl.{part}.command" for part in ("experiment", "diagnosis", "flightlog"))
+TRAIN, DIAGNOSE, CALIBRATE, LOG = (
+    f"auv_torchrl.{part}.command" for part in ("experiment", "diagnosis", "diagnosis.calibrate", "flightlog")
+)
 CALL = """
 import json, sys
 from importlib import import_module
@@ -41,6 +43,9 @@ def loaded(*words):
         (TRAIN, ["agent.gama=0.9"], 2),
         (DIAGNOSE, ["--help"], 0),
         (DIAGNOSE, ["lgo=flight.csv"], 2),
+        (CALIBRATE, ["--help"], 0),
+        (CALIBRATE, ["helthy=flight.csv"], 2),
+        (CALIBRATE, ["output=mine.yaml"], 2),
         (LOG, ["--help"], 0),
         (LOG, ["inform", "flight.csv"], 2),
     ],

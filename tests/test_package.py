@@ -76,7 +76,12 @@ def test_the_wheel_holds_the_configuration_and_nothing_of_the_tests(wheel):
     assert "auv_torchrl/examples/flight.csv" in names
     assert {name.split("/")[0].split("-")[0] for name in names} == {"auv_torchrl"}
     assert not any("make_flight" in name for name in names)
-    assert "auv-train = " in commands and "auv-diagnose = " in commands and "auv-log = " in commands
+    assert (
+        "auv-train = " in commands
+        and "auv-diagnose = " in commands
+        and "auv-calibrate = " in commands
+        and "auv-log = " in commands
+    )
 
 
 def test_what_is_imported_is_declared_and_the_other_way_round():

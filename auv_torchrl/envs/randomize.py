@@ -5,12 +5,14 @@ from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
 from torchrl.envs.transforms import Transform
 
 from auv_torchrl.effects import Effect, get_effect
 from auv_torchrl.envs.fleet import FleetEnv
 from auv_torchrl.vehicle import Vehicle
 
+TOGETHER = "together"  # of ranges: rows of a lower triangle, by which their first numbers are drawn together
 Ranges = list[tuple[Effect, dict[str, tuple[float, float]]]]
 
 
@@ -18,8 +20,9 @@ class RandomizeVehicle(Transform):
     """Hands the fleet freshly drawn vehicles for the rows that are reset.
 
     Every draw starts from the nominal vehicle, so that repeated resets never accumulate. Values are uniform and
-    independent, per member where a family is given. The draws come from the fleet's own random source, so that
-    one seed repeats a whole run, unless ``seed`` gives them one of their own.
+    independent, per member where a family is given; where ``ranges`` have ``together``, the first ones are mixed by
+    it, so that their correlation is that of its rows, and a few lie a little beyond their range. The draws come from
+    the fleet's own random source, so that one seed repeats a whole run, unless ``seed`` gives them one of their own.
 
     Args:
         nominal: one vehicle, empty batch.
@@ -34,6 +37,8 @@ class RandomizeVehicle(Transform):
         super().__init__(in_keys=[], out_keys=[])
         self._nominal = nominal.double()
         self.ranges = read_ranges(nominal, ranges)
+        self._mixed = _read_together(ranges, sum(len(parameters) for _, parameters in self.ranges))
+        self._bounds = self._most() if self._mixed is not None else ()
         self._own = None if seed is None else torch.Generator().manual_seed(seed)
         self._vehicles: Vehicle | None = None
 
@@ -42,11 +47,31 @@ class RandomizeVehicle(Transform):
         vehicle: Vehicle = self._nominal.expand(count)
         members = [limits for _, parameters in self.ranges for limits in parameters.values()]
         low, high = torch.tensor(members, dtype=torch.float64).reshape(-1, 2).unbind(-1)
-        values = low + (high - low) * torch.rand(count, len(members), generator=generator, dtype=torch.float64)
+        share = torch.rand(count, len(members), generator=generator, dtype=torch.float64)
+        values = low + (high - low) * (share if self._mixed is None else self._mix(share))
+        if self._mixed is not None:
+            values = values.clamp(*self._bounds)
         columns = iter(values.unbind(-1))
         for effect, parameters in self.ranges:
             vehicle = effect.apply(vehicle, {member: next(columns) for member in parameters})
         return vehicle
+
+    def _mix(self, share: Tensor) -> Tensor:
+        """Shares (count, k) of the ranges, those that are drawn together correlated about the middle."""
+        assert self._mixed is not None
+        first = len(self._mixed)
+        mixed = 0.5 + (share[:, :first] - 0.5) @ self._mixed.T
+        return torch.cat((mixed, share[:, first:]), dim=-1)
+
+    def _most(self) -> tuple[Tensor, Tensor]:
+        """Least and most (k,) that effects allow."""
+        declared = [
+            effect.member_parameters(self._nominal)[member]
+            for effect, parameters in self.ranges
+            for member in parameters
+        ]
+        low, high = torch.tensor([(p.low, p.high) for p in declared], dtype=torch.float64).unbind(-1)
+        return low, high
 
     def _reset_env_preprocess(self, tensordict: TensorDictBase | None) -> TensorDictBase:
         fleet = self._fleet()
@@ -80,6 +105,8 @@ def read_ranges(nominal: Vehicle, ranges: Mapping[str, Any] | None) -> Ranges:
     if not isinstance(ranges, Mapping | None):
         raise ValueError(f"randomization: {ranges!r}: give a mapping of effects to ranges")
     for name, parameters in (ranges or {}).items():
+        if name == TOGETHER:
+            continue
         effect = get_effect(name)
         if not isinstance(parameters, Mapping):
             raise ValueError(f"randomization: {name} is {parameters!r}: give a mapping of parameters to [low, high]")
@@ -96,3 +123,22 @@ def read_ranges(nominal: Vehicle, ranges: Mapping[str, Any] | None) -> Ranges:
                 members[member] = (low[member], high[member])
         checked.append((effect, members))
     return checked
+
+
+def _read_together(ranges: Mapping[str, Any] | None, count: int) -> Tensor | None:
+    """Lower triangle (m, m) of the first ``m`` of ``count`` numbers; None where all are drawn on their own."""
+    rows = (ranges or {}).get(TOGETHER)
+    if rows is None:
+        return None
+    if not isinstance(rows, list | tuple) or not len(rows) <= count:
+        raise ValueError(
+            f"randomization: {TOGETHER}: give a row for each of the {count} numbers, or for the first ones"
+        )
+    triangle = torch.zeros(len(rows), len(rows), dtype=torch.float64)
+    for i, row in enumerate(rows):
+        if not isinstance(row, list | tuple) or len(row) != i + 1 or not all(isinstance(v, int | float) for v in row):
+            raise ValueError(f"randomization: {TOGETHER}: row {i + 1} is not {i + 1} numbers")
+        triangle[i, : i + 1] = torch.tensor(row, dtype=torch.float64)
+    if not triangle.isfinite().all():
+        raise ValueError(f"randomization: {TOGETHER}: give finite numbers")
+    return triangle

@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input
 from auv_torchrl.experiment.run import run
-from auv_torchrl.experiment.schema import DEFAULT_RANDOMIZATION
+from auv_torchrl.experiment.schema import DEFAULT_RANDOMIZATION, OWN_RANDOMIZATION
 from auv_torchrl.experiment.setup import read_experiment, scenario_name
 
 log = logging.getLogger("train")
@@ -24,6 +24,8 @@ def train(config: DictConfig) -> None:
     default, chosen = DEFAULT_RANDOMIZATION, hydra.runtime.choices
     if chosen.get("randomization") == default and f"randomization={default}" not in hydra.overrides.task:
         log.info("no randomization for vehicle=%s: training draws from randomization=%s", chosen["vehicle"], default)
+    if chosen.get("randomization") == OWN_RANDOMIZATION:
+        log.info("training draws from what the file of vehicle=%s says is uncertain in it", chosen["vehicle"])
     folder = Path(hydra.runtime.output_dir)
     run(experiment, folder)
     log.info("\nresults.json, figures and run.rrd are in %s", folder)

@@ -3,6 +3,7 @@
 from dataclasses import MISSING as NO_DEFAULT
 from dataclasses import dataclass, field, fields, make_dataclass
 from enum import Enum
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 from hydra.core.config_store import ConfigStore
@@ -11,14 +12,17 @@ from omegaconf import MISSING, OmegaConf
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.agents.config import AgentConfig, FineTuning
 from auv_torchrl.compensation.excitation import Excitation
+from auv_torchrl.config_source import ENDINGS
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs.make import BACKENDS
 from auv_torchrl.experiment.flight_config import FlightConfig
-from auv_torchrl.paths import config_names
+from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS
+from auv_torchrl.yaml_file import read_yaml
 
 DEFAULT_RANDOMIZATION = "default"
+OWN_RANDOMIZATION = "uncertainty"  # what the vehicle's file says is uncertain in it
 Backend = Enum("Backend", {name: name for name in BACKENDS})
 
 
@@ -66,8 +70,22 @@ class TrainSchema:
 
 
 def randomization_of(vehicle: str) -> str:
-    """The randomization of a vehicle: the one of its name, and where there is none, or for a file, the default."""
-    return vehicle if vehicle in config_names("randomization") else DEFAULT_RANDOMIZATION
+    """The randomization of a vehicle: the one of its name, its own uncertainty where it was calibrated, or the default.
+
+    A file whose uncertainty is a guess, as those of published coefficients, is no good advice to a policy.
+    """
+    if vehicle in config_names("randomization"):
+        return vehicle
+    return OWN_RANDOMIZATION if is_calibrated(vehicle) else DEFAULT_RANDOMIZATION
+
+
+def is_calibrated(vehicle: str) -> bool:
+    """Whether the file of a vehicle, by name or path, is one that ``auv-calibrate`` wrote."""
+    try:
+        named = Path(vehicle).expanduser() if vehicle.endswith(ENDINGS) else config_path("vehicle", vehicle)
+        return "calibration" in read_yaml(named, "vehicle")
+    except (ValueError, OSError):
+        return False  # Hydra says what is wrong with it
 
 
 def register() -> None:

@@ -21,6 +21,7 @@ from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
 from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.experiment.schedule import schedule
 from auv_torchrl.experiment.schema import TrainSchema
+from auv_torchrl.experiment.uncertain import spelt_out
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.settings import check, settings_of
 from auv_torchrl.tasks import Task, read_task
@@ -93,7 +94,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         )
     exam = task.for_evaluation(config.box_m)
     _check_device(config.device)
-    randomization = _plain(config.randomization)
+    randomization = spelt_out(_plain(config.randomization), _plain(config.vehicle), vehicle)
     read_ranges(vehicle, randomization)
     if Path(config.policies).is_file():
         raise ValueError(f"policies is {config.policies!r}: it is a file: give a folder")

@@ -1,0 +1,75 @@
+"""Healthy flights are held against each other."""
+
+from dataclasses import replace
+
+import pytest
+
+from auv_torchrl.diagnosis.calibrate.crossvalidation import (
+    Unseen,
+    disagree,
+    odd_one,
+    pooled,
+    why_not,
+    without_odd_ones,
+)
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from tests.diagnosis.healthy_flights import FAULT, FILE, flown
+
+SETTINGS = load_settings()
+
+
+def unseen(excess, before=50.0, after=5.0):
+    return Unseen("flight", excess, before, after, (2.0,), None, None, None)
+
+
+def test_one_bad_flight_of_three_is_found_and_the_rest_is_used():
+    """A thruster that lost 40 % in one flight does not become part of the vehicle."""
+    flights = [flown("a", seed=1), flown("bad", FAULT, seed=2), flown("b", seed=3)]
+    done = []
+    used, left, out = without_odd_ones(flights, FILE, SETTINGS, report=done.append)
+    assert [flight.name for flight in out] == ["bad"]
+    assert [flight.name for flight in used] == [flight.name for flight in left] == ["a", "b"]
+    assert all(flight.excess < SETTINGS.excess and flight.after < 0.5 * flight.before for flight in left)
+    assert not why_not(left)
+    assert done == [1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("excess", "odd"),
+    [
+        ((1.0, 1.1, 1.05), None),
+        ((1.0, 8.0, 1.1), 1),
+        ((float("inf"), 1.0, 1.1), 0),
+        ((1.6, 1.8, 1.7), None),  # nobody fits nobody: the vehicle is not known, but no flight stands out
+        ((1.0, 8.0), None),  # of two, nobody knows which
+        ((8.0, 9.0), None),
+    ],
+)
+def test_a_flight_is_odd_if_it_stands_out_among_three_or_more(excess, odd):
+    """By its chi-square under what the others say."""
+    flights = [unseen(one) for one in excess]
+    assert odd_one(flights, SETTINGS) == odd
+    assert disagree(flights, SETTINGS) == (excess == (8.0, 9.0))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        (50.0, 5.0, ""),
+        (50.0, 49.0, "no better"),
+        (5.0, 50.0, "no better"),
+        (1.05, 0.9, "as well as the sensors allow"),
+        (50.0, float("inf"), "flies off"),
+        (float("inf"), float("inf"), "both fly off"),
+    ],
+)
+def test_what_predicts_no_better_is_not_worth_keeping(before, after, words):
+    """The reason says how far both are off."""
+    said = why_not([unseen(1.0, before, after)])
+    assert words in said and bool(said) == bool(words)
+
+
+def test_errors_of_flights_are_pooled_by_their_squares():
+    """A long error is not averaged away."""
+    flights = [unseen(1.0, 3.0, 0.0), replace(unseen(1.0), before=4.0, after=0.0)]
+    assert pooled(flights) == pytest.approx((12.5**0.5, 0.0))
