@@ -18,8 +18,8 @@ from tests.diagnosis.healthy_flights import FAULT, FILE, flown
 SETTINGS = load_settings()
 
 
-def unseen(excess, before=50.0, after=5.0):
-    return Unseen("flight", excess, before, after, (2.0,), None, None, None)
+def unseen(excess, before=50.0, after=5.0, others=1.0):
+    return Unseen("flight", excess, others, before, after, (2.0,), None, None, None)
 
 
 def test_one_bad_flight_of_three_is_found_and_the_rest_is_used():
@@ -50,6 +50,13 @@ def test_a_flight_is_odd_if_it_stands_out_among_three_or_more(excess, odd):
     flights = [unseen(one) for one in excess]
     assert odd_one(flights, SETTINGS) == odd
     assert disagree(flights, SETTINGS) == (excess == (8.0, 9.0))
+
+
+def test_a_flight_is_odd_if_the_others_agree_without_it():
+    """Though a sound flight fits a calibration on the fault worse than the fault fits the sound ones."""
+    flights = [unseen(0.9, others=3.5), unseen(31.0, others=1.2), unseen(990.0, others=4.4)]
+    assert odd_one(flights, SETTINGS) == 1
+    assert odd_one([unseen(31.0, others=4.4), unseen(31.0, others=4.0), unseen(40.0, others=4.4)], SETTINGS) is None
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from auv_torchrl.flightlog import FlightLog, join
 from auv_torchrl.vehicle import Vehicle
 
 FEWEST_TO_BLAME_ONE = 3  # of two that disagree, nobody knows which one is wrong
-STANDS_OUT = 3.0  # times the excess chi-square of the next flight, from which one is not like the others
+STANDS_OUT = 3.0  # times the chi-square beyond noise, of the next flight or of the others with it: not like them
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Unseen:
 
     name: str
     excess: float  # chi-square per number; 1 is noise, disturbance and what flights differ in
+    others: float  # and that which the calibration on the other flights leaves of these
     before: float  # root mean square error of predictions by the vehicle's file, in units of the floor
     after: float  # and by what the other flights made of it
     horizons_s: tuple[float, ...]
@@ -86,6 +87,7 @@ def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settin
     return Unseen(
         name=flight.name,
         excess=judged.chi2 / judged.quadratic.numbers,
+        others=sound.excess,
         before=before,
         after=after,
         horizons_s=horizons_of(predictions.windows),
@@ -114,16 +116,24 @@ def cross_validate(
 def odd_one(flights: Sequence[Unseen], settings: Settings) -> int | None:
     """Which flight is not like the others, by its place; None where none is, or where nobody can tell.
 
-    A calibration on a fault among sound flights takes the fault for how flights differ, and sound flights then fit it;
-    the fault does not fit the calibration on sound flights.
+    It does not fit what the others say, and without it these agree. That it fits worst is not enough: a calibration
+    with a fault among sound flights may lie anywhere, and sound flights then fit it worse than the fault fits them.
     """
     if len(flights) < FEWEST_TO_BLAME_ONE:
         return None
-    excess = np.array([flight.excess for flight in flights])
-    excess = np.where(np.isfinite(excess), excess, np.inf)
-    second, first = np.argsort(excess)[-2:].tolist()
-    beyond = [max(excess[place], settings.excess) - 1 for place in (second, first)]
-    return first if excess[first] > settings.excess and beyond[1] > STANDS_OUT * beyond[0] else None
+    excess, others = (_beyond(sizes, settings) for sizes in zip(*((f.excess, f.others) for f in flights), strict=True))
+    unlike = [place for place, size in enumerate(excess) if size > settings.excess - 1]
+    if not unlike:
+        return None
+    odd, *rest = sorted(unlike, key=lambda place: (others[place], -excess[place]))
+    stands_out = excess[odd] > STANDS_OUT * max([excess[place] for place in range(len(flights)) if place != odd])
+    reconciles = others[odd] < min([others[place] for place in rest], default=0.0) / STANDS_OUT
+    return odd if stands_out or reconciles else None
+
+
+def _beyond(excess: Sequence[float], settings: Settings) -> list[float]:
+    """Chi-square per number beyond noise, at least what no verdict makes anything of."""
+    return [max(size, settings.excess) - 1 if np.isfinite(size) else np.inf for size in excess]
 
 
 def without_odd_ones(

@@ -7,23 +7,14 @@ import numpy as np
 import yaml
 
 from auv_torchrl.command.errors import one_line
-from auv_torchrl.diagnosis.calibrate.folded import DIGITS, entries, fold
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import Z95
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle_file import DIGITS, entries, flow, fold, section_lines
 
 LEAST = 1e-12  # of an eigenvalue of a correlation, which rounding may have made singular
-UNITS = {
-    "mass": "kg", "inertia": "kg m^2", "centre_of_mass": "m", "centre_of_buoyancy": "m", "buoyancy": "N",
-    "added_mass": "kg, kg m^2", "mass_scale": "on the total of rigid body and added mass",
-    "linear_drag": "kg/s, kg m^2/s; rows of 6: drag in each degree of freedom by speed in all",
-    "quadratic_drag": "kg/m, kg m^2", "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
-    "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
-    "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
-    "mixer": "columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
-}  # fmt: skip
 
 
 def vehicle_yaml(
@@ -46,7 +37,7 @@ def vehicle_yaml(
     order, width = _as_in_file(sound, own)
     lines = [f"# {line}" for line in comments]
     for key, value in content.items():
-        lines += _section(key, value, 0)
+        lines += section_lines(key, value)
     lines += [
         "# Standard deviations, each with all others unknown. No log tells the overall scale, of all masses, thrusts",
         "# and drags alike: it is where the vehicle that was calibrated had it, and makes most of these numbers. What",
@@ -74,7 +65,7 @@ def vehicle_yaml(
         "calibration:",
         *("  " + line for line in yaml.safe_dump(kept, sort_keys=False, default_flow_style=None).splitlines()),
         "  together:  # times its transpose, the correlation of the numbers above, in their order",
-        *(f"    - {_flow(row[: i + 1])}" for i, row in enumerate(_root(sound, order).tolist())),
+        *(f"    - {flow(row[: i + 1])}" for i, row in enumerate(_root(sound, order).tolist())),
     ]
     return "\n".join([*lines, ""])
 
@@ -124,28 +115,6 @@ def _told(sound: Calibration, given: Vehicle) -> list[str]:
         low, high = max(value - half, p.low), min(value + half, p.high)
         told.append(f"{words}; 95 % in [{low:.3g}, {high:.3g}]{unit}")
     return told
-
-
-def _section(key: str, value: Any, depth: int) -> list[str]:
-    indent, unit = "  " * depth, f"  # {UNITS[key]}" if key in UNITS else ""
-    if isinstance(value, Mapping):
-        inside = [line for name, entry in value.items() for line in _section(name, entry, depth + 1)]
-        return [f"{indent}{key}:", *inside]
-    if isinstance(value, list) and any(isinstance(row, list) for row in value):
-        return [f"{indent}{key}:{unit}", *(f"{indent}  - {_flow(row)}" for row in value)]
-    if isinstance(value, list):
-        return [f"{indent}{key}: {_flow(value)}{unit}"]
-    shown = f"{value:.{DIGITS}g}" if isinstance(value, float) else _word(value)
-    return [f"{indent}{key}: {shown}{unit}"]
-
-
-def _flow(row: Sequence[float]) -> str:
-    return f"[{', '.join(f'{value:.{DIGITS}g}' for value in row)}]"
-
-
-def _word(text: str) -> str:
-    """A word as YAML has it, in quotes where it needs some."""
-    return yaml.safe_dump(text, width=10_000, allow_unicode=True).splitlines()[0]
 
 
 def _round(value: float) -> float:

@@ -1,16 +1,25 @@
-"""A calibrated vehicle as the entries of a vehicle file: effects become coefficients of its own."""
+"""A vehicle that effects have changed as the text of a vehicle file: the effects become coefficients of its own."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
+import yaml
 from torch import Tensor
 
-from auv_torchrl.effects.effect import changed
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 DIGITS = 8  # significant, of each number that is written
 SAME = 1e-6  # relative, of what was calibrated and what the file says after rounding
+UNITS = {
+    "mass": "kg", "inertia": "kg m^2", "centre_of_mass": "m", "centre_of_buoyancy": "m", "buoyancy": "N",
+    "added_mass": "kg, kg m^2", "mass_scale": "on the total of rigid body and added mass",
+    "linear_drag": "kg/s, kg m^2/s; rows of 6: drag in each degree of freedom by speed in all",
+    "quadratic_drag": "kg/m, kg m^2", "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
+    "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
+    "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
+    "mixer": "columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
+}  # fmt: skip
 _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
 _SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
 
@@ -31,8 +40,8 @@ def fold(vehicle: Vehicle) -> Vehicle:
     gain, buoyancy = vehicle.gain.abs(), vehicle.buoyancy - vehicle.vertical_force
     if not buoyancy > 0:
         raise ValueError(f"trim of {float(vehicle.vertical_force):.3g} N is more than the buoyancy of the vehicle")
-    return changed(
-        vehicle,
+    copy = vehicle.clone()
+    for key, value in dict(
         gain=torch.ones_like(gain),
         thruster_direction=vehicle.thruster_direction * vehicle.gain.sign()[:, None],
         full_thrust=vehicle.full_thrust * gain,
@@ -43,7 +52,9 @@ def fold(vehicle: Vehicle) -> Vehicle:
         centre_of_buoyancy=vehicle.centre_of_buoyancy * vehicle.buoyancy / buoyancy,  # it rights as before
         current=torch.zeros_like(vehicle.current),
         free=torch.ones_like(vehicle.free),
-    )
+    ).items():
+        copy.set(key, value)
+    return copy
 
 
 def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
@@ -96,3 +107,27 @@ def _refuse_what_is_lost(vehicle: Vehicle, content: Mapping[str, Any]) -> None:
     ]
     if lost:
         raise ValueError(f"a vehicle file cannot say {', '.join(lost)}: calibrate without effects that change it")
+
+
+def section_lines(key: str, value: Any, depth: int = 0) -> list[str]:
+    """An entry of a vehicle file as lines with units."""
+    indent, unit = "  " * depth, f"  # {UNITS[key]}" if key in UNITS else ""
+    if isinstance(value, Mapping):
+        inside = [line for name, entry in value.items() for line in section_lines(name, entry, depth + 1)]
+        return [f"{indent}{key}:", *inside]
+    if isinstance(value, list) and any(isinstance(row, list) for row in value):
+        return [f"{indent}{key}:{unit}", *(f"{indent}  - {flow(row)}" for row in value)]
+    if isinstance(value, list):
+        return [f"{indent}{key}: {flow(value)}{unit}"]
+    shown = f"{value:.{DIGITS}g}" if isinstance(value, float) else _word(value)
+    return [f"{indent}{key}: {shown}{unit}"]
+
+
+def flow(row: Sequence[float]) -> str:
+    """Numbers in one line."""
+    return f"[{', '.join(f'{value:.{DIGITS}g}' for value in row)}]"
+
+
+def _word(text: str) -> str:
+    """A word as YAML has it, in quotes where it needs some."""
+    return yaml.safe_dump(text, width=10_000, allow_unicode=True).splitlines()[0]
