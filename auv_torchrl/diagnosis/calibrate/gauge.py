@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Slack
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -21,6 +22,12 @@ MOTIONS = 300  # drawn at random, several times the numbers that they are to tel
 TILT = 0.3  # rad of roll and pitch among them
 STEP = 1e-4  # of a width, for slopes
 UNSEEN = 1e-5  # of the largest slope: the error of the slopes
+
+
+def scaled_as_the_file(centred: Centred) -> Centred:
+    """The same vehicle, with an overall scale, which no flight tells, as near to the file's as it gets."""
+    scale = unseen_directions(centred.vehicle, centred.nuisance.slack)
+    return centred.moved(nearest_the_file(centred.file, centred.nuisance.width, scale), centred.covariance)
 
 
 def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:

@@ -13,14 +13,15 @@ from torch import Tensor
 
 from auv_torchrl.diagnosis.calibrate.flights import Told, share
 from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
-from auv_torchrl.diagnosis.calibrate.gauge import nearest_the_file, unseen_directions
+from auv_torchrl.diagnosis.calibrate.gauge import scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess, rescued
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much, slack_now
+from auv_torchrl.diagnosis.identify.leaner import until_still
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
@@ -73,22 +74,21 @@ def calibrate(
     problem, follow = follow_windows(Problem.of(windows, vehicle, settings))
     nuisance = stated(vehicle, settings)
     problem, judged = _fit(problem, nuisance, follow, 1)
-    as_stated = _excess([judged])
-    strays: tuple[str, ...] = ()
+    flights, centred = _parted(healthy, windows), Centred.at(vehicle, nuisance)
+    known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
+    strays, slack = (), judged.explanation.slack
+    centred, apart, as_stated = _over_flights(flights, centred, known, settings, settings.excess)
+    excess = as_stated
     if as_stated > settings.excess:
         wide = guessed(vehicle, settings, coefficients)
-        wider, refitted = _fit(problem, wide, follow, FITS)
-        if _excess([refitted]) < as_stated:
-            nuisance, problem, judged = wide, wider, refitted
-            strays = _strays(problem, judged, settings)
-    centred = Centred.at(vehicle, nuisance).moved(slack_now(problem, judged.explanation), _left_open(problem, judged))
-    scale = unseen_directions(centred.vehicle, centred.nuisance.slack)
-    centred = centred.moved(nearest_the_file(centred.file, centred.nuisance.width, scale), centred.covariance)
-    flights = _parted(healthy, windows)
-    known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
-    centred, known, excess = _over_flights(flights, centred, known, settings)
-    slack = judged.explanation.slack
-    calibration = Calibration(centred, known, slack, strays, as_stated, excess, excess > settings.excess, ())
+        problem, refitted = _fit(problem, wide, follow, FITS)
+        if _excess([refitted]) < _excess([judged]):
+            strays, slack = _strays(problem, refitted, settings), refitted.explanation.slack
+            moved = slack_now(problem, refitted.explanation), _left_open(problem, refitted)
+            centred = scaled_as_the_file(Centred.at(vehicle, wide).moved(*moved))
+            known = replace(known, noise=problem.sigma)
+        centred, apart, excess = _over_flights(flights, centred, known, settings)
+    calibration = Calibration(centred, apart, slack, strays, as_stated, excess, excess > settings.excess, ())
     return replace(calibration, findings=tuple(_findings(log, calibration, settings)))
 
 
@@ -108,14 +108,19 @@ def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tenso
 
 
 def _over_flights(
-    flights: Sequence[Windows], centred: Centred, known: Known, settings: Settings
+    flights: Sequence[Windows], centred: Centred, known: Known, settings: Settings, most: float = np.inf
 ) -> tuple[Centred, Known, float]:
-    """What flights share, how they differ, the floor (6,) and the excess that there is under the one to begin from."""
+    """What flights share, how they differ, the floor (6,), and the excess under the one to begin from.
+
+    Of an excess of more than ``most``, nothing else: then another vehicle is needed.
+    """
     excess = np.inf
     for turn in range(PASSES):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         fitted = [_follow_flight(own, centred.vehicle, settings, known) for own in flights]
         excess = excess if turn else _excess([judged for _, judged in fitted])
+        if excess > most:
+            return centred, known, excess
         dof, floor = fitted[0][0].layout.dof, known.floor.copy()
         floor[dof] = disturbance_floor(fitted)
         known = replace(known, floor=floor)
@@ -163,7 +168,9 @@ def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple
 def _follow_flight(windows: Windows, own: Vehicle, settings: Settings, known: Known) -> tuple[Problem, Judged]:
     """One flight, with a vehicle that differs from the others as flights do."""
     problem, follow = follow_windows(Problem.of(windows, own, settings, known))
-    return problem, fit_by_simulation(problem, Explanation(), follow)
+    judged = rescued(problem, fit_by_simulation(problem, Explanation(), follow), follow)
+    # Lost windows would look like a disturbance that acts on a sound vehicle.
+    return problem, until_still(problem, judged) if leaves_much(problem, judged) else judged
 
 
 def _under(flight: tuple[Problem, Judged], floor: Floats) -> tuple[Problem, Judged]:

@@ -11,7 +11,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.assess import assess
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import nudge, rebase, settle_state, some_diverged
-from auv_torchrl.diagnosis.identify.judged import Base, Judged
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
@@ -62,6 +62,19 @@ def fit_along_motion(problem: Problem, explanation: Explanation, follow: Base, r
         if settled:
             break
     return replace(best, slack_marks=None)
+
+
+def rescued(problem: Problem, judged: Judged, follow: Base, enough: float = np.inf) -> Judged:
+    """An explanation that leaves much, fitted again from what it does along the measured motion ``follow``.
+
+    Healthy flights make the disturbance that may act so small that a window in which the vehicle tilts elsewhere than
+    it seems can be lost, and with it the way of all the others.
+    """
+    if problem.known is None or not problem.layout.moves_unseen or not leaves_much(problem, judged):
+        return judged
+    begin = fit_along_motion(problem, replace(judged.explanation, slack={}), follow)
+    again = fit_by_simulation(problem, begin.explanation, follow, enough=enough)
+    return min(judged, again, key=lambda one: one.chi2)
 
 
 def _descend(problem: Problem, base: Base, rounds: int) -> tuple[Judged, bool]:

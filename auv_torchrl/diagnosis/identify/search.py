@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
 from auv_torchrl.diagnosis.identify.candidates import Others, candidates_of
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess, rescued
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, is_minor, is_strained, leaves_much
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -91,10 +91,12 @@ def _search(
     progress("screening effects", 0.4)
     hopeless = bool(families) and field.none().evidence < families[0].evidence - HOPELESS
     polished = [fit_by_simulation(problem, Explanation(), follow, rounds=0 if hopeless else 4)]  # then with effects
+    if not hopeless:
+        polished = [rescued(problem, polished[0], follow)]
     problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
     promise = np.inf
     for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
-        polished.append(fit_by_simulation(problem, explanation, follow))
+        polished.append(rescued(problem, fit_by_simulation(problem, explanation, follow), follow))
         few = len(explanation.knobs) <= FEW_VALUES or polished[-1].nothing_left
         if others is not Others.NONE and few and explains(problem, polished[-1]):
             break
@@ -158,6 +160,7 @@ def _simulated(
 ) -> Judged:
     """A candidate fitted; several effects that end far from what they promised, also from what each would be alone."""
     judged = fit_by_simulation(problem, shown.explanation, follow, enough=enough)
+    judged = rescued(problem, judged, follow, enough)
     if len(shown.explanation.effects) == 1 or not judged.chi2 > BROKEN_PROMISE * shown.chi2:
         return judged
     again = fit_by_simulation(problem, _each_alone(shown.explanation, families), follow, enough=enough)
