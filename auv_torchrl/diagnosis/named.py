@@ -84,7 +84,8 @@ def _found_effect(
     for member, value in values.items():
         p = declared[member]
         moving = [i for i, k in enumerate(explanation.fitted) if k.effect == name and member in k.members]
-        model = MODEL_ERROR * abs(value - nominal[member]) if moving else 0.0  # a discrete value has no error
+        scale = problem.known.scale if problem.known and p.is_absolute else 0.0
+        model = (MODEL_ERROR + scale) * abs(value - nominal[member]) if moving else 0.0  # a discrete value has no error
         half = Z95 * float(np.hypot(np.sqrt(covariance[np.ix_(moving, moving)].sum()), model))
         low, high = max(p.low, value - half), min(p.high, value + half)
         parameters[member] = Estimate(value, low, high, nominal[member], p.unit)

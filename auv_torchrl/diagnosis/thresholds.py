@@ -35,6 +35,7 @@ Z95 = 1.96  # standard deviations, 97.5 % quantile of a normal distribution: hal
 NOTICED = 0.15  # relative difference of speed or time that a pilot would notice
 NOTICED_DRIFT = 0.01  # m/s, likewise
 NOTICED_TURN = 0.05  # rad/s, likewise
+COMMON_SCALE = 0.3  # relative, by which a guessed file may be off in all forces and masses together: no motion tells
 STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
 
 # Where the gap is

@@ -23,7 +23,7 @@ def named_effect(monkeypatch):
     covariance = np.array([[0.01**2, -0.5e-4], [-0.5e-4, 0.02**2]])
     best = SimpleNamespace(explanation=Explanation(knobs), covariance=covariance, chi2=100.0)
     found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), polished=[])
-    problem: Any = SimpleNamespace(vehicle=PAPER)
+    problem: Any = SimpleNamespace(vehicle=PAPER, known=None)
     monkeypatch.setattr(named, "as_sure", lambda _, judged: (judged.explanation, judged.covariance))
     return lambda probability: found_effects(problem, found, {"thruster_gain": probability}, 1.0, {})[0]
 

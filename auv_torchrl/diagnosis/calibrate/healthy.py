@@ -26,7 +26,7 @@ from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import STRAYS
+from auv_torchrl.diagnosis.thresholds import COMMON_SCALE, STRAYS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
@@ -86,7 +86,7 @@ def calibrate(
             strays, slack = _strays(problem, refitted, settings), refitted.explanation.slack
             moved = slack_now(problem, refitted.explanation), _left_open(problem, refitted)
             centred = scaled_as_the_file(Centred.at(vehicle, wide).moved(*moved))
-            known = replace(known, noise=problem.sigma)
+            known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
         centred, apart, excess = _over_flights(flights, centred, known, settings)
     calibration = Calibration(centred, apart, slack, strays, as_stated, excess, excess > settings.excess, ())
     return replace(calibration, findings=tuple(_findings(log, calibration, settings)))

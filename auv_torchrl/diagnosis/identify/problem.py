@@ -28,6 +28,7 @@ class Known:
     rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
     slack: tuple[Slack, ...]
     slack_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
+    scale: float = 0.0  # relative, what all forces and masses of the vehicle may be off by together, which no log tells
 
 
 class FreedomCache:
