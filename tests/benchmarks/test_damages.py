@@ -140,10 +140,10 @@ def test_the_damage_reaches_the_file_and_the_manifest_does_not_tell(sealed):
     assert "z" not in logs["case_0003"].axes  # it never changes
     tasks = read_manifest(sealed)["tasks"]
     assert tasks == {
-        "case_0001": {"left_out": None, "healthy": None},
-        "case_0002": {"left_out": None, "healthy": "case_0002_healthy"},
-        "case_0003": {"left_out": None, "healthy": None},
-        "case_0004": {"left_out": None, "healthy": None},
+        "case_0001": {"left_out": None, "healthy": []},
+        "case_0002": {"left_out": None, "healthy": ["case_0002_healthy"]},
+        "case_0003": {"left_out": None, "healthy": []},
+        "case_0004": {"left_out": None, "healthy": []},
     }
     handed = read_flightlog(log_path(sealed, "case_0002_healthy"), VEHICLE)
     assert len(handed.episodes) == len(logs["case_0002"].episodes) == 2

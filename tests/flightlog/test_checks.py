@@ -41,6 +41,7 @@ CLEAR = {  # one clear value per effect, harsh enough to look like something els
     "depth_scale": {"factor": 0.8},
     "depth_bias": {"offset": 0.5},
     "velocity_scale": {"factor": 0.7},
+    "gyro_bias": {"bias_r": 0.05},
     "sensor_noise": {"position": 0.05, "attitude": 0.05},
 }
 TRUE_OF = {  # findings that are right about a log with this effect
