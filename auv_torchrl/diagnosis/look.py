@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.calibrate.attitude import tilted
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
 from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -122,16 +123,16 @@ def look_both_ways(
     sound = calibrate(healthy, held, settings, coefficients) if healthy else kept.calibration(held) if kept else None
     if kept and sound is not None and not healthy and not kept.level and hidden:
         return look(training, sound.vehicle, sound, settings, report)
-    tilted = _tilted(healthy, sound, vehicle, settings) if sound is not None and sound.has_gap and hidden else None
-    if sound is not None and ((tilted or sound).has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
+    free = tilted(healthy, sound, vehicle, settings) if sound is not None and sound.has_gap and hidden else None
+    if sound is not None and ((free or sound).has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
         # Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects
         # that explain all of it are a fault that was there already.
         before = look_both_ways(join(healthy), vehicle, (), settings, report)
         if judge(before.found) is Verdict.EXPLAINED:
             looked = look_both_ways(training, vehicle, (), settings, report)
             return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
-    if tilted is not None:
-        return look(training, vehicle, tilted, settings, report)
+    if free is not None:
+        return look(training, vehicle, free, settings, report)
     level = look(training, held, sound, settings, report)
     best = level.found.best
     if not hidden or judge(level.found) is Verdict.NO_GAP:
@@ -140,18 +141,10 @@ def look_both_ways(
         return replace(level, attitude=(level_enough(),))
     if sound is not None:
         sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound_free(sound)
-    free = look(training, vehicle, sound, settings, report, level)
-    odds = log_likelihood(free.found) - log_likelihood(level.found)
-    better = free if odds > 0 else level
+    tilting = look(training, vehicle, sound, settings, report, level)
+    odds = log_likelihood(tilting.found) - log_likelihood(level.found)
+    better = tilting if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
-
-
-def _tilted(
-    healthy: Sequence[FlightLog], level: Calibration, vehicle: Vehicle, settings: Settings
-) -> Calibration | None:
-    """The calibration of a vehicle that may tilt, where that is what a level one lacks on healthy logs."""
-    free = calibrate_free(healthy, level, vehicle.free, settings)
-    return free if free.excess - 1 < TILTS_MATTER * (level.excess - 1) else None
 
 
 def hints_of(found: Found) -> list[Explanation]:

@@ -6,11 +6,9 @@ somebody changed is to be refused with what it says, where, and what is wanted.
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
+from auv_torchrl.diagnosis.plain import finding_from, plain
 from auv_torchrl.diagnosis.verdict import (
     Candidate,
     Confirmation,
@@ -25,7 +23,6 @@ from auv_torchrl.diagnosis.verdict import (
     Where,
 )
 from auv_torchrl.effects.advice import Advice
-from auv_torchrl.flightlog import Finding, Severity
 
 VERSION = 1
 
@@ -39,16 +36,16 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "vehicle": diagnosis.vehicle,
         "verdict": diagnosis.verdict.key,
         "summary": diagnosis.summary,
-        "where": _plain(diagnosis.where),
-        "effects": _plain(diagnosis.effects),
-        "candidates": _plain(diagnosis.candidates),
-        "indistinguishable": _plain(diagnosis.indistinguishable),
+        "where": plain(diagnosis.where),
+        "effects": plain(diagnosis.effects),
+        "candidates": plain(diagnosis.candidates),
+        "indistinguishable": plain(diagnosis.indistinguishable),
         "next_experiment": experiment and {"why": experiment.why, "commands": experiment.commands},
-        "gap": _plain(diagnosis.gap),
-        "input_mappable": _plain(diagnosis.input_mappable),
-        "detectable": _plain(diagnosis.detectable),
+        "gap": plain(diagnosis.gap),
+        "input_mappable": plain(diagnosis.input_mappable),
+        "detectable": plain(diagnosis.detectable),
         "cannot_tell": list(diagnosis.cannot_tell),
-        "findings": _plain(diagnosis.findings),
+        "findings": plain(diagnosis.findings),
     }
 
 
@@ -81,20 +78,8 @@ def from_json(content: Mapping[str, Any]) -> Diagnosis:
         input_mappable=content["input_mappable"],
         detectable={name: _estimate(size) for name, size in content["detectable"].items()},
         cannot_tell=tuple(content["cannot_tell"]),
-        findings=tuple(_finding(finding) for finding in content["findings"]),
+        findings=tuple(finding_from(finding) for finding in content["findings"]),
     )
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if hasattr(value, "__dataclass_fields__"):
-        return _plain(asdict(value))
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None  # JSON has no infinity
-    return int(value) if isinstance(value, np.integer) else value
 
 
 def _estimate(content: Mapping[str, Any]) -> Estimate:
@@ -117,11 +102,4 @@ def _found_effect(content: Mapping[str, Any]) -> FoundEffect:
     advice = tuple(Advice(**entry) for entry in content.get("advice", ()))
     return FoundEffect(
         **{**content, "parameters": parameters, "thrusters": tuple(content["thrusters"]), "advice": advice}
-    )
-
-
-def _finding(content: Mapping[str, Any]) -> Finding:
-    rows = content["rows"] and tuple(content["rows"])
-    return Finding(
-        **{**content, "severity": Severity(content["severity"]), "columns": tuple(content["columns"]), "rows": rows}
     )

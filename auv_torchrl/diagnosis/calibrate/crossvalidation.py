@@ -9,21 +9,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.healthy import FITS, STILL_FALLS, Calibration, calibrate, calibrate_free
+from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
+from auv_torchrl.diagnosis.calibrate.healthy import FITS, STILL_FALLS, Calibration
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
-from auv_torchrl.diagnosis.identify.attitude import hold_attitude, is_hidden
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import TILTS_MATTER, WITHIN_FLOOR, WORTH_A_CORRECTION
+from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR, WORTH_A_CORRECTION
 from auv_torchrl.diagnosis.validate.predict import errors_by_kind, horizons_of, predict
 from auv_torchrl.diagnosis.validate.veto import scaled_errors
 from auv_torchrl.diagnosis.verdict import Errors
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import FlightLog, join
+from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.vehicle import Vehicle
 
 FEWEST_TO_BLAME_ONE = 3  # of two that disagree, nobody knows which one is wrong
@@ -43,25 +43,6 @@ class Unseen:
     position_m: Errors | None  # None where it is not measured
     yaw_rad: Errors | None
     velocity: Errors | None
-
-
-def calibrate_attitude(
-    healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient] = ()
-) -> Calibration:
-    """The calibration of a vehicle that is held level, or may tilt, as these flights ask for.
-
-    Args:
-        healthy: at least one log without a fault; each is a flight.
-        vehicle: as its file says, empty batch.
-        settings: of the diagnosis.
-        coefficients: what the file says is uncertain.
-    """
-    log = join(healthy)
-    level = calibrate(healthy, hold_attitude(log, vehicle), settings, coefficients)
-    if not level.has_gap or not is_hidden(log, vehicle):
-        return level
-    free = calibrate_free(healthy, level, vehicle.free, settings)
-    return free if free.excess - 1 < TILTS_MATTER * (level.excess - 1) else level
 
 
 def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settings: Settings) -> Unseen:

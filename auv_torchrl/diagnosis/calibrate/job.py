@@ -13,9 +13,9 @@ from threadpoolctl import threadpool_limits
 from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input
 from auv_torchrl.diagnosis.axes import followable
+from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
 from auv_torchrl.diagnosis.calibrate.crossvalidation import (
     Unseen,
-    calibrate_attitude,
     disagree,
     hold_against,
     why_not,

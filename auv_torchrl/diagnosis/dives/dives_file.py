@@ -1,10 +1,7 @@
 """``dives.json`` (version 1): what is said about many dives as plain types, and back."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
-
-import numpy as np
 
 from auv_torchrl.diagnosis.dives.answer import (
     AlarmTold,
@@ -16,14 +13,14 @@ from auv_torchrl.diagnosis.dives.answer import (
     ShiftTold,
     Value,
 )
-from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.diagnosis.plain import finding_from, plain
 
 VERSION = 1
 
 
 def to_json(answer: ManyDives) -> dict[str, Any]:
     """The content of ``dives.json``, of plain types alone."""
-    return {"version": VERSION, **plain(asdict(answer))}
+    return {"version": VERSION, **plain(answer)}
 
 
 def from_json(content: Mapping[str, Any]) -> ManyDives:
@@ -45,25 +42,6 @@ def from_json(content: Mapping[str, Any]) -> ManyDives:
             "cannot_tell": tuple(content["cannot_tell"]),
             "findings": tuple(finding_from(entry) for entry in content["findings"]),
         }
-    )
-
-
-def plain(value: Any) -> Any:
-    """Lists, dicts and Python's own numbers; what is not finite is null."""
-    if isinstance(value, dict):
-        return {key: plain(entry) for key, entry in value.items()}
-    if isinstance(value, tuple | list):
-        return [plain(entry) for entry in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return int(value) if isinstance(value, np.integer) else value
-
-
-def finding_from(entry: Mapping[str, Any]) -> Finding:
-    """A finding from plain types."""
-    rows = entry["rows"] and tuple(entry["rows"])
-    return Finding(
-        **{**entry, "severity": Severity(entry["severity"]), "columns": tuple(entry["columns"]), "rows": rows}
     )
 
 

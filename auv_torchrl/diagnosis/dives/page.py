@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 from markupsafe import Markup
 
 from auv_torchrl import __version__
@@ -12,11 +11,10 @@ from auv_torchrl.diagnosis.dives.answer import DiveTold, Followed, ManyDives
 from auv_torchrl.diagnosis.dives.charts import over_dives
 from auv_torchrl.diagnosis.dives.said import rate, size_of
 from auv_torchrl.diagnosis.dives.told import NOISE
-from auv_torchrl.diagnosis.report import page as report
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
-from auv_torchrl.diagnosis.report.svg import number as written
-from auv_torchrl.diagnosis.report.wording import sentence, words
+from auv_torchrl.diagnosis.report.page import STYLE, templates
+from auv_torchrl.diagnosis.report.wording import words
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
@@ -42,16 +40,12 @@ def dives_page(told: ManyDives, vehicle: Vehicle) -> str:
         told: what is said.
         vehicle: the nominal vehicle, no batch, for the drawing.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_HERE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {"percent": percent, "number": written, "words": words, "sentence": sentence}
+    environment = templates(_HERE)
     labels = {number.key: number.label for number in told.numbers}
     units = {number.key: number.unit for number in told.numbers}
     environment.filters |= {"label": labels.__getitem__, "size": lambda value, key: size_of(value, units[key])}
     environment.globals["state"] = state
-    style = (Path(report.__file__).parent / "style.css").read_text(encoding="utf-8")
+    style = STYLE.read_text(encoding="utf-8")
     thrusters = sorted(_thrusters(told, vehicle))
     return environment.get_template("dives.html.j2").render(
         d=told,

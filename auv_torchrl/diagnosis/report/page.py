@@ -20,6 +20,7 @@ from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 _HERE = Path(__file__).parent
+STYLE = _HERE / "style.css"  # of all pages
 _UNITS: dict[str, str] = dict(
     zip(POSE + VELOCITY, ("m",) * 3 + ("rad",) * 3 + ("m/s",) * 3 + ("rad/s",) * 3, strict=True)
 )
@@ -47,6 +48,16 @@ class Figure:
     charts: Sequence[Markup]
 
 
+def templates(folder: Path) -> jinja2.Environment:
+    """What turns the templates of a folder into pages, with the words that all of them use."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
+    return environment
+
+
 def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     """The page as HTML.
 
@@ -54,11 +65,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         diagnosis: with its windows, which the curves are drawn from.
         vehicle: the nominal vehicle, no batch, for the drawing.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_HERE), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
+    environment = templates(_HERE)
     environment.globals |= {"interval": interval, "between": between, "estimated": estimated}
     thrusters = sorted({i for effect in diagnosis.effects for i in effect.thrusters})
     shown = diagnosis.verdict is not Verdict.NO_GAP
@@ -74,7 +81,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         verdict=diagnosis.verdict,
         glyph=_GLYPH[diagnosis.verdict],
         version=__version__,
-        style=Markup((_HERE / "style.css").read_text(encoding="utf-8")),
+        style=Markup(STYLE.read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
         leads=_leads(diagnosis),

@@ -1,0 +1,30 @@
+"""Answers as plain types, which JSON can hold, and findings back from them."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from auv_torchrl.flightlog import Finding, Severity
+
+
+def plain(value: Any) -> Any:
+    """Lists, dicts and Python's own numbers; what is not finite is null, because JSON has no infinity."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, dict):
+        return {key: plain(entry) for key, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def finding_from(entry: Mapping[str, Any]) -> Finding:
+    """A finding from plain types."""
+    rows = entry["rows"] and tuple(entry["rows"])
+    return Finding(
+        **{**entry, "severity": Severity(entry["severity"]), "columns": tuple(entry["columns"]), "rows": rows}
+    )
