@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.calibrate.healthy import noise_findings, stated_floor
 from auv_torchrl.diagnosis.calibrate.kept import Kept
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
-from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members
+from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
@@ -119,6 +119,7 @@ def diagnose(
         gap=gap,
         input_mappable=input_mappable(problem, found.follow),
         detectable=detectable_sizes(found.field, hidden) if verdict is Verdict.NO_GAP else {},
+        detectable_with=with_more_flights(found.field, hidden) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(problem, found, hidden),
         findings=findings,
         windows=held_out_windows(predictions, testing),

@@ -160,6 +160,7 @@ class Diagnosis:
     gap: Gap
     input_mappable: float | None  # share that any map of the commands could close
     detectable: dict[str, Estimate] = field(default_factory=dict)  # effect -> smallest size this log could have shown
+    detectable_with: dict[int, dict[str, Estimate]] = field(default_factory=dict)  # by number of healthy flights
     cannot_tell: tuple[str, ...] = ()  # sentences: axes not measured, thrusters not excited, parameters at a bound
     findings: tuple[Finding, ...] = ()  # about the log
     windows: tuple[Window, ...] = field(default=(), compare=False)  # not in diagnosis.json but in predictions.parquet

@@ -44,6 +44,7 @@ def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "gap": plain(diagnosis.gap),
         "input_mappable": plain(diagnosis.input_mappable),
         "detectable": plain(diagnosis.detectable),
+        "detectable_with": {str(flights): plain(sizes) for flights, sizes in diagnosis.detectable_with.items()},
         "cannot_tell": list(diagnosis.cannot_tell),
         "findings": plain(diagnosis.findings),
     }
@@ -76,10 +77,15 @@ def from_json(content: Mapping[str, Any]) -> Diagnosis:
             confirmed=confirmed and Confirmation(**_errors_by_kind(confirmed)),
         ),
         input_mappable=content["input_mappable"],
-        detectable={name: _estimate(size) for name, size in content["detectable"].items()},
+        detectable=_estimates(content["detectable"]),
+        detectable_with={int(n): _estimates(sizes) for n, sizes in content.get("detectable_with", {}).items()},
         cannot_tell=tuple(content["cannot_tell"]),
         findings=tuple(finding_from(finding) for finding in content["findings"]),
     )
+
+
+def _estimates(content: Mapping[str, Any]) -> dict[str, Estimate]:
+    return {name: _estimate(size) for name, size in content.items()}
 
 
 def _estimate(content: Mapping[str, Any]) -> Estimate:

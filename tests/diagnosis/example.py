@@ -102,6 +102,7 @@ def example() -> Diagnosis:
         ),
         input_mappable=0.95,
         detectable={"thruster_gain": Estimate(0.03, 0.02, 0.05, 1.0, "1")},
+        detectable_with={6: {"thruster_gain": Estimate(0.02, 0.01, 0.03, 1.0, "1")}},
         cannot_tell=("roll and pitch are not measured",),
         findings=(
             Finding(Severity.WARNING, "gap", "1.20 s without data; the log is cut there", "Log on", ("t",), (9, 10)),

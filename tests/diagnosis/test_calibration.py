@@ -49,13 +49,20 @@ def test_a_healthy_log_shows_a_small_fault(healthy):
 
 
 def test_a_sound_vehicle_stays_sound(healthy):
-    """A second flight of the same vehicle has no gap, and the findings say that the verdict rests on the first."""
+    """A second flight of the same vehicle has no gap, and more healthy flights would show smaller faults."""
     diagnosis = diagnose(fly(OWN, {}, seed=2, **SHORT), HELD, healthy=[healthy])
     assert diagnosis.verdict is Verdict.NO_GAP
     assert diagnosis.gap.closed is None
     codes = {finding.code for finding in diagnosis.findings}
     assert "floor_measured" in codes
     assert not codes & {"floor_assumed", "healthy_has_gap", "noisier_than_healthy"}
+    sizes = [diagnosis.detectable, *diagnosis.detectable_with.values()]
+    assert list(diagnosis.detectable_with) == [3, 10]
+    for effect in diagnosis.detectable:
+        few, more, most = (abs(flights[effect].value - flights[effect].nominal) for flights in sizes)
+        assert few >= more >= most > 0, effect
+    few, _, most = (1 - flights["thruster_gain"].low for flights in sizes)
+    assert most < 0.9 * few, "a gain, which one flight leaves open"
 
 
 def test_noisier_sensors_are_named(healthy):

@@ -10,13 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
-from auv_torchrl.diagnosis.calibrate.healthy import FITS, STILL_FALLS, Calibration
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
-from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
-from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR, WORTH_A_CORRECTION
 from auv_torchrl.diagnosis.validate.predict import errors_by_kind, horizons_of, predict
@@ -55,12 +52,7 @@ def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settin
         settings: of the diagnosis.
     """
     windows = cut_windows(flight, settings.window_s, settings.lead_s, settings.bin_s)
-    problem, follow = follow_windows(Problem.of(windows, sound.vehicle, settings, sound.known))
-    judged = fit_by_simulation(problem, Explanation(), follow)
-    for _ in range(FITS):  # a window that flew off under the others' trim comes back once this flight's is fitted
-        falls, judged = judged.chi2, fit_by_simulation(problem, judged.explanation, judged.base)
-        if not falls - judged.chi2 > STILL_FALLS:
-            break
+    problem, judged = follow_flight(windows, sound.vehicle, settings, sound.known)
     stages = [changed(vehicle, free=sound.vehicle.free), sound.vehicle]
     predictions = predict(flight, stages, settings, problem.sigma, 4 * problem.floor)
     before, after = scaled_errors(predictions).tolist()

@@ -20,7 +20,6 @@ class Shared:
 
     mean: Floats  # (k,) deviations that all flights share
     covariance: Floats  # (k, k) of the mean
-    between: Floats  # (k, k) covariance of one flight about the mean
     sizes: tuple[float, ...]  # of what is stated of each spread
 
 
@@ -70,4 +69,4 @@ def share(flights: Sequence[Told], prior_mean: Floats, nuisance: Nuisance) -> Sh
         sizes = fresh
         if settled:
             break
-    return Shared(mean, covariance, nuisance.between_flights(sizes.tolist()), tuple(sizes.tolist()))
+    return Shared(mean, covariance, tuple(sizes.tolist()))

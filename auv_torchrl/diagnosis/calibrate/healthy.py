@@ -15,13 +15,13 @@ from auv_torchrl.diagnosis.calibrate.flights import Told, share
 from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.gauge import scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
+from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess, rescued
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much, slack_now
-from auv_torchrl.diagnosis.identify.leaner import until_still
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
@@ -114,10 +114,10 @@ def _over_flights(
 
     Of an excess of more than ``most``, nothing else: then another vehicle is needed.
     """
-    excess = np.inf
+    excess, shrinks = np.inf, None
     for turn in range(PASSES):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
-        fitted = [_follow_flight(own, centred.vehicle, settings, known) for own in flights]
+        fitted = [follow_flight(own, centred.vehicle, settings, known) for own in flights]
         excess = excess if turn else _excess([judged for _, judged in fitted])
         if excess > most:
             return centred, known, excess
@@ -125,8 +125,10 @@ def _over_flights(
         floor[dof] = disturbance_floor(fitted)
         known = replace(known, floor=floor)
         shared = share([_tells(*_under(one, floor[dof])) for one in fitted], centred.file, centred.nuisance)
-        centred = centred.moved(shared.mean, shared.covariance)
-    return centred, replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance), excess
+        centred = centred.moved(shared.mean, shared.covariance, shared.sizes)
+        shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
+    known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
+    return centred, replace(known, flights=len(flights), shrinks=shrinks), excess
 
 
 def noise_findings(noisier: dict[str, float]) -> tuple[Finding, ...]:
@@ -163,14 +165,6 @@ def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple
     if (anew := measure_noise(problem, judged)) is not problem:
         problem, judged = anew, reassess(anew, judged)
     return problem, judged
-
-
-def _follow_flight(windows: Windows, own: Vehicle, settings: Settings, known: Known) -> tuple[Problem, Judged]:
-    """One flight, with a vehicle that differs from the others as flights do."""
-    problem, follow = follow_windows(Problem.of(windows, own, settings, known))
-    judged = rescued(problem, fit_by_simulation(problem, Explanation(), follow), follow)
-    # Lost windows would look like a disturbance that acts on a sound vehicle.
-    return problem, until_still(problem, judged) if leaves_much(problem, judged) else judged
 
 
 def _under(flight: tuple[Problem, Judged], floor: Floats) -> tuple[Problem, Judged]:

@@ -96,9 +96,10 @@ class Centred:
         covariance = np.diag(nuisance.width**2) + nuisance.between_flights()
         return Centred(file, nuisance, np.zeros(len(nuisance.slack)), covariance)
 
-    def moved(self, deviation: Floats, covariance: Floats) -> "Centred":
+    def moved(self, deviation: Floats, covariance: Floats, sizes: Sequence[float] | None = None) -> "Centred":
         """About the vehicle with a deviation (k,), which flights leave open by ``covariance`` (k, k).
 
+        ``sizes`` are how far flights differ, times what is stated of each spread.
         A factor counts from the vehicle that it changes: a gain of 0.8 that became 1 is as unsure as 0.8, over 0.8.
         """
         own = apply_values(self.vehicle, self._values(deviation))
@@ -112,7 +113,7 @@ class Centred:
         repeats = np.array([REPEATS * abs(value) for value in nominal])
         nuisance = Nuisance(slack, self.nuisance.width * np.abs(factor), self.nuisance.spread, repeats)
         moved = Centred(own, nuisance, (self.file - deviation) * factor, covariance)
-        return moved.sure(covariance * np.outer(factor, factor) + nuisance.between_flights())
+        return moved.sure(covariance * np.outer(factor, factor) + nuisance.between_flights(sizes))
 
     def sure(self, covariance: Floats) -> "Centred":
         """The same, as sure as a covariance (k, k) says."""

@@ -11,6 +11,7 @@ from auv_torchrl.diagnosis.thresholds import FAINT, FOLLOWS, LITTLE, SHOWS
 from auv_torchrl.diagnosis.verdict import Estimate
 
 Member = tuple[str, str]  # effect, parameter
+MORE_FLIGHTS = (3, 10)  # times as many as there were: an afternoon more, and all that is worth to be flown
 
 
 def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> dict[str, Estimate]:
@@ -18,6 +19,11 @@ def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> d
 
     Parameters that are ``hidden`` do not count.
     """
+    known = field.problem.known
+    return _sizes(field if known is None else field.under(known.slack_covariance), hidden)
+
+
+def _sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
     found: dict[str, tuple[float, Estimate]] = {}
     for i, atom in enumerate(field.problem.atoms):
         name = field.moved_most(atom)
@@ -32,6 +38,21 @@ def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> d
             low, high = max(p.low, nominal - size), min(p.high, nominal + size)
             found[atom.effect] = relative, Estimate(value, low, high, nominal, p.unit)
     return {effect: estimate for effect, (_, estimate) in found.items()}
+
+
+def with_more_flights(field: Field, hidden: frozenset[Member] = frozenset()) -> dict[int, dict[str, Estimate]]:
+    """The same sizes by number of healthy flights, had there been more; none where nothing was learnt from flights.
+
+    More flights tell better what the sound vehicle is. By how much it differs from flight to flight stays, and so does
+    what the sensors of this log leave open.
+    """
+    known = field.problem.known
+    if known is None or known.shrinks is None:
+        return {}
+    return {
+        times * known.flights: _sizes(field.under(known.slack_covariance - (1 - 1 / times) * known.shrinks), hidden)
+        for times in MORE_FLIGHTS
+    }
 
 
 def hidden_members(problem: Problem, found: Found) -> frozenset[Member]:

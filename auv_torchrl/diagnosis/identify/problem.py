@@ -29,6 +29,8 @@ class Known:
     slack: tuple[Slack, ...]
     slack_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
     scale: float = 0.0  # relative, what all forces and masses of the vehicle may be off by together, which no log tells
+    flights: int = 0  # from which it was learnt, where they are here
+    shrinks: Floats | None = None  # (k, k) part of the covariance that falls with the number of these flights
 
 
 class FreedomCache:
