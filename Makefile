@@ -14,7 +14,7 @@ export MPLBACKEND := Agg
 # Where it is set, each process would compile the libraries anew, for 8 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env train diagnose sweep test test-fast check format bench blind clean
+.PHONY: help env train diagnose sweep test test-fast check format bench blind real clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -58,6 +58,9 @@ bench: $(READY) ## measure the figures of docs/benchmarks.md
 
 blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430 SENSORS=stock STRANGERS=2
 	$(BIN)/python -m benchmarks.blind $(if $(CASES),cases=$(CASES)) sensors=$(SENSORS) strangers=$(STRANGERS)
+
+real: $(READY) ## logs of real vehicles and firmware that are at hand: AUV_TORCHRL_DATA=FOLDER, writes docs/real.md
+	$(BIN)/python -m benchmarks.real --publish
 
 clean: ## remove the environment and caches, keep outputs
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info

@@ -174,7 +174,7 @@ def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatc
     caplog.set_level(logging.INFO)
     made = example()
     paper = load_vehicle("paper")
-    asked = request.Request("paper", paper, (), None, None)  # type: ignore[arg-type]
+    asked = request.Request("paper", paper, (), None, (None,))  # type: ignore[arg-type]
     monkeypatch.setattr(job, "read_request", lambda config: asked)
     monkeypatch.setattr(job, "diagnose", lambda *_, **__: made)
     log = tmp_path / "a(1)=b.csv"
@@ -302,7 +302,7 @@ def test_several_files_without_brackets_are_told_from_a_sweep(tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("command", "given", "near"),
     [
-        ("diagnose", "+foo=1", "there are diagnosis"),
+        ("diagnose", "+foo=1", "there are alike, diagnosis"),
         ("diagnose", "+lgo=1", "did you mean log"),
         ("diagnose", "+scenario=swap", "no config key 'scenario'"),
         ("blind", "+sed=1", "did you mean seed"),

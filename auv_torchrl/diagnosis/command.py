@@ -13,11 +13,15 @@ register()
 def main(config: DictConfig) -> None:
     """Diagnose the logs that are named, once it is sure that they are there."""
     with checking_input():
-        find_logs(config)
+        found = find_logs(config)
+        if config.alike and not found["healthy"]:
+            raise ValueError("alike=true holds runs against sound ones: give healthy=[...], logs of sound runs")
     from auv_torchrl.diagnosis.uncompiled import without_compiler  # here: torch takes a second to import
 
     with without_compiler():
-        if is_series(config):
+        if config.alike:
+            from auv_torchrl.diagnosis.alike.job import answer_alike as answer
+        elif is_series(config):
             from auv_torchrl.diagnosis.dives.job import answer_dives as answer
         else:
             from auv_torchrl.diagnosis.job import answer

@@ -22,8 +22,7 @@ def find_logs(config: DictConfig) -> dict[str, tuple[Path, ...]]:
     Raises:
         ValueError: if there is no log, or a file that cannot be read, is empty, or is not what its name says.
     """
-    found = {kind: tuple(_shipped(name) for name in names(config, kind)) for kind in KINDS}
-    found["log"] = logs_of(config)
+    found = {kind: logs_of(config, kind) for kind in KINDS}
     if not found["log"]:
         raise ValueError(NO_LOG)
     for path in (path for paths in found.values() for path in paths):
@@ -36,13 +35,13 @@ def is_series(config: DictConfig) -> bool:
     return bool(config.dives) or any(_is_folder(_shipped(name)) for name in names(config, "log"))
 
 
-def logs_of(config: DictConfig) -> tuple[Path, ...]:
-    """The files under ``log``, those of a folder in the order of their names.
+def logs_of(config: DictConfig, kind: str = "log") -> tuple[Path, ...]:
+    """The files under a key, those of a folder in the order of their names.
 
     Raises:
         ValueError: for a folder without logs.
     """
-    named = (_shipped(name) for name in names(config, "log"))
+    named = (_shipped(name) for name in names(config, kind))
     return tuple(path for name in named for path in (_inside(name) if _is_folder(name) else [name]))
 
 

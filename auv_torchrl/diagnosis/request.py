@@ -27,10 +27,15 @@ class Request:
     vehicle: Vehicle  # nominal, no batch
     uncertainty: tuple[Coefficient, ...]  # of the vehicle's coefficients
     settings: Settings
-    log: FlightLog
+    logs: tuple[FlightLog, ...]
     kept: Kept | None = None  # what the vehicle's file keeps of healthy logs
     healthy: tuple[FlightLog, ...] = field(default=())
     test: tuple[FlightLog, ...] = field(default=())
+
+    @property
+    def log(self) -> FlightLog:
+        """All of them as one."""
+        return join(self.logs)
 
 
 def read_request(config: DictConfig) -> Request:
@@ -57,7 +62,7 @@ def read_request(config: DictConfig) -> Request:
         vehicle=vehicle,
         uncertainty=uncertainty,
         settings=settings,
-        log=join(kinds["log"]),
+        logs=kinds["log"],
         kept=kept,
         healthy=kinds["healthy"],
         test=kinds["test"],

@@ -22,6 +22,7 @@ class DiagnoseSchema:
     system: Any = MISSING
     trust_log: bool = MISSING
     dives: bool = MISSING
+    alike: bool = MISSING
     reference: int = MISSING
     each: str = MISSING
     dives_per_false_alarm: float = MISSING

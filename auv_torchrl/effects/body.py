@@ -38,6 +38,7 @@ added_mass = Effect(
         ),
     ),
     change=_added_mass,
+    wears={"scale": 1},
     advice=advice.said(
         "look for water caught in frames and shells; if it belongs there, enter the inertia in the vehicle file"
     ),

@@ -109,6 +109,8 @@ class Effect:
     together: tuple[Mapping[str, float], ...] = ()  # values that the diagnosis tries, of several parameters at once
     is_rough: bool = False  # its values switch single samples, so that near by ones are tried instead of slopes
     is_searched: bool = True  # whether the diagnosis looks for it; not for what other effects say in fewer numbers
+    wears: Mapping[str, int] = field(default_factory=dict)  # by parameter, +1 or -1: which way alone it goes by itself
+    is_property: bool = False  # of a vehicle for good: a file may have it wrong, but it does not come about
     is_noise: bool = False  # white noise of sensors: the floor of predictions, measured, and not looked for either
 
     def __post_init__(self):

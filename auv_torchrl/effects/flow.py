@@ -102,6 +102,7 @@ linear_drag = Effect(
         ),
     ),
     change=_linear,
+    wears={"scale": 1},
     advice=advice.said(_LOOK),
     scans={"scale": Scan((1.5,), linear=True, all=True)},
     slack={"scale": 0.03},
@@ -130,6 +131,7 @@ quadratic_drag = Effect(
         ),
     ),
     change=_quadratic,
+    wears={"scale": 1},
     advice=advice.said(_LOOK),
     scans={"scale": Scan((1.5,), linear=True, all=True)},
     slack={"scale": 0.03},
@@ -187,6 +189,7 @@ coriolis = Effect(
         Parameter("strength", "1", own("coriolis"), 0.0, 2.0, "Coriolis terms act at {value:.2f} of full strength"),
     ),
     change=sets(strength="coriolis"),
+    is_property=True,
     advice=advice.said("enter how far Coriolis terms act in the vehicle file"),
     scans={"strength": Scan((1.0,), linear=True)},
 )

@@ -34,6 +34,7 @@ dead_band = Effect(
         ),
     ),
     change=_dead_band,
+    wears={"width": 1},
     advice=advice.said(
         "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
     ),
@@ -90,6 +91,7 @@ thrust_curve = Effect(
         ),
     ),
     change=_curve,
+    is_property=True,
     valley=Valley("exponent", ("dead_band", "width"), _same_commands),
     advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
     scans={"exponent": Scan((0.7, 0.85, 1.2, 1.5, 1.8, 2.2, 2.6)), "asymmetry": Scan((0.3,), linear=True)},
@@ -118,6 +120,7 @@ thruster_lag = Effect(
         ),
     ),
     change=_lag,
+    wears={"time_constant": 1},
     advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
     scans={"time_constant": Scan((0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2))},
 )
@@ -141,6 +144,7 @@ command_delay = Effect(
         ),
     ),
     change=sets(delay="delay"),
+    wears={"delay": 1},
     advice=advice.said("look for what holds commands back: a filter, a slow link, a busy computer"),
     scans={"delay": Scan(DELAYS)},
 )

@@ -28,7 +28,7 @@ from auv_torchrl.flightlog import join
 from auv_torchrl.paths import config_names
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.real import TEST, TO_BEAT, VEHICLE, figures, read_runs
+from benchmarks.real.bluerov2 import TEST, TO_BEAT, VEHICLE, figures, read_runs
 
 REAL = os.environ.get("AUV_TORCHRL_BLUEROV2", "")  # folder of the runs of docs/diagnosis.md
 GIVEN = hold(load_vehicle("paper"))

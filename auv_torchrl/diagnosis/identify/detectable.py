@@ -1,12 +1,16 @@
 """The smallest size of each effect that this log could have shown, and what it could not show at any size."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.following import nudged_chi2
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import without_slack
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import Found
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FAINT, FOLLOWS, LITTLE, SHOWS
 from auv_torchrl.diagnosis.verdict import Estimate
 
@@ -20,7 +24,15 @@ def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> d
     Parameters that are ``hidden`` do not count.
     """
     known = field.problem.known
-    return _sizes(field if known is None else field.under(known.slack_covariance), hidden)
+    return _sizes(field if known is None else _under(field, known.slack_covariance), hidden)
+
+
+def _under(field: Field, slack_covariance: Floats) -> Field:
+    """The same marks, where slack has another covariance (k, k)."""
+    problem = replace(field.problem, slack_covariance=slack_covariance, slack_precision=np.linalg.inv(slack_covariance))
+    _, b, A, _, _ = without_slack(problem, field.quadratic, field.explanation)
+    first = len(field.values[0])
+    return replace(field, problem=problem, b=b[first:], A=A[first:, first:])
 
 
 def _sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
@@ -50,7 +62,7 @@ def with_more_flights(field: Field, hidden: frozenset[Member] = frozenset()) -> 
     if known is None or known.shrinks is None:
         return {}
     return {
-        times * known.flights: _sizes(field.under(known.slack_covariance - (1 - 1 / times) * known.shrinks), hidden)
+        times * known.flights: _sizes(_under(field, known.slack_covariance - (1 - 1 / times) * known.shrinks), hidden)
         for times in MORE_FLIGHTS
     }
 

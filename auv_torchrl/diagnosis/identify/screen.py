@@ -1,6 +1,6 @@
 """Which effects could explain a log, or what an explanation leaves: all atoms judged at once on one quadratic."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
@@ -61,15 +61,6 @@ class Field:
         width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.atoms]
         centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in problem.atoms])
         return Field(problem, explanation, q, values, b, A, np.array(width) ** -2.0, centre)
-
-    def under(self, slack_covariance: Floats) -> "Field":
-        """The same marks, where slack has another covariance (k, k)."""
-        problem = replace(
-            self.problem, slack_covariance=slack_covariance, slack_precision=np.linalg.inv(slack_covariance)
-        )
-        _, b, A, _, _ = without_slack(problem, self.quadratic, self.explanation)
-        first = len(self.values[0])
-        return replace(self, problem=problem, b=b[first:], A=A[first:, first:])
 
     @property
     def constant(self) -> float:

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.blind.real FOLDER``: diagnose two runs of a real BlueROV2 Heavy, predict the third.
+"""``python -m benchmarks.real.bluerov2 FOLDER``: diagnose two runs of a real BlueROV2 Heavy, predict the third.
 
 The third run is simulated from its commands alone, from its first sample to its last, with the published vehicle and
 with what was found added. Prints Markdown; ``--folds`` lets every run be the third one once. Where to get the runs:

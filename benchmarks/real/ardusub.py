@@ -1,4 +1,4 @@
-"""``python -m benchmarks.owners``: diagnose the flights that ArduSub's firmware wrote of its own simulated vehicle.
+"""``python -m benchmarks.real.ardusub``: diagnose flights that ArduSub's firmware wrote of its own simulated vehicle.
 
 What was wrong with each is known. Prints a Markdown table: what is named, its value, whether both are right, and the
 processor time. ``--healthy`` gives each flight another one that was sound, of the same sensors. Logs that are absent
@@ -7,20 +7,20 @@ are named. They are looked for in the folder that ``AUV_TORCHRL_DATA`` names, el
 
 import argparse
 import logging
-import os
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
+from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
 from auv_torchrl.diagnosis.verdict import FoundEffect, Verdict
 from auv_torchrl.flightlog import read_flightlog
-from auv_torchrl.paths import PROJECT
-from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle import load_vehicle
+from benchmarks.real import DATA
 
 log = logging.getLogger(__name__)
 VEHICLE = "ardusub_sitl"
@@ -75,16 +75,17 @@ class Result:
         )
 
 
-def run(case: Case, folder: Path, vehicle: Vehicle, with_healthy: bool) -> Result:
+def run(case: Case, folder: Path, vehicle_name: str, with_healthy: bool) -> Result:
     """Read and diagnose one flight, alone or with the healthy one."""
-    begin = time.process_time()
+    begin, vehicle = time.process_time(), load_vehicle(vehicle_name)
     flight = read_flightlog(folder / f"{case.name}.BIN", vehicle)
     healthy = [read_flightlog(folder / f"{case.healthy}.BIN", vehicle)] if with_healthy and case.healthy else []
     found = diagnose(
         flight,
         vehicle,
         healthy,
-        vehicle_name=VEHICLE,
+        vehicle_name=vehicle_name,
+        uncertainty=load_uncertainty(vehicle_name, vehicle),
         progress=lambda step, share: log.info("%s: %s", case.name, step),
     )
     return Result(case, found, time.process_time() - begin)
@@ -107,32 +108,37 @@ def _values(effect: str, values: dict[str, float]) -> str:
     return f"{effect} " + ", ".join(f"{name} {value:.2f}" for name, value in values.items())
 
 
-def main() -> None:
-    """Diagnose what is there and print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    parser.add_argument("names", nargs="*", help=f"of {', '.join(case.name for case in CASES)}; all if not given")
-    parser.add_argument("--data", type=Path, help=f"folder with {FOLDER}/*.BIN")
-    parser.add_argument("--healthy", action="store_true", help="give each flight another one that was sound")
-    options = parser.parse_args()
-    if unknown := set(options.names) - {case.name for case in CASES}:
-        parser.error(f"no log named {', '.join(sorted(unknown))}: give some of {', '.join(c.name for c in CASES)}")
-    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
-    log.setLevel(logging.INFO)  # progress; libraries stay silent
-    torch.set_num_threads(1)
-    data = options.data or Path(os.environ.get("AUV_TORCHRL_DATA", PROJECT.parent / "shared" / "data"))
+def find_cases(data: Path, names: Sequence[str], with_healthy: bool) -> list[Case]:
+    """The flights that are there; those that are not are named."""
     here = []
     for case in CASES:
-        needed = [case.name, case.healthy] if options.healthy else [case.name]
+        needed = [case.name, case.healthy] if with_healthy else [case.name]
         absent = [name for name in needed if name is None or not (data / FOLDER / f"{name}.BIN").is_file()]
-        if options.names and case.name not in options.names:
+        if names and case.name not in names:
             continue
         if absent:
             lacks = ", ".join(f"{name}.BIN" if name else "a sound flight of the same sensors" for name in absent)
             log.info("%s is left out: %s lacks %s", case.name, data / FOLDER, lacks)
             continue
         here.append(case)
-    vehicle = load_vehicle(VEHICLE)
-    for line in table(run(case, data / FOLDER, vehicle, options.healthy) for case in here):
+    return here
+
+
+def main() -> None:
+    """Diagnose what is there and print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("names", nargs="*", help=f"of {', '.join(case.name for case in CASES)}; all if not given")
+    parser.add_argument("--data", type=Path, default=DATA, help=f"folder with {FOLDER}/*.BIN")
+    parser.add_argument("--healthy", action="store_true", help="give each flight another one that was sound")
+    parser.add_argument("--vehicle", default=VEHICLE, help="bluerov2_heavy is wrong about these flights, as files are")
+    options = parser.parse_args()
+    if unknown := set(options.names) - {case.name for case in CASES}:
+        parser.error(f"no log named {', '.join(sorted(unknown))}: give some of {', '.join(c.name for c in CASES)}")
+    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
+    log.setLevel(logging.INFO)  # progress; libraries stay silent
+    torch.set_num_threads(1)
+    cases = find_cases(options.data, options.names, options.healthy)
+    for line in table(run(case, options.data / FOLDER, options.vehicle, options.healthy) for case in cases):
         sys.stdout.write(line + "\n")
         sys.stdout.flush()
 

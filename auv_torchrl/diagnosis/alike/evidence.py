@@ -1,0 +1,118 @@
+"""How likely every effect is in one run, or in several that were flown alike."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import f as distribution_of_f
+from scipy.stats import norm
+
+from auv_torchrl.diagnosis.alike.marks import Marks
+from auv_torchrl.diagnosis.alike.normal import Normal
+from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, RANGE_CAP
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.vehicle import Vehicle
+
+NONE = "none"
+VISIBLE = 4.0  # chi-square of a plausible amount in one run: two standard deviations
+MARK_ERROR = 0.2  # relative, of the shape of a mark: that of a vehicle whose file is a guess
+IN_ITS_RANGE = 4.0  # standard deviations that the plausible range of a parameter holds
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """What runs say of each of M changes; G groups of one run or more."""
+
+    names: tuple[str, ...]  # "none", then effects
+    probability: Floats  # (G, E) of these names
+    best: np.ndarray  # (G, E) the likeliest change of each effect; -1 for none
+    amount: Floats  # (G, M) how much of each change
+    unsure: Floats  # (G, M) standard deviation of that
+    share: Floats  # (G, M) of each change in its effect
+    hidden: tuple[str, ...]  # effects of which no plausible size would show in these runs
+    strange: Floats  # (G,) probability that a run departs as far from the best explanation by chance
+
+
+def weigh(
+    beyond: Floats, marks: Marks, normal: Normal, vehicle: Vehicle, settings: Settings, groups: Sequence[np.ndarray]
+) -> Weighed:
+    """Probabilities of the effects in groups of runs.
+
+    Args:
+        beyond: (N, C, B) what was seen less what was simulated.
+        marks: of M changes in these runs.
+        normal: from healthy runs.
+        vehicle: as its file says, empty batch.
+        settings: ``prior_none`` is used.
+        groups: rows of ``beyond``; runs of a group are taken to have the same effect by the same amount.
+    """
+    apart = normal.whitened(beyond.reshape(len(beyond), -1) - normal.mean)  # (N, K)
+    columns = normal.whitened(marks.change.reshape(len(marks.atoms), len(beyond), -1))  # (M, N, K)
+    centre, width = np.array([_amounts(atom, vehicle) for atom in marks.atoms]).T
+    shows = (centre**2 + width**2) * np.median((columns**2).sum(-1), axis=1) > VISIBLE
+    fits = [_fit(apart[rows], columns[:, rows], centre, width, normal) for rows in groups]
+    loglik, amount, unsure, left = (np.stack(part) for part in zip(*fits, strict=True))
+    effects = list(dict.fromkeys(atom.effect for atom, seen in zip(marks.atoms, shows, strict=True) if seen))
+    score, best, share = loglik[:, :1], np.full((len(groups), 1), -1), np.zeros_like(amount)
+    for effect in effects:
+        own = np.array([i for i, atom in enumerate(marks.atoms) if atom.effect == effect and shows[i]])
+        total = logsumexp(loglik[:, 1 + own], axis=1, keepdims=True)
+        share[:, own] = np.exp(loglik[:, 1 + own] - total)
+        score = np.append(score, total - np.log(len(own)), axis=1)
+        best = np.append(best, own[share[:, own].argmax(1)][:, None], axis=1)
+    score = score + np.log([settings.prior_none, *_prior(effects, settings.prior_none)])
+    probability = np.exp(score - logsumexp(score, axis=1, keepdims=True))
+    chosen = probability.argmax(1)
+    least = left[np.arange(len(groups)), 1 + best[np.arange(len(groups)), chosen]]
+    numbers = apart.shape[1]
+    strange = distribution_of_f.sf(least / numbers, numbers, max(normal.freedom - numbers + 1, 1))
+    hidden = tuple(dict.fromkeys(atom.effect for atom in marks.atoms if atom.effect not in effects))
+    return Weighed((NONE, *effects), probability, best, amount, unsure, share, hidden, strange)
+
+
+def _fit(
+    apart: Floats, columns: Floats, centre: Floats, width: Floats, normal: Normal
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Log likelihood (1 + M,) of nothing and of each change, its amount (M,) with deviation, and what is left (1 + M,).
+
+    Several runs are judged by their mean, which is as sure as runs and sessions scatter.
+    """
+    count, k = apart.shape
+    unit = np.sqrt(1 / count + normal.session) if count > 1 else 1.0
+    y, m = apart.mean(0) / unit, columns.mean(1) / unit  # (K,), (M, K)
+    y_off = y - centre[:, None] * m
+    size, along = (m**2).sum(1), (m * y_off).sum(1)
+    gain = width**2 / (1 + width**2 * size)
+    amount, unsure = centre + gain * along, np.sqrt(gain)
+    wrong = 1 + MARK_ERROR**2 * amount**2 * size / k  # variance of what a mark has wrong, over its numbers
+    left = np.concatenate([[float(y @ y)], ((y_off**2).sum(1) - gain * along**2) / wrong])
+    spread = np.concatenate([[0.0], np.log1p(width**2 * size) + k * np.log(wrong)])
+    loglik = -0.5 * (normal.freedom + k) * np.log1p(left / normal.freedom) - 0.5 * spread
+    loglik[1:] += np.asarray(norm.logcdf(amount / unsure)) - np.asarray(
+        norm.logcdf(centre / width)
+    )  # the opposite is another change
+    return loglik, amount, unsure * np.sqrt(wrong), left
+
+
+def _amounts(atom: Atom, vehicle: Vehicle) -> tuple[float, float]:
+    """Mean and standard deviation of the amounts by which a change may act."""
+    if atom.discrete:
+        return 1.0, FIXED_WIDTH
+    if atom.elastic:
+        return 1.0, ELASTIC_WIDTH
+    known = declared(atom.effect, vehicle)
+    name = max(atom.values, key=lambda member: abs(atom.values[member] - known.nominal[member]))
+    p = known.parameters[name]
+    range_of = min(p.high - p.low, RANGE_CAP.get(p.unit, np.inf))
+    if p.unit == "N":  # more than that, and nobody would have flown it
+        range_of = min(range_of, float(vehicle.full_thrust.sum()))
+    return 0.0, range_of / IN_ITS_RANGE / abs(atom.values[name] - known.nominal[name])
+
+
+def _prior(effects: Sequence[str], none: float) -> list[float]:
+    odds = np.array([EFFECTS[effect].odds for effect in effects])
+    return ((1 - none) * odds / odds.sum()).tolist()

@@ -1,0 +1,79 @@
+"""What ``diagnose.py alike=true`` does once its command line is read."""
+
+import json
+import logging
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+from threadpoolctl import threadpool_limits
+
+from auv_torchrl.command import checking_input
+from auv_torchrl.diagnosis.alike.answer import Answer
+from auv_torchrl.diagnosis.alike.judge import Alike, judge_runs, learn_sound
+from auv_torchrl.diagnosis.plain import plain
+from auv_torchrl.diagnosis.report.progress import ProgressBar
+from auv_torchrl.diagnosis.request import read_request
+from auv_torchrl.files import write_whole
+from auv_torchrl.flightlog import FlightLogError
+
+log = logging.getLogger("diagnose")
+VERSION = 1
+SHOWN = 30  # lines of single runs on the console; all are in the file
+
+
+def answer_alike(config: DictConfig) -> None:
+    """Read the runs, hold them against the sound ones, say what differs, write the file."""
+    with checking_input():
+        if config.test:
+            raise ValueError("test=... goes with one log: leave it out")
+        request = read_request(config)
+    with checking_input((FlightLogError,)), ProgressBar() as progress, threadpool_limits(1):
+        progress("what sound runs look like", 0.1)
+        sound = learn_sound(request.healthy, request.vehicle)
+        progress("what each effect would do", 0.3)
+        told = judge_runs(request.logs, sound, request.vehicle, request.settings, request.vehicle_name)
+        progress("done", 1.0)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    log.info("\n%s\n", "\n".join(lines(told)))
+    content = json.dumps(to_json(told), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    write_whole(folder / "alike.json", content.encode("utf-8", "surrogateescape"))
+    log.info("alike.json is in %s", folder)
+
+
+def lines(told: Alike) -> Iterator[str]:
+    """For the console."""
+    yield (
+        f"{len(told.runs)} runs of {told.seconds:g} s against {told.healthy} sound ones, in {', '.join(told.channels)}"
+    )
+    for name in told.left_out:
+        yield f"left out: {name} (too short, or a second without samples)"
+    for answer in told.runs[:SHOWN]:
+        yield f"  {answer.runs[0]}: {answer.sentence}"
+    if len(told.runs) > SHOWN:
+        counts = Counter(answer.causes[0].name if answer.causes else answer.verdict.key for answer in told.runs)
+        yield f"  and {len(told.runs) - SHOWN} more; of all: {', '.join(f'{n} {name}' for name, n in counts.items())}"
+    if len(told.runs) > 1:
+        yield f"all together: {told.together.sentence}"
+    if told.cannot_tell:
+        yield f"these runs cannot show: {', '.join(name.replace('_', ' ') for name in told.cannot_tell)}"
+
+
+def to_json(told: Alike) -> dict[str, Any]:
+    """The content of ``alike.json``, of plain types alone."""
+    content = {name: plain(getattr(told, name)) for name in ("vehicle", "healthy", "channels", "seconds", "session")}
+    return {
+        "version": VERSION,
+        **content,
+        "runs": [_plain(answer) for answer in told.runs],
+        "together": _plain(told.together),
+        "cannot_tell": list(told.cannot_tell),
+        "left_out": list(told.left_out),
+    }
+
+
+def _plain(answer: Answer) -> dict[str, Any]:
+    return {**plain(answer), "verdict": answer.verdict.key, "sentence": answer.sentence}

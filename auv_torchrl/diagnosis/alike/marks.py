@@ -1,0 +1,100 @@
+"""What a vehicle, and every effect on it, would do in each run: simulated from rest, by the commands alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.alike.runs import BIN_S, Runs
+from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, Values, batch, make_atoms
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.flightlog import VELOCITY
+from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.simulator import simulate
+from auv_torchrl.vehicle import Vehicle
+
+AT_ONCE = 4000  # vehicles that are simulated together: 200 MB
+SAME_COMMAND = 0.02  # of a full command, in the mean of a second: 1 % is less than any run repeats another
+LINEAR_STEP = 0.1  # of an atom that may act by any amount: so small that its mark is a slope
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What each change adds to what is seen of each run."""
+
+    atoms: tuple[Atom, ...]
+    change: Floats  # (M, N, C, B)
+
+
+def predicted(vehicle: Vehicle, runs: Runs, changes: Sequence[Values]) -> Floats:
+    """What would be seen (M, N, C, B) of a vehicle with each of M changes; NaN from where it has diverged."""
+    per_bin, steps = round(BIN_S / CONTROL_DT), runs.commands.shape[1]
+    found = np.empty((len(changes), len(runs), len(runs.channels), runs.seen.shape[-1]))
+    together = max(1, AT_ONCE // len(runs))
+    for first in range(0, len(changes), together):
+        some = list(changes[first : first + together])
+        vehicles = batch(vehicle, [values for values in some for _ in range(len(runs))])
+        commands = np.tile(runs.commands, (len(some), 1, 1))
+        reported = simulate(vehicles, commands, np.arange(steps + 1) * CONTROL_DT).reported
+        columns = {"z": reported.position[..., 2]}
+        columns |= {name: reported.velocity[..., place] for place, name in enumerate(VELOCITY)}
+        shown = np.stack([columns[name][:, :steps] for name in runs.channels], axis=1)
+        shown = shown.reshape(len(some), len(runs), len(runs.channels), -1, per_bin)
+        found[first : first + len(some)] = np.median(shown, axis=-1)
+    return found
+
+
+def mark_effects(vehicle: Vehicle, runs: Runs, settings: Settings) -> tuple[Floats, Marks]:
+    """What would be seen (N, C, B) of the vehicle as its file says, and the marks of all that is tried.
+
+    Runs whose commands hardly differ share their marks.
+    """
+    atoms = [atom for tried in make_atoms(vehicle, settings) for atom in _both_ways(tried, vehicle)]
+    atoms = [atom for atom in atoms if comes_about(atom, vehicle)]
+    steps = [_gentle(atom, vehicle) for atom in atoms]
+    first, stands_for = _alike_commands(runs)
+    changes: list[Values] = [{atom.effect: step} for atom, (step, _) in zip(atoms, steps, strict=True)]
+    nominal, *changed = predicted(vehicle, runs.some(first), [{}, *changes])
+    shares = np.array([share for _, share in steps])
+    change = (np.stack(changed) - nominal) / shares[:, None, None, None]
+    sound = np.isfinite(change).all((1, 2, 3)) & (np.abs(change).max((1, 2, 3)) > 0)
+    kept = np.flatnonzero(sound)
+    marks = Marks(tuple(atoms[i] for i in kept.tolist()), change[kept][:, stands_for])
+    return predicted(vehicle, runs, [{}])[0], marks
+
+
+def comes_about(atom: Atom, vehicle: Vehicle) -> bool:
+    """Whether a sound vehicle changes so by itself: thrust is lost, not gained."""
+    effect = EFFECTS[atom.effect]
+    nominal, members = effect.nominal(vehicle), effect.member_parameters(vehicle)
+    ways = {name: effect.wears.get(members[name].name, 0) for name in atom.values}
+    return not effect.is_property and all(ways[n] * (v - nominal[n]) >= 0 for n, v in atom.values.items())
+
+
+def _both_ways(atom: Atom, vehicle: Vehicle) -> list[Atom]:
+    """A change that may act by any amount, and its opposite: a weight off the middle tilts either way alike."""
+    if atom.discrete or atom.elastic:
+        return [atom]
+    effect = EFFECTS[atom.effect]
+    nominal, members = effect.nominal(vehicle), effect.member_parameters(vehicle)
+    opposite = {name: 2 * nominal[name] - value for name, value in atom.values.items()}
+    inside = all(members[name].low <= value <= members[name].high for name, value in opposite.items())
+    return [atom, replace(atom, values=opposite)] if inside else [atom]
+
+
+def _alike_commands(runs: Runs) -> tuple[np.ndarray, np.ndarray]:
+    """One run for each set of commands, and (N,) which of them stands for each run."""
+    by_bin = runs.commands.reshape(len(runs), runs.seen.shape[-1], -1, runs.commands.shape[-1]).mean(2)
+    _, first, inverse = np.unique(
+        np.round(by_bin / SAME_COMMAND).reshape(len(runs), -1), axis=0, return_index=True, return_inverse=True
+    )
+    return first, inverse.reshape(-1)
+
+
+def _gentle(atom: Atom, vehicle: Vehicle) -> tuple[dict[str, float], float]:
+    """The values to simulate, and which share of the atom they are."""
+    if atom.discrete or atom.elastic:
+        return atom.values, 1.0
+    nominal = EFFECTS[atom.effect].nominal(vehicle)
+    return {name: nominal[name] + LINEAR_STEP * (v - nominal[name]) for name, v in atom.values.items()}, LINEAR_STEP

@@ -1,0 +1,164 @@
+"""Short runs of one manoeuvre, each held against sound ones."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from auv_torchrl.command import BAD_INPUT
+from auv_torchrl.diagnosis import Verdict
+from auv_torchrl.diagnosis.alike.judge import judge_runs, learn_sound
+from auv_torchrl.diagnosis.alike.normal import learn_normal
+from auv_torchrl.diagnosis.alike.runs import Runs
+from auv_torchrl.diagnosis.identify.hypotheses import apply_values, batch, load_settings
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError, write_flightlog
+from auv_torchrl.simulator import simulate
+from auv_torchrl.vehicle import load_vehicle
+from tests.command_lines import answers_of
+
+FILE = load_vehicle("paper")
+OWN = apply_values(FILE, {"linear_drag": {"scale_heave": 1.3}, "thrust_curve": {"exponent": 1.3}})  # it is 30 % off
+SETTINGS = load_settings()
+SECONDS, DT = 8.0, 0.05
+FAULTS = {  # what happens to the vehicle, and effects of which the first to be said is one
+    "load": ({"buoyancy": {"force": 6.0}}, {"buoyancy", "payload"}),
+    "depth sensor": ({"depth_bias": {"offset": 0.2}}, {"depth_bias"}),
+    "weak thruster": ({"thruster_gain": {"gain_5": 0.0}}, {"thruster_gain", "thrust_limit"}),
+    "fouled": ({"linear_drag": {"scale_heave": 2.5}}, {"linear_drag", "quadratic_drag"}),
+}
+
+
+def dives(values, count, seed, seconds=SECONDS):
+    """Runs of a vehicle that differ in weight by 0.7 N and in command by 2 %: dives with equal vertical thrusters."""
+    rng, steps = np.random.default_rng(seed), round(seconds / DT)
+    weight = values.get("buoyancy", {}).get("force", 0.0) + 0.7 * rng.standard_normal(count)
+    vehicles = batch(OWN, [{**values, "buoyancy": {"force": float(own)}} for own in weight])
+    commands = np.zeros((count, steps, 6))
+    commands[:, 6:, 4:] = (0.5 * (1 + 0.02 * rng.standard_normal(count)))[:, None, None]
+    flown = simulate(vehicles, commands, np.arange(steps + 1) * DT).reported
+    pose, velocity = np.full((2, count, steps, 6), np.nan)
+    pose[..., 2] = flown.position[:, :-1, 2] + 0.01 * rng.standard_normal((count, steps))
+    velocity[..., 5] = flown.velocity[:, :-1, 5] + 0.02 * rng.standard_normal((count, steps))
+    t = np.arange(steps) * DT
+    episodes = [Episode(i, t, pose[i], velocity[i], commands[i], source=f"dive {i}") for i in range(count)]
+    return FlightLog("dives", tuple(episodes), ("z", "r"))
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """Two sessions of sound runs, of a vehicle whose file is wrong."""
+    return learn_sound([dives({}, 25, seed=1), dives({}, 15, seed=2)], FILE)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_by_runs_together(sound, fault):
+    """Eight short runs with one fault name it, at most beside what shows the same, although the file is 30 % off."""
+    values, names = FAULTS[fault]
+    together = judge_runs([dives(values, 8, seed=3)], sound, FILE, SETTINGS).together
+    assert together.verdict is Verdict.EXPLAINED, together.sentence
+    assert {cause.name for cause in together.causes} & names, together.sentence
+
+
+def test_the_size_of_an_offset_is_recovered(sound):
+    """A depth reading that is 0.2 m too large is found in each of 20 runs, and lies in 16 or more of the intervals."""
+    runs = judge_runs([dives(FAULTS["depth sensor"][0], 20, seed=4)], sound, FILE, SETTINGS).runs
+    offsets = [run.causes[0].parameters["offset"] for run in runs]
+    assert sum(offset.low < 0.2 < offset.high for offset in offsets) >= 16
+    assert max(offset.high - offset.low for offset in offsets) < 0.1
+
+
+def test_equal_commands_leave_several_thrusters(sound):
+    """Of two thrusters that always get the same command, the answer names the one and the other."""
+    together = judge_runs([dives(FAULTS["weak thruster"][0], 8, seed=5)], sound, FILE, SETTINGS).together
+    (cause,) = [cause for cause in together.causes if cause.name == "thruster_gain"]
+    assert {*cause.parameters, *(name for names in cause.instead for name in names)} >= {"gain_5", "gain_6"}
+    assert "show the same" in cause.sentence
+
+
+def test_sound_runs_stay_sound(sound):
+    """Of forty further sound runs at most four differ, and all of them together do not."""
+    told = judge_runs([dives({}, 40, seed=6)], sound, FILE, SETTINGS)
+    assert sum(run.verdict is not Verdict.NO_GAP for run in told.runs) <= 4
+    assert told.together.verdict is Verdict.NO_GAP
+
+
+def test_what_is_in_no_library_is_not_explained(sound):
+    """A depth that swings by itself is said to be unlike the sound runs, and nothing is blamed."""
+    log = dives({}, 8, seed=7)
+    for episode in log.episodes:
+        episode.pose[:, 2] += 0.5 * np.sin(2 * np.pi * episode.t / 2.0)
+    together = judge_runs([log], sound, FILE, SETTINGS).together
+    assert together.verdict is Verdict.UNEXPLAINED
+    assert together.causes == ()
+
+
+def test_nothing_comes_about_that_cannot(sound):
+    """No run is explained by thrust that was gained or by what belongs to a vehicle for good."""
+    told = judge_runs(
+        [dives({"thruster_gain": {f"gain_{i}": 1.4 for i in range(1, 7)}}, 8, seed=8)], sound, FILE, SETTINGS
+    )
+    for cause in (cause for run in (*told.runs, told.together) for cause in run.causes):
+        assert not EFFECTS[cause.name].is_property
+        assert all(estimate.value <= 1 for name, estimate in cause.parameters.items() if name.startswith("gain"))
+
+
+@given(arrays.arrays(float, (12, 2, 3), elements=st.floats(-1e3, 1e3)), st.integers(0, 9))
+def test_a_scatter_is_always_usable(seen, seed):
+    """Whatever twelve runs show, their covariance is positive, and small differences are small in its units."""
+    seen = seen + 1e-3 * np.random.default_rng(seed).standard_normal(seen.shape)
+    runs = Runs(tuple("abcdefghijkl"), np.arange(12) // 4, ("z", "r"), np.zeros((12, 60, 1)), seen)
+    normal = learn_normal(runs, np.zeros_like(seen))
+    assert np.isfinite(normal.root).all()
+    assert (np.diag(normal.root) > 0).all()
+    assert normal.session >= 0
+    scatter = normal.whitened(seen.reshape(12, -1) - normal.mean)
+    assert np.isfinite(scatter).all()
+    assert np.abs(scatter).max() < 12
+
+
+@pytest.mark.parametrize(
+    ("logs", "says"),
+    [
+        ([dives({}, 9, seed=9)], "10 at least"),
+        ([dives({}, 12, seed=9, seconds=2.0)], "are needed"),
+    ],
+)
+def test_runs_that_tell_nothing_are_refused(logs, says):
+    """Too few sound runs, and runs of two seconds, are refused with what is needed."""
+    with pytest.raises(FlightLogError, match=says):
+        learn_sound(logs, FILE)
+
+
+def test_a_broken_run_is_left_out(sound):
+    """A run that was broken off is named and left out, and the others are judged."""
+    log = dives({}, 3, seed=10)
+    short = log.episodes[1].rows(0, 80)
+    told = judge_runs([FlightLog("dives", (log.episodes[0], short, log.episodes[2]), log.axes)], sound, FILE, SETTINGS)
+    assert told.left_out == ("dive 1",)
+    assert [run.runs for run in told.runs] == [("dive 0",), ("dive 2",)]
+
+
+def test_the_command(tmp_path):
+    """alike=true writes what it says of every run; without sound runs it is refused with what to give."""
+    paths = {}
+    for name, (values, seed) in {"sound": ({}, 11), "odd": (FAULTS["load"][0], 12)}.items():
+        paths[name] = tmp_path / f"{name}.csv"
+        write_flightlog(dives(values, 15 if name == "sound" else 8, seed), paths[name])
+    line = [f"log={paths['odd']}", f"healthy={paths['sound']}", "alike=true"]
+    answers = answers_of(
+        "diagnose",
+        {"told": [*line, f"output={tmp_path / 'told'}"], "alone": [f"log={paths['odd']}", "alike=true"]},
+    )
+    code, output, errors = answers["told"]
+    assert code == 0, errors
+    told = json.loads((tmp_path / "told" / "alike.json").read_text())
+    assert (told["version"], told["healthy"], len(told["runs"])) == (1, 15, 8)
+    assert told["together"]["verdict"] == "explained"
+    assert told["together"]["sentence"] in output
+    code, _, errors = answers["alone"]
+    assert code == BAD_INPUT
+    assert "healthy=" in errors
