@@ -85,8 +85,9 @@ class FleetEnv(EnvBase):
         """The vehicle of a row, with its own thrusters, as an RGB image (height, width, 3), uint8."""
         if self._scene is None or self._scene[0] != row:
             self._scene = row, Scene(self.vehicle[row])  # type: ignore[arg-type]
-        position, quaternion = (self._tensor(part[row], torch.float64).cpu().numpy() for part in self._state[:2])
-        return self._scene[1].photograph(position, quaternion, size)
+        parts = (*self._state[:2], self.task.reference(self._along).position)
+        position, quaternion, target = (self._tensor(part[row], torch.float64).cpu().numpy() for part in parts)
+        return self._scene[1].photograph(position, quaternion, size, target)
 
     def _tensor(self, array: Array, dtype: torch.dtype) -> Tensor:
         return self.simulator.arrays.tensor(array, dtype)

@@ -25,6 +25,7 @@ from auv_torchrl.physics.kinematics import (
 from auv_torchrl.tasks import TASKS, Lemniscate, Recorded, Reference, StationKeeping, Tracking, Waypoints, read_task
 from auv_torchrl.tasks.curve import Curve
 from auv_torchrl.vehicle import load_vehicle
+from tests.agents.tiny_training import train_tiny
 
 PAPER = load_vehicle("paper")
 TRACKING = [kind() for kind in TASKS.values() if issubclass(kind, Tracking)]
@@ -216,6 +217,15 @@ def test_a_recorded_path_is_that_of_its_file(tmp_path):
     same = tmp_path / "copy.csv"
     same.write_text(drawn.read_text())
     assert Recorded(file=str(same), speed=0.5).described() == task.described() != Recorded().described()
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_every_task_is_trained_on(tmp_path, name):
+    """A few updates end in a policy that is kept under a description of the task."""
+    task = replace(read_task({"name": name}), episode_s=1.0)
+    policy = train_tiny(tmp_path, task=task, total_frames=80, random_frames=20, stretch_steps=10)
+    assert policy.metadata["ingredients"]["task"] == task.described()
+    assert policy.metadata["network"]["observations"] == len(task.observation_names)
 
 
 def test_policies_of_different_tasks_are_kept_apart():
