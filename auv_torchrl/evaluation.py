@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import asdict, dataclass
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -53,7 +53,7 @@ def fly(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> Fligh
     Raises:
         ValueError: if the fleet has another size than there are starts.
     """
-    return flight_of(roll_out(fleet, policy, starts, steps))
+    return flight_of(roll_out(fleet, policy, starts, steps), task_of(fleet))
 
 
 def roll_out(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> Any:
@@ -78,8 +78,13 @@ def roll_out(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int) -> 
     return flown.cpu()
 
 
-def flight_of(rollout: Any) -> Flight:
-    """The flight in a rollout (N, T) of :func:`roll_out`; NaN from where a vehicle diverged."""
+def task_of(fleet: EnvBase) -> Task:
+    """The task of a fleet, whatever transforms are around it."""
+    return cast(Any, fleet).task
+
+
+def flight_of(rollout: Any, task: Task) -> Flight:
+    """The flight in a rollout (N, T) of :func:`roll_out` of a task; NaN from where a vehicle diverged."""
     after = rollout["next"]
     terminated = after["terminated"].squeeze(-1)
 
@@ -97,6 +102,9 @@ def flight_of(rollout: Any) -> Flight:
     time = control_dt * torch.arange(steps + 1, dtype=control_dt.dtype, device=control_dt.device)
     batch = torch.Size((count, steps + 1))
     states["time"] = time.expand(batch)
+    along = torch.cat((rollout["along"][:, :1], after["along"]), dim=1)[..., 0]
+    reference = task.reference(along)
+    states["reference_position"], states["reference_quaternion"] = reference.position, reference.quaternion
     return Flight.from_dict(states, batch_size=batch)
 
 

@@ -6,20 +6,22 @@ from typing import cast
 from tensordict import TensorClass
 from torch import Tensor
 
-from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.physics.kinematics import euler_angles, least_turn
 
 
 class Flight(TensorClass):
     """What N vehicles did, batch (N, T + 1): the start and the state after each of T control steps."""
 
     time: Tensor  # () s
-    position: Tensor  # (3,) m, NED; the target is the origin
-    quaternion: Tensor  # (4,) wxyz, body to earth; the target is the identity
+    position: Tensor  # (3,) m, NED
+    quaternion: Tensor  # (4,) wxyz, body to earth
     velocity: Tensor  # (6,) m/s and rad/s, body
     thrust: Tensor  # (n,) N, what each thruster really gave
     command: Tensor  # (n,) thruster commands after mixer and clip, held over the step that ends here
     action: Tensor  # (4,) what the policy asked for over that step
     applied_action: Tensor  # (4,) what the adapter made of it; the same without one
+    reference_position: Tensor  # (3,) m, NED, where the task wanted the vehicle
+    reference_quaternion: Tensor  # (4,) likewise
 
     def of_start(self, start: int) -> "Flight":
         """The flight of one start, batch (T + 1)."""
@@ -27,10 +29,16 @@ class Flight(TensorClass):
 
     @property
     def position_error(self) -> Tensor:
-        """Distance to the target in m, (N, T + 1); infinite once a state is no number."""
-        return self.position.norm(dim=-1).nan_to_num(nan=math.inf)
+        """Distance to the reference in m, (N, T + 1); infinite once a state is no number."""
+        return (self.position - self.reference_position).norm(dim=-1).nan_to_num(nan=math.inf)
 
     @property
     def heading_error(self) -> Tensor:
         """Absolute heading error in rad, (N, T + 1); pi once a state is no number."""
-        return euler_angles(self.quaternion)[2].abs().nan_to_num(nan=math.pi)
+        off = euler_angles(self.quaternion)[2] - euler_angles(self.reference_quaternion)[2]
+        return least_turn(off).abs().nan_to_num(nan=math.pi)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the reference is anywhere else at any time."""
+        return bool((self.reference_position != self.reference_position[..., :1, :]).any())

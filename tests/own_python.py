@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import torch
 
-from auv_torchrl.tasks import Reference, StationKeeping
+from auv_torchrl.tasks import StationKeeping
 
 
 @dataclass(frozen=True)
@@ -37,24 +37,11 @@ class Below(StationKeeping):
     name = "below"
     depth_m: float = 2.0
 
-    def _level(self, position):
-        shifted = position + 0.0
-        shifted[..., 2] -= self.depth_m
-        return shifted
-
     def reference(self, time):
         origin = super().reference(time)
-        return Reference(-self._level(-origin.position), origin.quaternion)
-
-    def observe(self, position, *rest):
-        return super().observe(self._level(position), *rest)
-
-    def reward(self, position, *rest):
-        return super().reward(self._level(position), *rest)
-
-    def draw_starts(self, count, generator):
-        position, *rest = super().draw_starts(count, generator)
-        return position + torch.tensor([0.0, 0.0, self.depth_m]), *rest
+        down = torch.tensor([0.0, 0.0, self.depth_m])
+        below = origin.position + (down if torch.is_tensor(time) else down.numpy())
+        return origin._replace(position=below)
 
 
 TASKS = (Below,)

@@ -29,6 +29,8 @@ def flight_with(errors: torch.Tensor, yaw: float = 0.0) -> Flight:
         command=nothing,
         action=nothing[..., :4],
         applied_action=nothing[..., :4],
+        reference_position=torch.zeros_like(position),
+        reference_quaternion=torch.eye(4, dtype=torch.float64)[0].expand(count, samples, 4),
         batch_size=[count, samples],
     )
 

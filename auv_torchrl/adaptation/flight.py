@@ -8,7 +8,7 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 
 from auv_torchrl.adaptation.adapter import ALARM, MAP, PHASE, STATISTIC
-from auv_torchrl.evaluation import Policy, flight_of, roll_out
+from auv_torchrl.evaluation import Policy, flight_of, roll_out, task_of
 from auv_torchrl.flight import Flight
 
 
@@ -43,7 +43,7 @@ def fly_adapting(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int)
     def reported(name: str) -> Tensor:
         return torch.cat((rollout[name][:, :1], rollout["next", name]), dim=1)
 
-    flight = flight_of(rollout)
+    flight = flight_of(rollout, task_of(fleet))
     return AdaptedFlight(
         flight=flight,
         alarm=reported(ALARM)[..., 0],

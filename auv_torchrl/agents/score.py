@@ -7,6 +7,8 @@ from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase, step_mdp
 
+from auv_torchrl.evaluation import task_of
+
 SETTLED_S = 10.0  # s; Eq. 15 judges what comes after
 
 
@@ -21,7 +23,7 @@ class Examiner:
     """Flies a fleet from the same starts every time."""
 
     def __init__(self, fleet: EnvBase, starts: TensorDictBase, steps: int, control_dt: float):
-        self.fleet = fleet
+        self.fleet, self.task = fleet, task_of(fleet)
         self.starts = TensorDict({"start": starts}, batch_size=fleet.batch_size)
         self.steps = steps
         self.first = round(min(SETTLED_S / control_dt, steps / 2))
@@ -34,7 +36,8 @@ class Examiner:
         for step in range(self.steps):
             state = self.fleet.step(policy(state))
             if step >= self.first:
-                errors.append(state["next", "position"].norm(dim=-1))
+                wanted = self.task.reference(state["next", "along"][..., 0]).position
+                errors.append((state["next", "position"] - wanted).norm(dim=-1))
             state = step_mdp(state)
         error = torch.stack(errors).mean(0)
         return Score(float(error.mean()), float(error.max()))

@@ -153,7 +153,7 @@ def describe(
     agent = {name: value for name, value in asdict(agent_config).items() if name not in REPORTING}
     return {
         "vehicle": {name: value.tolist() for name, value in vehicle.items()},
-        "task": asdict(task),
+        "task": task.described(),
         "agent": agent,
         "randomization": dict(randomization or {}),
         "seed": seed,

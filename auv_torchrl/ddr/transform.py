@@ -9,7 +9,7 @@ from torch import Tensor
 from torchrl.data import Bounded, Composite, TensorSpec, Unbounded
 from torchrl.envs.transforms import Compose, Transform
 
-from auv_torchrl.envs.fleet import BODY
+from auv_torchrl.envs.fleet import ALONG, BODY
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED
 
@@ -97,12 +97,17 @@ class Observe(Transform):
         self.task = task
 
     def _call(self, next_tensordict: TensorDictBase) -> TensorDictBase:
-        position, quaternion, velocity, time = (next_tensordict.get((EXPECTED, key)) for key in (*BODY, TIME))
-        seen = self.task.observe(position, quaternion, velocity, time[..., 0])
+        position, quaternion, velocity = (next_tensordict.get((EXPECTED, key)) for key in BODY)
+        seen = self.task.observe(position, quaternion, velocity, expected_along(next_tensordict)[..., 0])
         return next_tensordict.set(OBSERVATION, seen.float())
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
         return self._call(tensordict_reset)
+
+
+def expected_along(tensordict: TensorDictBase) -> Tensor:
+    """How far along the task (N, 1) vehicles will be when the next command acts, s."""
+    return tensordict.get(ALONG) + (tensordict.get((EXPECTED, TIME)) - tensordict.get(TIME))
 
 
 def observing(adapter: CommandMap, task: Task) -> Compose:

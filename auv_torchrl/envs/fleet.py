@@ -22,6 +22,7 @@ Array = Any
 log = logging.getLogger(__name__)
 
 BODY = {"position": 3, "quaternion": 4, "velocity": 6}  # entries of a start, with their lengths
+ALONG = "along"  # s along the task: of a start, where it begins; of a report, where the vehicle is
 
 
 class FleetEnv(EnvBase):
@@ -29,11 +30,13 @@ class FleetEnv(EnvBase):
 
     Beside the observation every step reports the true state: ``position`` (N, 3) in m, NED; ``quaternion``
     (N, 4), w x y z, body to earth; ``velocity`` (N, 6), body FRD, over ground; ``thrust`` (N, n) in N, gains
-    included; ``command`` (N, n), what was sent to the thrusters; ``time`` (N, 1) in s since the episode began.
+    included; ``command`` (N, n), what was sent to the thrusters; ``time`` (N, 1) in s since the episode began, and
+    ``along`` (N, 1), how far along the task the vehicle is, which is the same unless the task says otherwise.
     What the sensors say of the state, late, biased and noisy, is under ``("measured", "position")``, ``("measured",
     "quaternion")`` and ``("measured", "velocity")``; the observation is made from that.
 
-    ``reset(td, set_state=True)`` starts from ``td["start"]`` with ``position``, ``quaternion`` and ``velocity``;
+    ``reset(td, set_state=True)`` starts from ``td["start"]`` with ``position``, ``quaternion`` and ``velocity``, and
+    ``along`` where episodes do not begin at the beginning of the task;
     every reset returns the starts of the running episodes under the same key. A ``vehicle`` entry (a batch of
     :class:`Vehicle`, put there by a transform) replaces the vehicles. Both act only in the rows that are reset.
 
@@ -66,7 +69,11 @@ class FleetEnv(EnvBase):
         self.generator = torch.Generator()  # of starts, sensor noise, and whatever draws for this fleet
         simulator.generator = self.generator
         self.set_seed(seed if seed is not None else int(torch.randint(2**31, ())))
-        self._start: dict[str, Array] = dict(zip(BODY, simulator.state[:3], strict=True))
+        self._ahead = simulator.state.time  # (N,) s, by how much vehicles are further along the task than their time
+        self._start: dict[str, Array] = {
+            **dict(zip(BODY, simulator.state[:3], strict=True)),
+            ALONG: self._ahead[:, None],
+        }
         self._scene: tuple[int, Scene] | None = None
 
     @property
@@ -78,8 +85,9 @@ class FleetEnv(EnvBase):
         """The vehicle of a row, with its own thrusters, as an RGB image (height, width, 3), uint8."""
         if self._scene is None or self._scene[0] != row:
             self._scene = row, Scene(self.vehicle[row])  # type: ignore[arg-type]
-        position, quaternion = (self._tensor(part[row], torch.float64).cpu().numpy() for part in self._state[:2])
-        return self._scene[1].photograph(position, quaternion, size)
+        parts = (*self._state[:2], self.task.reference(self._along).position)
+        position, quaternion, target = (self._tensor(part[row], torch.float64).cpu().numpy() for part in parts)
+        return self._scene[1].photograph(position, quaternion, size, target)
 
     def _tensor(self, array: Array, dtype: torch.dtype) -> Tensor:
         return self.simulator.arrays.tensor(array, dtype)
@@ -87,6 +95,10 @@ class FleetEnv(EnvBase):
     @property
     def _state(self) -> State:
         return self.simulator.state
+
+    @property
+    def _along(self) -> Array:
+        return self._state.time + self._ahead
 
     # TorchRL
 
@@ -109,9 +121,11 @@ class FleetEnv(EnvBase):
                 "thrust": values(thrusters),
                 "command": values(thrusters),
                 "time": values(1),
+                ALONG: values(1),
             }
         )
-        self.state_spec = entries({"start": entries({key: spec.clone() for key, spec in body.items()})})
+        start = {key: spec.clone() for key, spec in {**body, ALONG: values(1)}.items()}
+        self.state_spec = entries({"start": entries(start)})
         actions = thrusters if self.task.thruster_commands else len(CONTROLLED_INDEX)
         self.action_spec = Bounded(-1.0, 1.0, torch.Size((*shape, actions)), dtype=torch.float32, device=device)
         self.reward_spec = values(1, dtype=torch.float32)
@@ -126,10 +140,11 @@ class FleetEnv(EnvBase):
         given = {} if tensordict is None else tensordict
         mask, vehicle = given.get("_reset"), given.get("vehicle")
         rows = torch.arange(self.num_envs) if mask is None else mask.reshape(self.num_envs).cpu().nonzero()[:, 0]
-        parts = read_start(given.get("start"), rows) if set_state else self.task.draw_starts(len(rows), self.generator)
+        *parts, along = read_start(given.get("start"), rows) if set_state else self._drawn(len(rows))
         self.simulator.place(rows, *parts, vehicles=None if vehicle is None else vehicle[rows])
         index = self.simulator.arrays.index(rows)
-        for key, placed in zip(BODY, self._state[:3], strict=True):
+        self._ahead = with_rows(self._ahead, index, self.simulator.arrays.native(along[:, 0]))
+        for key, placed in zip((*BODY, ALONG), (*self._state[:3], self._ahead[:, None]), strict=True):
             self._start[key] = with_rows(self._start[key], index, placed[index])
         no = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
         start = {key: self._tensor(value, self.state_dtype) for key, value in self._start.items()}
@@ -145,6 +160,10 @@ class FleetEnv(EnvBase):
             device=self.device,
         )
 
+    def _drawn(self, count: int) -> tuple[Tensor, ...]:
+        along = self.task.draw_along(count, self.generator)
+        return *self.task.draw_starts(count, self.generator, along), along[:, None]
+
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         action = tensordict.get("action")
         command = (action @ self._mixer).clamp(-1.0, 1.0)
@@ -155,7 +174,7 @@ class FleetEnv(EnvBase):
                 "vehicles %s left the model's validity (speed below %g m/s, position within %g m): their episodes end",
                 terminated.nonzero()[:, 0].tolist(), FASTEST, FARTHEST,
             )  # fmt: skip
-        state, time = self._state[:3], self._state.time
+        state, time = self._state[:3], self._along
         reward = self.task.reward(*state, native(action), time)
         terminated = terminated | self._tensor(self.task.terminated(*state, time)[:, None], torch.bool)
         truncated = self._tensor(self._state.time[:, None] > self.task.episode_s - self.task.control_dt / 2, torch.bool)
@@ -174,7 +193,10 @@ class FleetEnv(EnvBase):
     def _report(self) -> dict[str, Tensor | TensorDict]:
         state, dtype = self._state, self.state_dtype
         report = self.simulator.report()
-        observation = self.task.observe(*report, state.time)
+        skipped = self.task.skipped(*report, self._along)
+        if skipped is not None:
+            self._ahead = self._ahead + skipped
+        observation = self.task.observe(*report, self._along)
         measured = {key: self._tensor(part, dtype) for key, part in zip(BODY, report, strict=True)}
         return {
             "observation": self._tensor(observation, torch.float32),
@@ -185,6 +207,7 @@ class FleetEnv(EnvBase):
             "thrust": self._tensor(self.simulator.thrust, dtype),
             "command": self._tensor(state.commands[:, 0], dtype),
             "time": self._tensor(state.time[:, None], dtype),
+            ALONG: self._tensor(self._along[:, None], dtype),
         }
 
 
@@ -202,7 +225,7 @@ def vehicles_of(vehicle: Vehicle, num_envs: int) -> Vehicle:
 
 
 def read_start(start: TensorDictBase | None, rows: Tensor) -> tuple[Tensor, ...]:
-    """Checked position, quaternion and velocity of the rows that are reset, float64.
+    """Checked position, quaternion, velocity and s along the task (0 if not given) of the rows that are reset, float64.
 
     Raises:
         ValueError: for a missing entry, a wrong shape, values that are not finite or no unit quaternion.
@@ -210,8 +233,9 @@ def read_start(start: TensorDictBase | None, rows: Tensor) -> tuple[Tensor, ...]
     if start is None:
         raise ValueError(f"fleet: set_state=True needs a 'start' entry with {', '.join(BODY)}")
     parts = []
-    for key, length in BODY.items():
-        value = start.get(key, None)
+    given = {ALONG: torch.zeros(*start.batch_size, 1), **dict(start.items())}
+    for key, length in (*BODY.items(), (ALONG, 1)):
+        value = given.get(key)
         if value is None or value.shape[-1:] != (length,):
             found = "missing" if value is None else f"of shape {list(value.shape)}"
             raise ValueError(f"fleet: start.{key} is {found}: give [num_envs, {length}]")

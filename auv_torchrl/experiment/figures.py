@@ -21,6 +21,7 @@ from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 SHOWN = 12  # starts whose trajectory is drawn
+REFERENCE_WIDTH = 4.0  # points, broad enough to be seen below the paths on it
 FLOOR_M = 1e-4  # smallest error on a logarithmic axis
 DPI = 150
 _DASH: dict[str, Literal["-", "--", ":"]] = {"u_s": "--", "u_t": "-", "nominal": ":"}
@@ -75,18 +76,36 @@ def trajectories(flights: Flights, scenario: str) -> Figure:
                 axes.plot(path[:, across], path[:, up], _DASH[name], color=CONTROLLER[name], linewidth=1.0, alpha=0.8)
         starts = next(iter(flights.values())).position[:SHOWN, 0].double().numpy()
         axes.plot(starts[:, across], starts[:, up], "o", color="black", markersize=4)
-        axes.plot(0, 0, "+", color="black", markersize=14, markeredgewidth=2)
+        draw_reference(axes, next(iter(flights.values())).of_start(0), across, up)
         axes.set_aspect("equal", adjustable="datalim")
         bare(axes)
     above.set(title="from above", xlabel="east in m", ylabel="north in m")
     side.set(title="from the side", xlabel="north in m", ylabel="down in m")
     side.invert_yaxis()
-    marks = [
-        Line2D([], [], marker="o", linestyle="", color="black", label="start"),
-        Line2D([], [], marker="+", linestyle="", color="black", markersize=10, label="target"),
-    ]
+    marks = [Line2D([], [], marker="o", linestyle="", color="black", label="start"), reference_key(flights)]
     figure.legend(handles=[*_keys(flights), *marks], loc="outside lower center", ncols=5, frameon=False)
     return figure
+
+
+def draw_reference(axes: Axes, flight: Flight, across: int, up: int) -> None:
+    """Where the vehicle of one flight (T + 1) should have been: a cross, or the path of a reference that moves."""
+    path = flight.reference_position.double().numpy()
+    if flight.moving:
+        axes.plot(path[:, across], path[:, up], color="black", linewidth=REFERENCE_WIDTH, alpha=0.25, zorder=0.5)
+    else:
+        axes.plot(path[0, across], path[0, up], "+", color="black", markersize=14, markeredgewidth=2)
+
+
+def reference_key(flights: Flights) -> Line2D:
+    """What the legend says of it."""
+    if any(flight.moving for flight in flights.values()):
+        return Line2D([], [], color="black", linewidth=REFERENCE_WIDTH, alpha=0.25, label="reference")
+    return Line2D([], [], marker="+", linestyle="", color="black", markersize=10, label="target")
+
+
+def aim(flight: Flight) -> str:
+    """What the distances of a flight are to."""
+    return "reference" if flight.moving else "target"
 
 
 def errors(flights: Flights, scenario: str) -> Figure:
@@ -101,10 +120,11 @@ def errors(flights: Flights, scenario: str) -> Figure:
         axes.fill_between(time, low, high, color=CONTROLLER[name], alpha=0.18, linewidth=0)
         axes.plot(time, middle, _DASH[name], color=CONTROLLER[name], linewidth=2)
         axes.plot(time, error.max(axis=0), _DASH[name], color=CONTROLLER[name], linewidth=0.8)
-    end = float(next(iter(flights.values())).time[0, -1])
+    flight = next(iter(flights.values()))
+    end = float(flight.time[0, -1])
     axes.axvspan(STEADY_FROM_S, end, color=NEUTRAL, alpha=0.08, linewidth=0)
     axes.text(STEADY_FROM_S + 0.1, 0.02, "averaged in the table", transform=axes.get_xaxis_transform(), fontsize=9)
-    axes.set(yscale="log", xlabel="time in s", ylabel="distance to the target in m", xlim=(0, end))
+    axes.set(yscale="log", xlabel="time in s", ylabel=f"distance to the {aim(flight)} in m", xlim=(0, end))
     bare(axes)
     note = "thick: median, band: 5 to 95 % of the starts, thin: worst"
     figure.legend(handles=_keys(flights), loc="outside lower center", ncols=3, frameon=False, title=note)
@@ -173,7 +193,7 @@ def distribution(flights: Flights, scenario: str) -> Figure:
             axes.plot(published[name], row, "D", color="black", markersize=6, markerfacecolor="none")
     axes.set(
         xscale="log", yticks=range(len(names)), yticklabels=[LABEL[name] for name in names],
-        xlabel="mean distance to the target in m", ylim=(-0.6, len(names) - 0.2),
+        xlabel=f"mean distance to the {aim(flights[names[0]])} in m", ylim=(-0.6, len(names) - 0.2),
     )  # fmt: skip
     bare(axes)
     keys = [

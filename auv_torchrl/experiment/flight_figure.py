@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from torch import Tensor
@@ -12,20 +12,27 @@ from torch import Tensor
 from auv_torchrl.adaptation import PHASES, Phase
 from auv_torchrl.adaptation.moments import Happening
 from auv_torchrl.adaptation.recovery import BACK_M
-from auv_torchrl.experiment.figures import FLOOR_M, bare
+from auv_torchrl.experiment.figures import FLOOR_M, aim, bare, draw_reference, reference_key
+from auv_torchrl.flight import Flight
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T
 from auv_torchrl.recording import OneFlight
 
 BEFORE_S, AFTER_S = 0.7, 1.3  # s of the close-up before the change and after the last of its moments
 LEAST_S = 3.0  # s of the close-up after the change
+AROUND_M = 0.5  # m around the path that is shown
+FLAT_M = 0.01  # a path that goes up and down by less is shown from above alone
+_AXES = ("north", "east", "down")
 CHANGED = 0.05  # a gain that differs from 1 by this much is worth a colour
 
 
 def flight_figure(one: OneFlight, title: str) -> Figure:
     """One flight, whole on the left, from close up around the first change on the right."""
-    figure = Figure(figsize=(11, 8), layout="constrained")
+    moving = one.adapted.flight.moving
+    figure = Figure(figsize=(16 if moving else 11, 8), layout="constrained")
     figure.suptitle(title, fontsize=12)
-    grid = figure.subplots(3, 2, sharex="col", sharey="row", width_ratios=[1, 1.25])
+    parts: Any = figure.subfigures(1, 2, width_ratios=[5, 11]) if moving else (None, figure)
+    path, curves = parts
+    grid = curves.subplots(3, 2, sharex="col", sharey="row", width_ratios=[1, 1.25])
     close = _close_up(one)
     for column in range(2):
         error, gain, statistic = grid[:, column]
@@ -36,18 +43,55 @@ def flight_figure(one: OneFlight, title: str) -> Figure:
             _mark(axes, one)
             bare(axes)
         statistic.set_xlabel("time in s")
-    grid[0, 0].set(title="whole flight", ylabel="distance to the target in m", xlim=(0, _time(one)[-1]))
+    distance = f"distance to the {aim(one.adapted.flight)} in m"
+    grid[0, 0].set(title="whole flight", ylabel=distance, xlim=(0, _time(one)[-1]))
     grid[0, 1].set_xlim(*close)
     grid[0, 1].set_title("from close up", pad=44)
     _name(grid[0, 1], one, close)
     grid[1, 0].set_ylabel("gain of a thruster")
     grid[2, 0].set_ylabel("detector's sum / threshold")
-    figure.legend(handles=_keys(one), loc="outside lower center", ncols=4, frameon=False)
+    keys = _keys(one)
+    if path is not None:
+        _draw_path(path, one)
+        keys.append(reference_key({"": one.adapted.flight}))
+        dot = Line2D([], [], marker="o", linestyle="", color=MOMENT["CHANGE"], label="where the vehicle changes")
+        keys.append(dot)
+    figure.legend(handles=keys, loc="outside lower center", ncols=5 if moving else 4, frameon=False)
     return figure
+
+
+def _draw_path(figure: SubFigure, one: OneFlight) -> None:
+    """The way of the vehicle from above, and from the south where it goes up or down."""
+    wanted = one.adapted.flight.reference_position.double().numpy()
+    low, high = wanted.min(axis=0) - AROUND_M, wanted.max(axis=0) + AROUND_M
+    flat = np.ptp(wanted[:, 2]) < FLAT_M
+    views = [(1, 0, "the path from above")] if flat else [(1, 0, "the path from above"), (1, 2, "from the south")]
+    begun = next(moment for moment in one.moments if moment.happening is Happening.CHANGE)
+    changed = min(int(np.searchsorted(_time(one), begun.time_s)), len(wanted) - 1)
+    at = one.adapted.flight.position[changed].double().numpy()
+    ratios = [float(high[up] - low[up]) for _, up, _ in views]
+    grid = figure.subplots(len(views), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+    for axes, (across, up, title) in zip(grid, views, strict=True):
+        draw_reference(axes, one.adapted.flight, across, up)
+        for flight, colour, dash, width in _flights(one):
+            position = flight.position.double().numpy()
+            axes.plot(position[:, across], position[:, up], dash, color=colour, linewidth=width)
+        axes.plot(at[across], at[up], "o", color=MOMENT["CHANGE"], markersize=7, zorder=3)
+        axes.set(title=title, xlim=(low[across], high[across]), ylim=(low[up], high[up]), aspect="equal")
+        axes.set_ylabel(f"{_AXES[up]} in m")
+        bare(axes)
+    grid[-1].set_xlabel("east in m")
+    if not flat:
+        grid[-1].invert_yaxis()
 
 
 def _time(one: OneFlight) -> np.ndarray:
     return one.adapted.flight.time.double().numpy()
+
+
+def _flights(one: OneFlight) -> list[tuple[Flight, str, str, float]]:
+    """Each flight with its colour, dashes and width, in the order of painting."""
+    return [(one.alone, U_S, "--", 1.4), (one.adapted.flight, U_T, "-", 2.0)]
 
 
 def _close_up(one: OneFlight) -> tuple[float, float]:
@@ -59,7 +103,7 @@ def _close_up(one: OneFlight) -> tuple[float, float]:
 
 
 def _draw_error(axes: Axes, one: OneFlight) -> None:
-    for flight, colour, dash, width in ((one.alone, U_S, "--", 1.4), (one.adapted.flight, U_T, "-", 2.0)):
+    for flight, colour, dash, width in _flights(one):
         error = flight.position_error.double().clamp(FLOOR_M, 1e3).numpy()
         axes.plot(_time(one), error, dash, color=colour, linewidth=width)
     axes.axhline(BACK_M, color=NEUTRAL, linewidth=1.0, linestyle=":")

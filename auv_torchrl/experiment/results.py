@@ -12,8 +12,10 @@ from auv_torchrl.evaluation import Metrics
 from auv_torchrl.experiment.console import readable
 from auv_torchrl.experiment.paper import TABLE_2
 from auv_torchrl.files import write_whole
+from auv_torchrl.tasks import StationKeeping
 
 RESULTS = "results.json"
+PUBLISHED = ("paper", StationKeeping.name)  # vehicle and task of the paper's table
 COLUMNS = ("mean m", "std m", "p95 m", "worst m", "settling s", "settled", "heading rad")
 
 
@@ -40,12 +42,14 @@ class Results:
     command_share: float | None = None  # of what the vehicle does differently, what a map of its commands can undo
     closed: Metrics | None = None  # with what was diagnosed in simulator and controller
     closing: Mapping[str, Any] | None = None  # what Closing.as_dict says
+    task: str = StationKeeping.name
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         flown = {"u_s": self.u_s, "u_t": self.u_t, "nominal": self.nominal}
         return {
             "scenario": self.scenario,
+            "task": self.task,
             "vehicle": self.vehicle,
             "seed": self.seed,
             "box_m": self.box_m,
@@ -69,9 +73,10 @@ class Results:
 
     def table(self) -> str:
         """Markdown: the paper's row beside ours, then what it took."""
-        rows = [f"{self.scenario}, vehicle {self.vehicle}, {self.starts} starts within ±{self.box_m:g} m", ""]
+        flown = f"{self.scenario}, vehicle {self.vehicle}, {self.starts} starts within ±{self.box_m:g} m"
+        rows = [flown if self.task == StationKeeping.name else f"{self.task}, {flown}", ""]
         rows += ["| | " + " | ".join(COLUMNS) + " |", "|---|" + "---:|" * len(COLUMNS)]
-        published = TABLE_2.get(self.scenario, {}) if self.vehicle == "paper" else {}
+        published = TABLE_2.get(self.scenario, {}) if (self.vehicle, self.task) == PUBLISHED else {}
         rows += [_row(f"paper, {name}", {"mean_m": published[name]}) for name in ("u_s", "u_t") if name in published]
         flown = {"ours, u_s on the nominal vehicle": self.nominal, "ours, u_s": self.u_s, "ours, u_t": self.u_t}
         flown["ours, diagnosed and closed"] = self.closed

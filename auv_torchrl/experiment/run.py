@@ -28,6 +28,7 @@ from auv_torchrl.experiment.results import Results
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.recording import ControlMap, record_run
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import CONTROLLED
 
 STORE = (CheckpointError, PolicyError, StorageError)  # files that a user can mend or move away
@@ -61,6 +62,8 @@ def run(experiment: Experiment, folder: Path) -> Results:
         if outcome.closing is not None:
             outcome.closing.save(folder, experiment)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
+        if experiment.task.name != StationKeeping.name:
+            scenario = f"{experiment.task.name}, {scenario}"
         save_figures(folder, flights, vehicles, scenario)
         one_flight = None
         if outcome.in_flight is not None:
@@ -195,6 +198,7 @@ def summarize(
         else None,
         closed=closing.after if closing else None,
         closing=closing.as_dict() if closing else None,
+        task=experiment.task.name,
     )
 
 

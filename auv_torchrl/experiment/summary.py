@@ -16,6 +16,7 @@ from auv_torchrl.experiment.figures import DPI
 from auv_torchrl.experiment.paper import TABLE_2
 from auv_torchrl.experiment.results import read_results
 from auv_torchrl.palette import CONTROLLER, LABEL
+from auv_torchrl.tasks import StationKeeping
 
 TABLE, PICTURE = "summary.md", "summary.png"
 Runs = Sequence[Mapping[str, Any]]
@@ -42,10 +43,12 @@ def summarize(runs: Runs, folder: Path) -> str:
 
 
 def groups(runs: Runs) -> dict[tuple[str, str, float], list[Mapping[str, Any]]]:
-    """Runs by vehicle, box and scenario, each in the order of their seeds."""
+    """Runs by vehicle, box and scenario, each in the order of their seeds; other tasks stand before the scenario."""
     grouped: dict[tuple[str, str, float], list[Mapping[str, Any]]] = {}
     for run in sorted(runs, key=lambda run: (run["vehicle"], run["box_m"])):
-        grouped.setdefault((run["scenario"], run["vehicle"], run["box_m"]), []).append(run)
+        task = run.get("task", StationKeeping.name)
+        name = run["scenario"] if task == StationKeeping.name else f"{task}, {run['scenario']}"
+        grouped.setdefault((name, run["vehicle"], run["box_m"]), []).append(run)
     return {key: sorted(members, key=lambda run: run["seed"]) for key, members in grouped.items()}
 
 

@@ -128,3 +128,8 @@ def wrap_angle(angle: Array) -> Array:
     """The same angle in (-pi, pi]."""
     xp = array_namespace(angle)
     return -xp.remainder(xp.pi - angle, 2 * xp.pi) + xp.pi
+
+
+def least_turn(angle: Array) -> Array:
+    """The same angle in [-pi, pi]; one that is there already stays the same to the last bit."""
+    return angle - 2 * math.pi * array_namespace(angle).round(angle / (2 * math.pi))

@@ -14,6 +14,7 @@ from auv_torchrl.adaptation.recovery import BACK_M
 from auv_torchrl.flight import Flight
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T, rgb
 from auv_torchrl.recording.body import record_vehicle
+from auv_torchrl.recording.reference import record_reference
 from auv_torchrl.recording.series import record_series
 from auv_torchrl.vehicle import Vehicle
 
@@ -40,7 +41,7 @@ def record_flight(recording: rr.RecordingStream, one: OneFlight) -> None:
     flight = one.adapted.flight
     time = rr.TimeColumn("time", duration=flight.time.double().numpy())
     recording.log("flight/world", rr.ViewCoordinates.FRD, static=True)
-    recording.log("flight/world/target", rr.Points3D([[0, 0, 0]], radii=0.03, colors=[(0, 0, 0)]), static=True)
+    record_reference(recording, "flight/world/target", flight)
     path = rr.LineStrips3D([flight.position.float().numpy()], colors=[rgb(U_T)], radii=0.004)
     recording.log("flight/world/path", path, static=True)
     record_vehicle(recording, "flight/world/vehicle", one.vehicle, flight, U_T)

@@ -13,12 +13,13 @@ from auv_torchrl.recording.blueprint import run_blueprint
 from auv_torchrl.recording.body import record_vehicle
 from auv_torchrl.recording.file import write_recording
 from auv_torchrl.recording.flight import OneFlight, record_flight
+from auv_torchrl.recording.reference import record_reference
 from auv_torchrl.recording.series import record_series
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 PATHS = 24  # starts whose path is drawn
 VEHICLES = 2  # starts whose vehicle moves along it
-AXES_M = 0.4  # length of the axes at the target
+AXES_M = 0.4  # length of the axes at the origin
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def record_run(
         raise FileExistsError(f"the recording {path} exists already: give another output folder or delete it")
     shown = _starts_to_show(flights)
     first = next(iter(flights.values()))
-    reach = float(first.position[shown, 0].norm(dim=-1).max())
+    reach = float(max(path[shown].norm(dim=-1).max() for path in (first.position[:, :1], first.reference_position)))
     driven = "u_t" if "u_t" in flights else list(flights)[-1]
     commands = _command_names(flights[driven])
     with rr.RecordingStream("auv_torchrl train") as recording:
@@ -76,6 +77,7 @@ def record_run(
         recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
         recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
         _record_target(recording)
+        record_reference(recording, "world/target", first.of_start(shown[0]))
         for name, flight in flights.items():
             _record_paths(recording, name, flight, shown)
             _record_error(recording, name, flight, shown[0])
@@ -109,7 +111,6 @@ def _record_target(recording: rr.RecordingStream) -> None:
     recording.log("world/target", axes, static=True)
     tips = rr.Points3D(1.15 * AXES_M * np.eye(3), radii=0.0, colors=colours, labels=["N", "E", "D"], show_labels=True)
     recording.log("world/target/axes", tips, static=True)
-    recording.log("world/target/point", rr.Points3D([[0, 0, 0]], radii=0.03, colors=[(0, 0, 0)]), static=True)
 
 
 def _record_paths(recording: rr.RecordingStream, name: str, flight: Flight, shown: list[int]) -> None:

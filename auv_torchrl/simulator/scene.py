@@ -30,10 +30,20 @@ class Scene:
     def __init__(self, vehicle: Vehicle) -> None:
         self.physics = compiled(scene_model(vehicle))
 
-    def photograph(self, position: np.ndarray, quaternion: np.ndarray, size: tuple[int, int] = SIZE) -> np.ndarray:
-        """RGB image (height, width, 3) uint8 of the vehicle at a position (3,) in m NED and quaternion (4,)."""
-        self.physics.data.mocap_pos[0] = position
-        self.physics.data.mocap_quat[0] = quaternion
+    def photograph(
+        self,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+        size: tuple[int, int] = SIZE,
+        target: np.ndarray | tuple[float, ...] = (0.0, 0.0, 0.0),
+    ) -> np.ndarray:
+        """RGB image (height, width, 3) uint8 of the vehicle at a position (3,) in m NED and quaternion (4,).
+
+        ``target`` (3,), m, is where the cross stands.
+        """
+        placed = self.physics.named.data
+        placed.mocap_pos["vehicle"], placed.mocap_quat["vehicle"] = position, quaternion
+        placed.mocap_pos["target"] = target
         self.physics.forward()
         try:
             return self.physics.render(
@@ -49,7 +59,7 @@ class Scene:
 
 
 def scene_model(vehicle: Vehicle) -> Any:
-    """The MJCF model: water, sea floor, target cross at the origin, mocap body ``vehicle`` with its camera."""
+    """The MJCF model: water, sea floor, mocap bodies ``target``, a cross, and ``vehicle`` with its camera."""
     model = new_model("scene")
     model.compiler.angle = "radian"
     visual = model.visual
@@ -71,9 +81,10 @@ def scene_model(vehicle: Vehicle) -> Any:
     world.add("light", pos=(3, 3, -2), dir=(-0.7, -0.5, 0.5), diffuse=(0.3, 0.34, 0.36), directional=True,
               castshadow=False)  # fmt: skip
     world.add("geom", name="floor", type="plane", size=(40, 40, 1), pos=(0, 0, 1.2), zaxis=(0, 0, -1), material="sand")
+    target = world.add("body", name="target", mocap=True)
     for name, axis in zip("xyz", np.eye(3), strict=True):
         ends = (*(-0.08 * axis), *(0.08 * axis))
-        world.add("geom", name=f"target_{name}", type="capsule", fromto=ends, size=(0.005,), material="target")
+        target.add("geom", name=f"target_{name}", type="capsule", fromto=ends, size=(0.005,), material="target")
     body = world.add("body", name="vehicle", mocap=True)
     add_look(body, vehicle)
     body.add("camera", name="camera", mode="track", pos=EYE, xyaxes=_towards(-np.array(EYE)), fovy=42)

@@ -6,12 +6,46 @@ from typing import Any, cast
 
 from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
+from auv_torchrl.tasks.following import Following
+from auv_torchrl.tasks.recorded import Recorded
 from auv_torchrl.tasks.station_keeping import StationKeeping
 from auv_torchrl.tasks.task import Reference, Task
+from auv_torchrl.tasks.tracking import (
+    Circle,
+    Docking,
+    Helix,
+    Lawnmower,
+    Lemniscate,
+    Line,
+    Square,
+    Tracking,
+)
+from auv_torchrl.tasks.waypoints import Waypoints
 
-TASKS: Registry[type[Task]] = Registry("tasks", Task, (StationKeeping,))
+TASKS: Registry[type[Task]] = Registry(
+    "tasks",
+    Task,
+    (StationKeeping, Waypoints, Line, Square, Lawnmower, Lemniscate, Circle, Helix, Recorded, Docking),
+)
 
-__all__ = ["TASKS", "Reference", "StationKeeping", "Task", "read_task"]
+__all__ = [
+    "TASKS",
+    "Circle",
+    "Docking",
+    "Following",
+    "Helix",
+    "Lawnmower",
+    "Lemniscate",
+    "Line",
+    "Recorded",
+    "Reference",
+    "Square",
+    "StationKeeping",
+    "Task",
+    "Tracking",
+    "Waypoints",
+    "read_task",
+]
 
 
 def read_task(settings: Mapping[str, Any] | None = None) -> Task:

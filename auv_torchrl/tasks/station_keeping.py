@@ -1,123 +1,24 @@
 """Station keeping: bring the vehicle to the origin with heading north and hold it there (Lu et al. 2023, Problem 1)."""
 
-import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from dataclasses import dataclass
+from typing import Any
 
 from array_api_compat import array_namespace
 
-from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
-from auv_torchrl.settings import In, check_fields
-from auv_torchrl.tasks.task import Reference, Task
-
-if TYPE_CHECKING:
-    import torch
-    from torch import Tensor
+from auv_torchrl.tasks.following import Following
+from auv_torchrl.tasks.task import Reference
 
 Array = Any
-Weight = Annotated[float, In("[0, 1000]")]
-
-_SENSED = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate")
-_ERROR = ("error_x", "error_y", "error_z", "heading_error_sin", "heading_error_cos")
-_NEAR = ("near_x", "near_y", "near_z")
-_TILT = ("roll_rate", "pitch_rate", "down_x", "down_y")
 
 
 @dataclass(frozen=True)
-class StationKeeping(Task):
-    """What is observed and rewarded, and where episodes start.
-
-    Most of the training starts lie close to the target, spread evenly over orders of magnitude, because a
-    uniform box has almost none there and the last centimetres are what is judged.
-    """
+class StationKeeping(Following):
+    """Follow a reference that rests at the origin."""
 
     name = "station_keeping"
 
-    box_m: Annotated[float, In("(0, 1000]")] = 10.0  # m, starts are uniform in a cube of this half width, section 5
-    near_share: Annotated[float, In("[0, 1]")] = 0.75  # share of the starts at a log-uniform distance instead
-    near_m: Annotated[tuple[float, float], In("(0, 1000]")] = (0.05, 2.0)  # m, range of that distance
-    start_tilt: Annotated[float, In("[0, 3.2]")] = 0.0  # rad, start roll and pitch are uniform within this
-    error_weight: Weight = 1.0  # 1/m, alpha_1 of Eq. 6
-    heading_weight: Weight = 0.1  # 1/rad; the paper's error has no heading, so that it would drift
-    velocity_weight: Weight = 0.05  # s/m, alpha_2 of Eq. 6
-    action_weight: Weight = 0.005  # alpha_3 of Eq. 6, on the four channels in [-1, 1]
-    near_scale_m: Annotated[float, In("(0, 1000]")] = 0.1  # m, of tanh(error / near_scale_m): 2 to 3 times faster
-
-    def __post_init__(self) -> None:
-        """Refuse values that no episode can have."""
-        check_fields(self, "task")
-        if not self.near_m[0] < self.near_m[1]:
-            raise ValueError(f"task.near_m is {list(self.near_m)}: give two distances, 0 < low < high")
-
-    @property
-    def observation_names(self) -> tuple[str, ...]:
-        """What each entry of the observation is."""
-        return _SENSED + _ERROR + _NEAR + (_TILT if self.tilt else ())
-
-    @property
-    def farthest_start_m(self) -> float:
-        """Along any axis, m."""
-        return max(self.box_m, self.near_m[1] if self.near_share else 0.0)
-
-    def for_evaluation(self, box_m: float | None) -> Self:
-        """The same task with all starts uniform in a cube of half width ``box_m``; None takes the task's own."""
-        return replace(self, box_m=box_m or self.box_m, near_share=0.0)
-
     def reference(self, time: Array) -> Reference:
-        """The origin, level, heading north, at all times (...); the other methods know that."""
+        """The origin, level, heading north, at rest, at all times (...)."""
         xp = array_namespace(time)
         zero = xp.zeros_like(time)
         return Reference(xp.stack((zero, zero, zero), axis=-1), xp.stack((zero + 1.0, zero, zero, zero), axis=-1))
-
-    def observe(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
-        """Observation (..., d) of measured position (..., 3), quaternion (..., 4) and body velocity (..., 6).
-
-        The error is the target as the body sees it, R^T (0 - p), so that the observation and with it the
-        policy do not depend on where north is except through the heading error.
-        """
-        xp = array_namespace(position, quaternion, velocity)
-        rotation = rotation_matrix(quaternion)
-        error = -matvec(rotation.mT, position)
-        heading = -xp.atan2(rotation[..., 1, 0], rotation[..., 0, 0])
-        parts = [
-            velocity[..., :3],
-            velocity[..., 5:],
-            error,
-            xp.stack((xp.sin(heading), xp.cos(heading)), axis=-1),
-            xp.tanh(error / self.near_scale_m),
-        ]
-        if self.tilt:
-            parts += [velocity[..., 3:5], rotation[..., 2, :2]]
-        return xp.concat(parts, axis=-1)
-
-    def reward(self, position: Array, quaternion: Array, velocity: Array, action: Array, time: Array) -> Array:
-        """Eq. 6, (...): minus the weighted norms of error, velocity and control inputs, of the true state."""
-        xp = array_namespace(position, quaternion, velocity)
-        w, x, y, z = (quaternion[..., i] for i in range(4))
-        heading = xp.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        speed = xp.sqrt(xp.sum(velocity[..., :3] ** 2, axis=-1) + velocity[..., 5] ** 2)
-        return -(
-            self.error_weight * xp.sqrt(xp.sum(position**2, axis=-1))
-            + self.heading_weight * xp.abs(heading)
-            + self.velocity_weight * speed
-            + self.action_weight * xp.sqrt(xp.sum(action**2, axis=-1))
-        )
-
-    def draw_starts(self, count: int, generator: "torch.Generator") -> "tuple[Tensor, Tensor, Tensor]":
-        """Position (count, 3), quaternion (count, 4) and body velocity (count, 6) of starts, float64."""
-        import torch  # here, because the command line asks for the settings above
-
-        def uniform(*shape: int) -> "Tensor":
-            return 2 * torch.rand(count, *shape, generator=generator, dtype=torch.float64) - 1
-
-        position = self.box_m * uniform(3)
-        low, high = (math.log(distance) for distance in self.near_m)
-        distance = torch.exp(low + (high - low) * (uniform(1) + 1) / 2)
-        direction = torch.nn.functional.normalize(
-            torch.randn(count, 3, generator=generator, dtype=torch.float64), dim=-1
-        )
-        near = (uniform(1) + 1) / 2 < self.near_share
-        position = torch.where(near, distance * direction, position)
-        roll, pitch, yaw = (uniform(3) * torch.tensor((self.start_tilt, self.start_tilt, math.pi))).unbind(-1)
-        scale = torch.tensor((*(self.start_speed,) * 3, 0.0, 0.0, self.start_yaw_rate))
-        return position, quaternion_from_euler(roll, pitch, yaw), scale * uniform(6)

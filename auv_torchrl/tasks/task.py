@@ -4,11 +4,12 @@ A task knows no simulator and no environment: pure functions of the state, batch
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 from array_api_compat import array_namespace
 
+from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.physics.pace import CONTROL_DT
 from auv_torchrl.settings import In
 
@@ -20,17 +21,27 @@ Array = Any
 
 
 class Reference(NamedTuple):
-    """Where a vehicle should be, earth NED."""
+    """Where a vehicle should be and how fast it should move, earth NED."""
 
     position: Array  # (..., 3) m
     quaternion: Array  # (..., 4) w x y z, body to earth
+    velocity: Array = None  # (..., 6) m/s and rad/s, along the axes of the earth; None for one that rests
+
+    def moving(self, to_body: Array) -> Array:
+        """Its velocity (..., 6) along axes that ``to_body`` (..., 3, 3) turns those of the earth to; 0 if it rests."""
+        if self.velocity is None:
+            return 0.0
+        xp = array_namespace(self.velocity)
+        linear, angular = self.velocity[..., :3], self.velocity[..., 3:]
+        return xp.concat((matvec(to_body, linear), matvec(to_body, angular)), axis=-1)
 
 
 @dataclass(frozen=True)
 class Task(ABC):
     """Base of all tasks. A new one is a file and ``task/<name>.yaml``.
 
-    The file lies beside this one, with an entry in ``TASKS``, or is ``tasks/*.py`` in a folder of one's own.
+    The file lies beside this one, with an entry in ``TASKS``, or is ``tasks/*.py`` in a folder of one's own. ``time``
+    is how far along the task a vehicle is, s: since its episode began, and what it began with or has skipped.
     """
 
     name: ClassVar[str]  # by which ``task=<name>`` chooses it
@@ -59,7 +70,7 @@ class Task(ABC):
 
     @abstractmethod
     def reference(self, time: Array) -> Reference:
-        """Where vehicles should be at times (...) in s since their episodes began."""
+        """Where vehicles should be that are ``time`` (...) s along the task."""
 
     @abstractmethod
     def observe(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
@@ -70,8 +81,30 @@ class Task(ABC):
         """Reward (...) of the true state that an action (..., a) has led to."""
 
     @abstractmethod
-    def draw_starts(self, count: int, generator: "torch.Generator") -> "tuple[Tensor, Tensor, Tensor]":
-        """Position (count, 3), quaternion (count, 4) and body velocity (count, 6) of starts, float64."""
+    def draw_starts(
+        self, count: int, generator: "torch.Generator", along: "Tensor | None" = None
+    ) -> "tuple[Tensor, Tensor, Tensor]":
+        """Position (count, 3), quaternion (count, 4) and body velocity (count, 6) of starts, float64.
+
+        They lie around the reference ``along`` (count,) s along the task; None is its beginning.
+        """
+
+    def draw_along(self, count: int, generator: "torch.Generator") -> "Tensor":
+        """How far along the task episodes begin, (count,) s, float64: at its beginning, unless a task says so."""
+        import torch  # here, because the command line asks for the settings above
+
+        return torch.zeros(count, dtype=torch.float64)
+
+    def skipped(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array | None:
+        """By how many s (...) vehicles that are measured there go on at once; None where a task never does that."""
+        return None
+
+    def described(self) -> dict[str, Any]:
+        """What a policy that is trained on the task depends on, as plain values.
+
+        Station keeping has no name here, so that policies that were kept before there were other tasks are found.
+        """
+        return {**asdict(self), **({} if self.name == "station_keeping" else {"name": self.name})}
 
     @abstractmethod
     def for_evaluation(self, box_m: float | None) -> Self:

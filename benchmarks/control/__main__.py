@@ -24,6 +24,7 @@ PARTS = {  # module: what it measures
     "table2": "The paper's Table 2",
     "fault_recovery": "Recovery from a fault in flight",
     "tank_run": "The paper's tank run",
+    "tracking": "Paths",
     "comparison": "All methods in all scenarios",
 }
 PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy", "stable-baselines3")

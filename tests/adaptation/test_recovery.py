@@ -25,7 +25,8 @@ def made_up(error_m, alarm_s, lost_s, settled_s=math.inf):
     zeros = torch.zeros(401, 6)
     flight = Flight(
         time=time, position=position, quaternion=zeros[:, :4], velocity=zeros, thrust=thrust, command=command,
-        action=zeros[:, :4], applied_action=command, batch_size=[401],
+        action=zeros[:, :4], applied_action=command, reference_position=zeros[:, :3],
+        reference_quaternion=zeros[:, :4], batch_size=[401],
     )  # fmt: skip
     flown = AdaptedFlight(
         flight=flight,

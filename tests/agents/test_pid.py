@@ -10,7 +10,7 @@ from auv_torchrl.agents.config import load_agent_config
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.train_source import make_examiner
 from auv_torchrl.effects import get_effect
-from auv_torchrl.tasks import Reference, StationKeeping
+from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 TASK = StationKeeping(box_m=1.0)
@@ -54,7 +54,7 @@ def test_command_is_full_and_points_home():
         "quaternion": torch.tensor([[1.0, 0.0, 0.0, 0.0], [quarter, 0.0, 0.0, quarter]]),  # the second looks east
         "velocity": torch.zeros(2, 6),
     }
-    state = TensorDict({"measured": measured, "time": torch.zeros(2, 1)}, batch_size=[2])
+    state = TensorDict({"measured": measured, "time": torch.zeros(2, 1), "along": torch.zeros(2, 1)}, batch_size=[2])
     action = PID(TASK)(state)["action"]
     assert action[0].tolist() == [1.0, 0.0, 0.0, 0.0]
     assert action[1, 3] < 0 and (action[1, :3] == 0).all()
@@ -65,8 +65,9 @@ def test_a_reference_that_moves_is_followed():
 
     class Ahead(StationKeeping):
         def reference(self, time):
-            return Reference(torch.stack((time, 0 * time, 0 * time), dim=-1), super().reference(time).quaternion)
+            return super().reference(time)._replace(position=torch.stack((time, 0 * time, 0 * time), dim=-1))
 
     at_origin = {"position": torch.zeros(1, 3), "quaternion": torch.eye(1, 4), "velocity": torch.zeros(1, 6)}
-    state = TensorDict({"measured": at_origin, "time": torch.full((1, 1), 0.02)}, batch_size=[1])
+    times = {"time": torch.full((1, 1), 0.01), "along": torch.full((1, 1), 0.02)}
+    state = TensorDict({"measured": at_origin, **times}, batch_size=[1])
     torch.testing.assert_close(PID(Ahead())(state)["action"], torch.tensor([[0.2, 0.0, 0.0, 0.0]]))

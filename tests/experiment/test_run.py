@@ -175,3 +175,11 @@ def test_ctrl_c_ends_with_one_line_and_the_exit_code_of_an_interrupt(tmp_path):
     _, error = process.communicate()
     assert process.returncode == 130
     assert "Traceback" not in error and "run the same command to go on" in error
+
+
+def test_a_path_is_flown_adapted_drawn_and_recorded(experiment, tmp_path):
+    """A helix leaves the same files, and the results name the task."""
+    run(experiment("reversed", "task=helix", "task.episode_s=11", "starts=2"), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["task"] == "helix" and results["u_t"] is not None and results["in_flight"] is not None
