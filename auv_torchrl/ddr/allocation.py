@@ -14,6 +14,10 @@ _PLAIN = 4  # of them without a line search, which few problems need
 class Allocation:
     """Minimise the expected squared error of the effect within limits, batch first, on numpy or torch, in float64.
 
+    Where the limits leave something undone, nothing may be done for it that hardly helps: thrusters against each other
+    at full thrust, for a hundredth of what is missing, which may be no more than the error of an identified map. So of
+    the commands that do what was found to be nearest, those nearest to the reference are taken.
+
     A limit that is exceeded is a stiff spring; Newton's method finds which ones are, and ends
     there after few rounds. scipy's ``lsq_linear`` solves one problem at a time, and boxes alone: for the 100 vehicles
     of a flight it takes longer than they fly. A test compares the two.
@@ -40,19 +44,28 @@ class Allocation:
         xp = array_namespace(wanted, effectiveness)
         pulled = effectiveness.mT * self.weight
         eye = xp.eye(effectiveness.shape[-1], dtype=wanted.dtype, device=wanted.device)
-        hessian = pulled @ effectiveness + caution + RIDGE * eye
-        linear = (pulled @ wanted[..., None])[..., 0] + RIDGE * reference
-        command = _solve(hessian, linear)
+        rows = eye if self.rows is None else self.rows
+        curvature = pulled @ effectiveness + caution
+        hessian, linear = curvature + RIDGE * eye, (pulled @ wanted[..., None])[..., 0]
+        command = _solve(hessian, linear + RIDGE * reference)
+        limited = xp.any(self._beyond(command @ rows.T), axis=-1, keepdims=True)
+        if xp.any(limited):
+            nearest = self._within(command, hessian, linear + RIDGE * reference, rows)
+            linear = (curvature @ nearest[..., None])[..., 0] + RIDGE * reference  # what it does is wanted now
+            command = xp.where(limited, self._within(_solve(hessian, linear), hessian, linear, rows), command)
         if self.rows is None:
-            return xp.clip(self._within(command, hessian, linear, eye), self.low, self.high)
-        return shrunk(self._within(command, hessian, linear, self.rows), self.rows, self.low, self.high)
+            return xp.clip(command, self.low, self.high)
+        return shrunk(command, rows, self.low, self.high)
+
+    def _beyond(self, reached: Array) -> Array:
+        return (reached > self.high) | (reached < self.low)
 
     def _within(self, command: Array, hessian: Array, linear: Array, rows: Array) -> Array:
         """The minimiser with springs at the limits, from the one without."""
         xp = array_namespace(command)
         stiffness = _STIFFNESS * xp.mean(xp.linalg.diagonal(hessian), axis=-1)[:, None]
         reached = command @ rows.T
-        beyond = (reached > self.high) | (reached < self.low)
+        beyond = self._beyond(reached)
         one = xp.ones_like(command[:, :1])
         for number in range(_ROUNDS if xp.any(beyond) else 0):
             spring = stiffness * xp.astype(beyond, command.dtype)
@@ -62,7 +75,7 @@ class Allocation:
             share = one if number < _PLAIN else self._share(command, way, hessian, linear, rows, stiffness)
             command = xp.where(share < 1.0, command + share * way, target)
             before, reached = beyond, command @ rows.T
-            beyond = (reached > self.high) | (reached < self.low)
+            beyond = self._beyond(reached)
             if xp.all(beyond == before) and xp.all(share == 1.0):
                 break
         return command
