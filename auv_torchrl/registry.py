@@ -14,6 +14,7 @@ from auv_torchrl.paths import OWN, own_folder
 
 Entry = TypeVar("Entry")
 _REGISTRIES = {  # by folder of one's own, where it is read; imported when there is something to read
+    "agents": "auv_torchrl.agents.config",
     "effects": "auv_torchrl.effects",
     "readers": "auv_torchrl.flightlog.readers",
     "sensors": "auv_torchrl.sensors",
@@ -28,7 +29,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     Others are read when the registry is first looked into, and not when this package is imported, because what
     declares them imports it. A file of one's own is ``effects/*.py`` in the folder that ``AUV_CONF`` names and ends
     with ``EFFECTS = (my_effect,)``; a package names the same under the entry-point group ``auv_torchrl.effects``.
-    Likewise ``readers``, ``sensors`` and ``tasks``.
+    Likewise ``agents``, ``readers``, ``sensors`` and ``tasks``.
 
     Args:
         folder: ``effects`` and so on.

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from auv_torchrl.adaptation import AdaptationConfig, load_adaptation_config
-from auv_torchrl.agents.config import AgentConfig, FineTuning, load_agent_config
+from auv_torchrl.agents.config import AGENTS, FineTuning, load_agent_config
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
@@ -28,7 +28,7 @@ from auv_torchrl.vehicle import load_vehicle
 
 FLIGHT = FlightConfig(fly=True, length_s=40.0, fault_s=(5.0, 15.0))
 SOUND = [
-    load_agent_config(), AdapterConfig(), load_adaptation_config(), StationKeeping(), FLIGHT, Excitation(),
+    *map(load_agent_config, AGENTS), AdapterConfig(), load_adaptation_config(), StationKeeping(), FLIGHT, Excitation(),
     FineTuning(),
 ]  # fmt: skip
 DIAGNOSIS = yaml.safe_load((CONF / "diagnosis" / "default.yaml").read_text(encoding="utf-8"))
@@ -57,7 +57,9 @@ def test_no_number_of_a_run_may_be_infinite_or_none_or_absurd(settings, name, se
             type(settings)(**{**sound, name: (bad, bad) if several else bad})
 
 
-@pytest.mark.parametrize("kind", [AgentConfig, AdapterConfig, AdaptationConfig, StationKeeping, FlightConfig, Settings])
+@pytest.mark.parametrize(
+    "kind", [*AGENTS.values(), AdapterConfig, AdaptationConfig, StationKeeping, FlightConfig, Settings]
+)
 def test_every_number_declares_its_range(kind):
     """Beside its type; a new field without one fails here."""
     for name, hint in get_type_hints(kind, include_extras=True).items():

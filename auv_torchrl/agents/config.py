@@ -1,38 +1,42 @@
-"""Settings of the training; the comments are in ``conf/agent/sac.yaml``."""
+"""Settings of the training, one class for each agent; the comments are in ``conf/agent/*.yaml``."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from auv_torchrl.settings import Entries, In, OneOf, check_fields, read_settings
+from auv_torchrl.paths import config_path
+from auv_torchrl.registry import Registry
+from auv_torchrl.settings import Entries, In, OneOf, check_fields, choices, settings_of
+from auv_torchrl.yaml_file import read_yaml
+
+if TYPE_CHECKING:  # the command line needs the settings alone
+    import torch
+
+    from auv_torchrl.agents.learner import Learner
+    from auv_torchrl.envs import FleetEnv
+    from auv_torchrl.tasks import Task
+    from auv_torchrl.vehicle import Vehicle
 
 REPORTING = ("csv", "tensorboard")  # the settings that do not shape the policy
 
 
 @dataclass(frozen=True)
-class AgentConfig:
-    """What ``conf/agent/*.yaml`` sets; there are no defaults elsewhere.
+class AgentConfig(ABC):
+    """What every ``conf/agent/*.yaml`` sets; there are no defaults elsewhere. A subclass is one way to learn.
 
     Upper ends keep what is held in memory below about 10 GB.
     """
 
-    loss: Annotated[str, OneOf(("fused", "stock"))]
+    name: ClassVar[str]  # by which ``agent=<name>`` chooses it
+
     hidden: Annotated[tuple[int, ...], In("[1, 4096]"), Entries(1, 8)]
     learning_rate: Annotated[float, In("(0, inf)")]
     learning_rate_end: Annotated[float, In("(0, 1]")]
-    alpha_learning_rate: Annotated[float, In("(0, inf)")]
-    gamma: Annotated[float, In("[0, 1)")]
-    tau: Annotated[float, In("(0, 1]")]
-    batch_size: Annotated[int, In("[1, 100000]")]
-    target_entropy: Annotated[float, In("[-1000, 1000]")]
-    alpha_init: Annotated[float, In("(0, 1000]")]
     average: Annotated[float, In("[0, 1)")]
     num_envs: Annotated[int, In("[1, 100000]")]
     steps_per_batch: Annotated[int, In("[1, 10000]")]
-    updates_per_step: Annotated[int, In("[1, 1000]")]
-    random_frames: Annotated[int, In("[0, 1000000000]")]
     total_frames: Annotated[int, In("[1, 1000000000]")]
-    buffer_size: Annotated[int, In("[1, 50000000]")]
     stretch_steps: Annotated[int, In("[1, 100000]")]
     evaluation_starts: Annotated[int, In("[1, 10000]")]
     evaluation_box_m: Annotated[float, In("(0, 1000]")] | None
@@ -60,6 +64,120 @@ class AgentConfig:
         """Number of stretches of the whole training."""
         return -(-self.total_frames // self.stretch_frames)
 
+    def shaping(self) -> dict[str, Any]:
+        """The settings that shape the policy, as plain values."""
+        return {"name": self.name, **{key: value for key, value in asdict(self).items() if key not in REPORTING}}
+
+    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> Self:
+        """The settings with which a policy is trained on.
+
+        Args:
+            tuning: how long, and how fast.
+            last: last point of the learning curve of the policy.
+        """
+        return replace(self, learning_rate=tuning.learning_rate, total_frames=tuning.total_frames)
+
+    def ranges(self, randomization: Mapping[str, Any]) -> Mapping[str, Any]:
+        """What the training vehicles are drawn from, given what they would be."""
+        return randomization
+
+    def make_fleet(
+        self, backend: str, vehicle: "Vehicle", task: "Task", seed: int, device: "torch.device | str"
+    ) -> "FleetEnv":
+        """The vehicles to learn on."""
+        from auv_torchrl.envs import make_fleet
+
+        return make_fleet(backend, vehicle, task, self.num_envs, seed=seed, device=device)
+
+    @abstractmethod
+    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
+        """What learns with these settings."""
+
+
+@dataclass(frozen=True)
+class SACConfig(AgentConfig):
+    """Soft actor-critic; ``conf/agent/sac.yaml``."""
+
+    name = "sac"
+
+    loss: Annotated[str, OneOf(("fused", "stock"))]
+    alpha_learning_rate: Annotated[float, In("(0, inf)")]
+    gamma: Annotated[float, In("[0, 1)")]
+    tau: Annotated[float, In("(0, 1]")]
+    batch_size: Annotated[int, In("[1, 100000]")]
+    target_entropy: Annotated[float, In("[-1000, 1000]")]
+    alpha_init: Annotated[float, In("(0, 1000]")]
+    updates_per_step: Annotated[int, In("[1, 1000]")]
+    random_frames: Annotated[int, In("[0, 1000000000]")]
+    buffer_size: Annotated[int, In("[1, 50000000]")]
+
+    def shaping(self) -> dict[str, Any]:
+        """Without the name: so policies kept before there were other agents are found."""
+        return {key: value for key, value in super().shaping().items() if key != "name"}
+
+    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> Self:
+        """Without random actions, and with the temperature that the policy was left with."""
+        alpha = max(last.get("alpha", 0.0), 1e-4)
+        return replace(super().tuned(tuning, last), random_frames=0, alpha_init=alpha)
+
+    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
+        """Actor, twin critics and a replay buffer."""
+        from auv_torchrl.agents.sac import SACLearner
+
+        return SACLearner(observations, actions, self, device)
+
+
+@dataclass(frozen=True)
+class GradientConfig(AgentConfig):
+    """Analytic policy gradient through the simulator; ``conf/agent/gradient.yaml``."""
+
+    name = "gradient"
+
+    gradient_norm: Annotated[float, In("(0, inf)")]
+    restart: Annotated[float, In("[0, 1]")]
+    delay_s: Annotated[float, In("[0, 1]")]
+    current: Annotated[float, In("[0, 1]")]
+
+    def ranges(self, randomization: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Delays and a current beside what is drawn, but where nothing is or the ranges name them themselves."""
+        delay, current = [0.0, self.delay_s], [-self.current, self.current]
+        further: dict[str, Any] = {}
+        if randomization and self.delay_s:
+            further |= {"pose_delay": {"delay": delay}, "command_delay": {"delay": delay}}
+        if randomization and self.current:
+            further |= {"current": {"north": current, "east": current}}
+        return {**randomization, **{name: drawn for name, drawn in further.items() if name not in randomization}}
+
+    def make_fleet(
+        self, backend: str, vehicle: "Vehicle", task: "Task", seed: int, device: "torch.device | str"
+    ) -> "FleetEnv":
+        """Whatever the backend, vehicles on torch, which alone is differentiable; the examiner flies the backend."""
+        from auv_torchrl.envs import make_fleet
+
+        return make_fleet("torch", vehicle, task, self.num_envs, seed=seed, device=device, straight_through=True)
+
+    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
+        """A policy that climbs the gradient of the reward."""
+        from auv_torchrl.agents.gradient import GradientLearner
+
+        return GradientLearner(observations, actions, self, device)
+
+
+AGENTS: Registry[type[AgentConfig]] = Registry("agents", AgentConfig, (SACConfig, GradientConfig))
+
+
+def read_agent(settings: Mapping[str, Any]) -> AgentConfig:
+    """An agent from ``{name: sac, ...}`` as in ``conf/agent/*.yaml``.
+
+    Raises:
+        ValueError: for an unknown name, or an unknown, missing or impossible setting.
+    """
+    settings = dict(settings)
+    name = settings.pop("name", None)
+    if name not in AGENTS:
+        raise ValueError(f"agent: no agent named {name!r}: {choices([name], AGENTS)}")
+    return settings_of(AGENTS[name], settings, "agent")
+
 
 def load_agent_config(name: str = "sac", overrides: Mapping[str, Any] | None = None) -> AgentConfig:
     """Read ``conf/agent/<name>.yaml`` and replace some of its values.
@@ -68,7 +186,9 @@ def load_agent_config(name: str = "sac", overrides: Mapping[str, Any] | None = N
         FileNotFoundError: for an unknown name.
         ValueError: for an unknown, missing or impossible setting.
     """
-    return read_settings(AgentConfig, "agent", name, overrides)
+    content = read_yaml(config_path("agent", name), "agent")
+    content.pop("defaults", None)  # types for Hydra
+    return read_agent({**content, **(overrides or {})})
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Train a kept policy on, for a vehicle that is known to be different."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from auv_torchrl.agents.config import AgentConfig, FineTuning
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import describe, kept_or_trained, make_examiner
 from auv_torchrl.agents.trainer import Trainer
-from auv_torchrl.envs import RandomizeVehicle, make_fleet
+from auv_torchrl.envs import RandomizeVehicle
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
@@ -52,13 +52,7 @@ def fine_tune(
         backend: "mujoco" or "torch".
         folder: the store.
     """
-    agent = replace(
-        agent,
-        learning_rate=tuning.learning_rate,
-        total_frames=tuning.total_frames,
-        random_frames=0,
-        alpha_init=max(policy.metadata["curve"][-1]["alpha"], 1e-4),
-    )
+    agent = agent.tuned(tuning, policy.metadata["curve"][-1])
     device = next(policy.module.parameters()).device
     ingredients = {
         **describe(ground.base, task, agent, ground.ranges, seed, backend, device),
@@ -69,8 +63,8 @@ def fine_tune(
     }
 
     def training_fleet(fleet_seed: int) -> EnvBase:
-        fleet = make_fleet(backend, ground.base, task, agent.num_envs, seed=fleet_seed, device=device)
-        drawn = RandomizeVehicle(ground.base, ground.ranges, seed=fleet_seed)
+        fleet = agent.make_fleet(backend, ground.base, task, fleet_seed, device)
+        drawn = RandomizeVehicle(ground.base, agent.ranges(ground.ranges), seed=fleet_seed)
         return TransformedEnv(fleet, drawn).append_transform(ground.adapter())
 
     def trainer(training: Path, key: str) -> Trainer:

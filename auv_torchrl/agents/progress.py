@@ -1,29 +1,17 @@
 """What a person sees of a training: a progress bar, a CSV and, by choice, TensorBoard."""
 
 from pathlib import Path
-from typing import TypedDict
 
 import pandas as pd
 from tqdm import tqdm
 
 from auv_torchrl.files import write_whole
 
-
-class CurvePoint(TypedDict):
-    """One row of the learning curve, written after every stretch."""
-
-    frames: int  # transitions so far
-    wall_s: float  # seconds of training so far, those before a resumption included
-    cpu_s: float  # likewise, of this process's CPU time
-    episode_return: float  # mean return of a training episode
-    error_m: float  # mean error of the averaged policy from the evaluation starts, t >= 10 s
-    worst_m: float  # of these starts
-    best_m: float  # lowest error_m so far
-    loss_qvalue: float
-    loss_actor: float
-    alpha: float
-    entropy: float
-    frames_per_s: float  # wall
+# One row of the learning curve, written after every stretch, by name: frames, transitions so far; wall_s and cpu_s,
+# seconds of training so far, those before a resumption included; episode_return, mean return of a training episode;
+# error_m and worst_m, mean and worst error of the averaged policy from the evaluation starts, t >= 10 s; best_m, lowest
+# error_m so far; the losses that the agent tells; frames_per_s, wall
+CurvePoint = dict[str, float]
 
 
 class Progress:

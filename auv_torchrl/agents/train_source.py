@@ -10,7 +10,7 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import EnvBase, TransformedEnv
 
-from auv_torchrl.agents.config import REPORTING, AgentConfig
+from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.policy import SourcePolicy, fingerprint, load_policy, save_policy
 from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.storage import storing
@@ -150,11 +150,10 @@ def describe(
 ) -> dict[str, Any]:
     """Everything that shapes a policy, as plain values."""
     kind = torch.device(device).type  # draws and rounds as others do not
-    agent = {name: value for name, value in asdict(agent_config).items() if name not in REPORTING}
     return {
         "vehicle": {name: value.tolist() for name, value in vehicle.items()},
         "task": task.described(),
-        "agent": agent,
+        "agent": agent_config.shaping(),
         "randomization": dict(randomization or {}),
         "seed": seed,
         "backend": backend,
@@ -176,10 +175,10 @@ def make_trainer(
     """The trainer with its randomized training fleet and its examiner."""
 
     def training_fleet(fleet_seed: int) -> EnvBase:
-        fleet = make_fleet(backend, vehicle, task, agent_config.num_envs, seed=fleet_seed, device=device)
+        fleet = agent_config.make_fleet(backend, vehicle, task, fleet_seed, device)
         if not randomization:
             return fleet
-        return TransformedEnv(fleet, RandomizeVehicle(vehicle, randomization, seed=fleet_seed))
+        return TransformedEnv(fleet, RandomizeVehicle(vehicle, agent_config.ranges(randomization), seed=fleet_seed))
 
     examiner = make_examiner(vehicle, task, agent_config, backend, device=device)
     return Trainer(training_fleet, examiner, agent_config, seed, folder, key)

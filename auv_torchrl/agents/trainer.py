@@ -1,4 +1,4 @@
-"""The training loop: stretches of collecting and updating, each followed by an evaluation and a checkpoint.
+"""The training loop: stretches of flying and learning, each followed by an evaluation and a checkpoint.
 
 For every stretch the fleet is made anew (20 ms), seeded by the number of the stretch, in broken and unbroken runs
 alike. So a checkpoint needs nothing from inside the simulator, and a run that is killed and resumed ends with the
@@ -7,21 +7,18 @@ same policy, bit for bit. At the default length, one whole episode, this costs n
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
-from tensordict import TensorDict
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
-from torchrl.collectors import Collector
 from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.checkpoint import CheckpointError, load_checkpoint, save_checkpoint
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.interrupt import Interrupted, interruptible
-from auv_torchrl.agents.learner import LOSS_KEYS, Learner
 from auv_torchrl.agents.progress import CurvePoint, Progress
 from auv_torchrl.agents.score import Score
 
@@ -33,7 +30,7 @@ class Diverged(FloatingPointError):
 
 
 class Trainer:
-    """Soft actor-critic on a fleet, on the device that the fleet is on.
+    """An agent on a fleet, on the device that the fleet is on.
 
     Args:
         make_fleet: the training fleet for a seed, randomization included.
@@ -62,7 +59,7 @@ class Trainer:
         self.device = fleet.device
         self._generator = None if self.device.type == "cpu" else torch.get_device_module(self.device)
         observations, actions = fleet.observation_spec["observation"].shape[-1], fleet.action_spec.shape[-1]
-        self.learner = Learner(observations, actions, config, self.device)
+        self.learner = config.make_learner(observations, actions, self.device)
         self.curve: list[CurvePoint] = []
         self.stretch = 0
         self.frames = 0
@@ -120,21 +117,14 @@ class Trainer:
         config = self.config
         wall, cpu = time.perf_counter(), time.process_time()
         rewards: list[Tensor] = []
-        losses: Mapping[str, Tensor] = dict.fromkeys(LOSS_KEYS, torch.tensor(float("nan")))  # before the first update
-        for data in self._collect():
-            self.learner.remember(data)
-            self.frames += data.numel()
-            rewards.append(data["next", "reward"].mean())
-            if self.frames > config.random_frames:
-                done = self.frames / (config.stretches * config.stretch_frames)
-                losses = self.learner.update(done, actor=self.frames > self.critic_frames)
-            progress.advance(data.numel())
-        if self.frames > config.random_frames and not all(math.isfinite(loss) for loss in losses.values()):
-            found = ", ".join(f"{name} {float(loss):g}" for name, loss in losses.items())
-            raise Diverged(
-                f"training diverged within {self.frames} transitions ({found}): "
-                "give a smaller agent.learning_rate or agent.gamma"
-            )
+        taught = None
+        fleet = self.make_fleet(self.seed * 100_003 + self.stretch)
+        for learnt in self.learner.learn(fleet, self.frames, self.critic_frames):
+            self.frames += learnt.frames
+            rewards.append(learnt.reward)
+            progress.advance(learnt.frames)
+            taught = taught if learnt.losses is None else learnt.losses
+        losses = self._checked(taught)
         self.stretch += 1
         score = self.examine(self.learner.averaged)
         best_m = min([score.mean_m, self.start_m, *(point["best_m"] for point in self.curve[-1:])])
@@ -143,7 +133,7 @@ class Trainer:
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         before = self.curve[-1] if self.curve else {"wall_s": 0.0, "cpu_s": 0.0}
         self.curve.append(
-            CurvePoint(
+            dict(
                 frames=self.frames,
                 wall_s=before["wall_s"] + wall,
                 cpu_s=before["cpu_s"] + cpu,
@@ -151,30 +141,21 @@ class Trainer:
                 error_m=score.mean_m,
                 worst_m=score.worst_m,
                 best_m=best_m,
-                loss_qvalue=float(losses["loss_qvalue"]),
-                loss_actor=float(losses["loss_actor"]),
-                alpha=float(losses["alpha"]),
-                entropy=float(losses["entropy"]),
+                **losses,
                 frames_per_s=config.stretch_frames / wall,
             )
         )
 
-    def _collect(self) -> Iterator[TensorDict]:
-        """Transitions (N, steps_per_batch) of one stretch."""
-        config = self.config
-        batch = config.num_envs * config.steps_per_batch
-        random_frames = max(0, config.random_frames - self.frames)
-        collector = Collector(
-            self.make_fleet(self.seed * 100_003 + self.stretch),
-            self.learner.exploring,
-            frames_per_batch=batch,
-            total_frames=config.stretch_frames,
-            init_random_frames=-(-random_frames // batch) * batch,
-            trust_policy=True,
-            auto_register_policy_transforms=False,
-        )
-        yield from collector
-        collector.shutdown()
+    def _checked(self, taught: Mapping[str, Tensor] | None) -> dict[str, float]:
+        """What the learner told of its last update, none of it where there was none."""
+        if taught is None:
+            return dict.fromkeys(self.learner.losses, math.nan)
+        losses = {name: float(loss) for name, loss in taught.items()}
+        if not all(math.isfinite(loss) for loss in losses.values()):
+            found = ", ".join(f"{name} {loss:g}" for name, loss in losses.items())
+            smaller = " or ".join(f"agent.{name}" for name in ("learning_rate", "gamma") if hasattr(self.config, name))
+            raise Diverged(f"training diverged within {self.frames} transitions ({found}): give a smaller {smaller}")
+        return losses
 
     def save(self) -> None:
         """Write the checkpoint."""

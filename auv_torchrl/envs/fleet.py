@@ -166,7 +166,7 @@ class FleetEnv(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         action = tensordict.get("action")
-        command = (action @ self._mixer).clamp(-1.0, 1.0)
+        command = self._limited(action @ self._mixer)
         native = self.simulator.arrays.native
         terminated = self._tensor(self.simulator.step(native(command))[:, None], torch.bool)
         if terminated.any():
@@ -189,6 +189,9 @@ class FleetEnv(EnvBase):
             self.batch_size,
             device=self.device,
         )
+
+    def _limited(self, command: Tensor) -> Tensor:
+        return command.clamp(-1.0, 1.0)
 
     def _report(self) -> dict[str, Tensor | TensorDict]:
         state, dtype = self._state, self.state_dtype

@@ -1,6 +1,7 @@
 """The fleet on the plain torch model: large batches, GPUs, gradients."""
 
 import torch
+from torch import Tensor
 
 from auv_torchrl.envs.fleet import FleetEnv, vehicles_of
 from auv_torchrl.scenario import Scenario
@@ -21,6 +22,7 @@ class TorchFleet(FleetEnv):
         device: of the tensors and the physics.
         dtype: of the physics and the true state; the observation and the reward are float32.
         compiled: compile the physics, see :class:`PlainSimulator`.
+        straight_through: let gradients by actions pass limits and dead bands as if these were not there.
 
     Raises:
         ValueError: for no vehicles, or a batch of vehicles that is not one per environment.
@@ -36,7 +38,16 @@ class TorchFleet(FleetEnv):
         device: torch.device | str = "cpu",
         dtype: torch.dtype = torch.float32,
         compiled: bool = False,
+        straight_through: bool = False,
     ) -> None:
         vehicles, arrays = vehicles_of(vehicle, num_envs), TorchArrays(torch.device(device), dtype)
-        simulator = PlainSimulator(vehicles, task.control_dt, scenario=scenario, arrays=arrays, compiled=compiled)
+        simulator = PlainSimulator(
+            vehicles, task.control_dt, scenario=scenario, arrays=arrays,
+            compiled=compiled, straight_through=straight_through,
+        )  # fmt: skip
         super().__init__(simulator, task, seed, dtype)
+        self._straight_through = straight_through
+
+    def _limited(self, command: Tensor) -> Tensor:
+        limited = super()._limited(command)
+        return command + (limited - command).detach() if self._straight_through else limited

@@ -10,7 +10,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, OmegaConf
 
 from auv_torchrl.adaptation.config import AdaptationConfig
-from auv_torchrl.agents.config import AgentConfig, FineTuning
+from auv_torchrl.agents.config import AGENTS, FineTuning
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.config_source import ENDINGS
 from auv_torchrl.ddr.config import AdapterConfig
@@ -51,7 +51,7 @@ class TrainSchema:
     scenario: ScenarioSchema = field(default_factory=ScenarioSchema)
     task: Any = MISSING
     randomization: dict[str, Any] = field(default_factory=dict)
-    agent: Any = field(default_factory=schema_of(AgentConfig))
+    agent: Any = MISSING
     adapter: Any = field(default_factory=schema_of(AdapterConfig))
     adaptation: Any = field(default_factory=schema_of(AdaptationConfig))
     flight: Any = field(default_factory=schema_of(FlightConfig))
@@ -89,9 +89,11 @@ def is_calibrated(vehicle: str) -> bool:
 
 
 def register() -> None:
-    """Make known to Hydra ``train_schema``, ``task/<name>_schema`` of each task, and :func:`randomization_of`."""
+    """Make known to Hydra ``train_schema``, ``<name>_schema`` of each task and agent, and :func:`randomization_of`."""
     ConfigStore.instance().store("train_schema", TrainSchema)
     OmegaConf.register_new_resolver("randomization_of", randomization_of, replace=True)
-    for name, task in TASKS.items():
-        named = make_dataclass(f"{task.__name__}Named", [("name", str, field(default=name))], bases=(schema_of(task),))
-        ConfigStore.instance().store(f"{name}_schema", named, group="task")
+    for group, registry in (("task", TASKS), ("agent", AGENTS)):
+        for name, kind in registry.items():
+            given: list[Any] = [("name", str, field(default=name))]
+            named = make_dataclass(f"{kind.__name__}Named", given, bases=(schema_of(kind),))
+            ConfigStore.instance().store(f"{name}_schema", named, group=group)

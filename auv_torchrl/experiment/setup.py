@@ -11,7 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from tensordict import TensorDict
 
 from auv_torchrl.adaptation import AdaptationConfig
-from auv_torchrl.agents.config import AgentConfig, FineTuning
+from auv_torchrl.agents.config import AgentConfig, FineTuning, read_agent
 from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
@@ -116,7 +116,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         exam=exam,
         starts=draw_starts(exam, config.starts, config.starts_seed),
         randomization=randomization,
-        agent=settings_of(AgentConfig, _plain(config.agent), "agent"),
+        agent=read_agent(_plain(config.agent)),
         adapter=AdapterConfig(**_plain(config.adapter)),
         adaptation=AdaptationConfig(**_plain(config.adaptation)),
         flight=flight,

@@ -55,17 +55,18 @@ def control_step(
     control_dt: float = CONTROL_DT,
     substeps: int = SUBSTEPS,
     advance: Callable[..., tuple[Array, Array]] | None = None,
+    aim: Callable[..., list[Array]] = thrust_targets,
 ) -> State:
     """Hold ``command`` (..., n) in [-1, 1] for ``control_dt`` seconds: ``substeps`` Runge-Kutta steps of order 4.
 
-    ``advance`` is a compiled form of :func:`runge_kutta_steps`, None the plain one.
+    ``advance`` is a compiled form of :func:`runge_kutta_steps`, None the plain one; ``aim`` gives the thrust targets.
     """
     advance = advance or runge_kutta_steps
     xp = array_namespace(command)
     commands = push(state.commands, command) if state.commands.shape[-2] > 1 else command[..., None, :]
     h = control_dt / substeps
     body = xp.concat((state.position, state.quaternion, state.velocity), axis=-1)
-    targets = thrust_targets(c, terms, commands, control_dt, substeps)
+    targets = aim(c, terms, commands, control_dt, substeps)
     body, thrust = advance(c, terms, body, state.thrust, targets, state.time, h)
     position, quaternion, velocity = body[..., :3], body[..., 3:7], body[..., 7:]
     return State(position, quaternion, velocity, thrust, commands, state.time + control_dt)

@@ -62,6 +62,22 @@ def thrust_targets(
     return [newer + share * (older - newer) for share in shares]
 
 
+def straight_through_targets(
+    c: Coefficients, terms: ActiveTerms, commands: Array, control_dt: float, stretches: int
+) -> list[Array]:
+    """:func:`thrust_targets` on torch, with the gradient that there were without limits and dead bands.
+
+    Theirs is zero where a policy must learn to leave them (Bengio et al. 2013, section 2, of thresholds in networks).
+    """
+    xp = array_namespace(commands)
+    free = c._replace(limit=xp.full_like(c.limit, xp.inf), dead_band=xp.zeros_like(c.dead_band))
+    truth = thrust_targets(c, terms, commands, control_dt, stretches)
+    slopes = thrust_targets(free, terms, commands, control_dt, stretches)
+    if all(target is truth[0] for target in truth):
+        return [slopes[0] + (truth[0] - slopes[0]).detach()] * stretches
+    return [slope + (value - slope).detach() for value, slope in zip(truth, slopes, strict=True)]
+
+
 def thrust_after(c: Coefficients, terms: ActiveTerms, thrust: Array, target: Array, elapsed: float) -> Array:
     """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``."""
     if not terms.lag:

@@ -10,6 +10,7 @@ from torch import Tensor
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step
 from auv_torchrl.physics.kernel import Advance
 from auv_torchrl.physics.step import runge_kutta_step, runge_kutta_steps
+from auv_torchrl.physics.thrusters import straight_through_targets, thrust_targets
 from auv_torchrl.simulator.arrays import Array
 from auv_torchrl.simulator.base import Options, Simulator
 from auv_torchrl.vehicle import Vehicle
@@ -24,12 +25,20 @@ class PlainSimulator(Simulator):
         vehicles, control_dt, options: of every :class:`Simulator`.
         compiled: let torch compile the Runge-Kutta step at its first use, some 10 s for each set of active terms; for
             large fleets on a GPU. Needs a C++ compiler on the CPU.
+        straight_through: let gradients by commands pass limits and dead bands as if these were not there; on torch.
     """
 
     def __init__(
-        self, vehicles: Vehicle, control_dt: float, *, compiled: bool = False, **options: Unpack[Options]
+        self,
+        vehicles: Vehicle,
+        control_dt: float,
+        *,
+        compiled: bool = False,
+        straight_through: bool = False,
+        **options: Unpack[Options],
     ) -> None:
         self._steps = Advance()
+        self._aim = straight_through_targets if straight_through else thrust_targets
         super().__init__(vehicles, control_dt, **options)
         self._advance_body: Callable[..., tuple[Array, Array]] = (
             partial(runge_kutta_steps, step=torch.compile(runge_kutta_step, fullgraph=True))
@@ -42,4 +51,9 @@ class PlainSimulator(Simulator):
         self._steps.forget()
 
     def _advance(self, c: Coefficients, terms: ActiveTerms, command: Array) -> State:
-        return control_step(c, terms, self.state, command, self.control_dt, advance=self._advance_body)
+        return control_step(c, terms, self.state, command, self.control_dt, advance=self._advance_body, aim=self._aim)
+
+    def cut_gradients(self) -> None:
+        """Let no gradient flow back from here, on torch."""
+        self.state = State(*(part.detach() for part in self.state))
+        self.poses = self.poses.detach()

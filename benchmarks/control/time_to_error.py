@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from tensordict.nn import TensorDictModule
 
-from auv_torchrl.agents.config import AgentConfig, load_agent_config
+from auv_torchrl.agents.config import AgentConfig, SACConfig, load_agent_config
 from auv_torchrl.agents.score import Score
 from auv_torchrl.agents.train_source import make_examiner, make_trainer
 from auv_torchrl.tasks import StationKeeping
@@ -38,7 +38,7 @@ def ours(config: AgentConfig, seed: int, backend: str) -> Curve:
     return [(point["cpu_s"], point["wall_s"], point["error_m"]) for point in trainer.curve]
 
 
-def stable_baselines(config: AgentConfig, seed: int, backend: str) -> Curve:
+def stable_baselines(config: SACConfig, seed: int, backend: str) -> Curve:
     """The same with stable-baselines3's SAC, up to the lower goal."""
     from stable_baselines3 import SAC  # pyright: ignore[reportMissingImports]
 

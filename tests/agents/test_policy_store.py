@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from tensordict import TensorDict
 from tiny_training import RANDOMIZATION, TASK, tiny_config, train_tiny
 
-from auv_torchrl.agents.config import REPORTING, load_agent_config
+from auv_torchrl.agents.config import AGENTS, REPORTING, load_agent_config
 from auv_torchrl.agents.policy import PolicyError, fingerprint, load_policy, save_policy
 from auv_torchrl.agents.storage import StorageError, digest
 from auv_torchrl.agents.train_source import describe
@@ -204,12 +204,15 @@ def other(value):
     return 2 * value if isinstance(value, int) else value / 2 if value is not None else 0.1
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(type(tiny_config()))])
-def test_every_setting_but_the_reporting_shapes_the_hash(name):
+SETTINGS = [(agent, entry.name) for agent in AGENTS for entry in fields(AGENTS[agent])]
+
+
+@pytest.mark.parametrize(("agent", "name"), SETTINGS)
+def test_every_setting_but_the_reporting_shapes_the_hash(agent, name):
     """Two trainings share a policy only if they would give the same one."""
-    usual = tiny_config()
+    usual = tiny_config(agent)
     changed = replace(usual, **{name: other(getattr(usual, name))})
-    same = fingerprint(ingredients(agent_config=changed)) == fingerprint(ingredients())
+    same = fingerprint(ingredients(agent_config=changed)) == fingerprint(ingredients(agent_config=usual))
     assert same == (name in REPORTING)
 
 
@@ -242,6 +245,11 @@ def test_impossible_settings_are_refused(settings, message):
     """The error names the setting, its value and what is allowed."""
     with pytest.raises(ValueError, match=message):
         load_agent_config("sac", settings)
+
+
+def test_agents_are_never_taken_for_each_other():
+    """Of all settings alike, each agent has a policy of its own."""
+    assert len({fingerprint(ingredients(agent_config=tiny_config(agent))) for agent in AGENTS}) == len(AGENTS)
 
 
 def test_unknown_agent_names_those_there_are():

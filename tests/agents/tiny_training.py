@@ -3,9 +3,10 @@
 import os
 import signal
 import sys
+from dataclasses import fields
 from pathlib import Path
 
-from auv_torchrl.agents.config import AgentConfig, load_agent_config
+from auv_torchrl.agents.config import AGENTS, AgentConfig, load_agent_config
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.train_source import train_source
@@ -16,16 +17,19 @@ TASK = StationKeeping(episode_s=1.0, box_m=1.0)
 RANDOMIZATION = {"added_mass": {"scale": [0.8, 1.2]}}
 
 
-def tiny_config(**changes) -> AgentConfig:
-    small = {
-        "hidden": [8, 8], "batch_size": 16, "num_envs": 4, "steps_per_batch": 5, "stretch_steps": 20,
-        "updates_per_step": 2, "total_frames": 240, "random_frames": 40, "buffer_size": 150, "evaluation_starts": 3,
-    }  # fmt: skip
-    return load_agent_config("sac", {**small, **changes})
+SMALL = {
+    "hidden": [8, 8], "batch_size": 16, "num_envs": 4, "steps_per_batch": 5, "stretch_steps": 20,
+    "updates_per_step": 2, "total_frames": 240, "random_frames": 40, "buffer_size": 150, "evaluation_starts": 3,
+}  # fmt: skip
+
+
+def tiny_config(agent: str = "sac", **changes) -> AgentConfig:
+    known = {entry.name for entry in fields(AGENTS[agent])}
+    return load_agent_config(agent, {**{key: SMALL[key] for key in SMALL if key in known}, **changes})
 
 
 def train_tiny(folder: Path, **changes) -> SourcePolicy:
-    """``changes`` are arguments of ``train_source`` or settings of the agent."""
+    """``changes`` are arguments of ``train_source``, ``agent``, or settings of that agent."""
     arguments = {
         "vehicle": load_vehicle("paper"), "task": TASK, "randomization": RANDOMIZATION, "seed": 5,
         "backend": "torch", "resume": None, "device": "cpu",

@@ -7,12 +7,13 @@ from auv_torchrl.experiment import schema
 from auv_torchrl.experiment.setup import Experiment, read_experiment
 from auv_torchrl.paths import CONF
 
-TINY = (
-    "starts=4", "backend=torch", "agent.hidden=[8,8]", "agent.batch_size=16", "agent.num_envs=4",
-    "agent.steps_per_batch=5", "agent.stretch_steps=20", "agent.total_frames=160", "agent.random_frames=40",
-    "agent.buffer_size=200", "agent.evaluation_starts=2", "agent.evaluation_box_m=1", "adapter.target_data_s=2",
+ANY_AGENT = (
+    "starts=4", "backend=torch", "agent.hidden=[8,8]", "agent.num_envs=4",
+    "agent.steps_per_batch=5", "agent.stretch_steps=20", "agent.total_frames=160",
+    "agent.evaluation_starts=2", "agent.evaluation_box_m=1", "adapter.target_data_s=2",
     "flight.length_s=13", "flight.fault_s=[2,3]",
 )  # fmt: skip
+TINY = (*ANY_AGENT, "agent.batch_size=16", "agent.random_frames=40", "agent.buffer_size=200")
 
 
 @pytest.fixture(scope="session")
@@ -29,7 +30,8 @@ def experiment(policies):
         schema.register()
         chosen = [] if scenario == "nominal" else [f"+scenario={scenario}"]
         with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
-            config = compose("train", [*chosen, *TINY, f"policies={policies}", *overrides])
+            tiny = ANY_AGENT if any(given.startswith("agent=") for given in overrides) else TINY
+            config = compose("train", [*chosen, *tiny, f"policies={policies}", *overrides])
         return read_experiment(config, scenario)
 
     return read

@@ -13,6 +13,7 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
+from auv_torchrl.agents.config import AGENTS
 from auv_torchrl.command import BadInput
 from auv_torchrl.evaluation import Metrics, fly
 from auv_torchrl.experiment.run import fit_map, fly_adapted, linear_map, run, source_policy
@@ -34,6 +35,14 @@ def test_a_run_leaves_results_figures_and_a_recording(experiment, tmp_path):
     assert all(set(results[name]) >= METRICS for name in ("u_s", "u_t", "nominal"))
     assert results["target_data_s"] == pytest.approx(2.0) and results["fit_s"] > 0 and results["train_s"] > 0
     assert results["u_t"] == results["u_t_forms"]["short"] != results["u_t_forms"]["long"]
+
+
+@pytest.mark.parametrize("agent", [name for name in AGENTS if name != "sac"])
+def test_every_agent_flies_a_whole_run(experiment, tmp_path, agent):
+    """What another agent than SAC has learnt is broken, adapted and flown in MuJoCo by the same command."""
+    results = run(experiment("swap", f"agent={agent}", "backend=mujoco"), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert results.feasible and results.u_t is not None
 
 
 def test_an_infeasible_scenario_is_declared_with_its_rank_and_u_s_is_still_flown(experiment, tmp_path):

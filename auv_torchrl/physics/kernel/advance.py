@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.kernel.adjoint import DifferentiableSteps
 from auv_torchrl.physics.kernel.steps import Steps
 from auv_torchrl.physics.step import runge_kutta_steps
 
@@ -16,7 +17,8 @@ Array = Any
 class Advance:
     """:func:`~auv_torchrl.physics.step.runge_kutta_steps` of vehicles whose coefficients stay in the same arrays.
 
-    Where tensors are on another device or are differentiated, it is the plain one.
+    Gradients flow back through compiled code, too, to bodies, thrusts and targets. Where tensors are on another device
+    or mapped over, or gradients by the vehicles are wanted, it is the plain one.
     """
 
     def __init__(self):
@@ -38,11 +40,15 @@ class Advance:
         h: float,
     ) -> tuple[Array, Array]:
         """As of the plain one; arrays (N, ...)."""
-        if isinstance(body, Tensor) and not _plain_memory(body, thrust, time, *targets, *c):
+        if isinstance(body, Tensor) and (
+            _differentiated(time, *c) or not _plain_memory(body, thrust, time, *targets, *c)
+        ):
             return runge_kutta_steps(c, terms, body, thrust, targets, time, h)
         steps = self._steps_of(c, terms, h)
         if not steps.compiled:
             return runge_kutta_steps(c, terms, body, thrust, targets, time, h)
+        if isinstance(body, Tensor) and _differentiated(body, thrust, *targets):
+            return DifferentiableSteps.apply(steps, body, thrust, torch.stack(targets, dim=-2), time)
         one = all(target is targets[0] for target in targets)
         parts = np.asarray(targets[0])[:, None] if one else np.stack([np.asarray(each) for each in targets], axis=-2)
         parts = np.broadcast_to(parts, (len(parts), len(targets), parts.shape[-1]))[None, :, None]
@@ -59,10 +65,12 @@ class Advance:
 
 
 def _plain_memory(*tensors: Tensor) -> bool:
-    """Whether tensors are on the CPU, and none is differentiated or mapped over."""
+    """Whether tensors are on the CPU and not mapped over."""
     return not torch.compiler.is_compiling() and all(
-        tensor.device.type == "cpu"
-        and not (tensor.requires_grad and torch.is_grad_enabled())
-        and not torch._C._functorch.is_functorch_wrapped_tensor(tensor)  # pyright: ignore[reportAttributeAccessIssue]
+        tensor.device.type == "cpu" and not torch._C._functorch.is_functorch_wrapped_tensor(tensor)  # pyright: ignore[reportAttributeAccessIssue]
         for tensor in tensors
     )
+
+
+def _differentiated(*tensors: Tensor) -> bool:
+    return torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)

@@ -32,15 +32,15 @@ class Steps:
             terms: of them.
             h: length of a Runge-Kutta step in s.
         """
-        self._c, self._terms, self._h = c, terms, h
-        shapes = tuple(field.shape[1:] for field in c)
-        self._layout = _layout(shapes)
-        self._dtype = c.lag.dtype
-        self._run = _function(shapes, 8 * self._dtype.itemsize) if is_wanted() else None
+        self.c, self.terms, self.h = c, terms, h
+        self.shapes = tuple(field.shape[1:] for field in c)
+        self.dtype = c.lag.dtype
+        self._layout = _layout(self.shapes)
+        self._run = _function(self.shapes, 8 * self.dtype.itemsize) if is_wanted() else None
         if self._run is not None:
             rows = len(c.full_thrust)
-            numbers = [np.asarray(field, self._dtype).reshape(rows, -1) for field in c]
-            self._constants = np.concatenate([*numbers, np.full((rows, 1), h, self._dtype)], axis=-1)[None]
+            numbers = [np.asarray(field, self.dtype).reshape(rows, -1) for field in c]
+            self.constants = np.concatenate([*numbers, np.full((rows, 1), h, self.dtype)], axis=-1)[None]
 
     @property
     def compiled(self) -> bool:
@@ -62,8 +62,8 @@ class Steps:
         One in an axis stands for all; the axis of the vehicles may be longer than there are coefficients where there
         is one vehicle.
         """
-        force = np.zeros((1, 1, 1, 6), self._dtype) if force is None else force
-        vehicles = (1, len(self._c.full_thrust))
+        force = np.zeros((1, 1, 1, 6), self.dtype) if force is None else force
+        vehicles = (1, len(self.c.full_thrust))
         windows, rows = np.broadcast_shapes(
             vehicles, *(given.shape[:2] for given in (body, thrust, targets, time, force))
         )
@@ -79,12 +79,12 @@ class Steps:
         self, shape: tuple[int, int, int, int], body: Array, thrust: Array, targets: Array, time: Array, force: Array
     ) -> tuple[Array, Array]:
         windows, rows, steps, _ = shape
-        dtype = self._dtype
+        dtype = self.dtype
         states = np.empty((windows, rows, steps + 1, 13), dtype)
         states[:, :, 0] = body
         later = np.empty((windows, rows, thrust.shape[-1]), dtype)
         arrays = {
-            "constants": self._constants,
+            "constants": self.constants,
             "body": readable(body, dtype),
             "thrust": readable(thrust, dtype),
             "time": readable(time[..., None], dtype),
@@ -103,15 +103,15 @@ class Steps:
         self, shape: tuple[int, int, int, int], body: Array, thrust: Array, targets: Array, time: Array, force: Array
     ) -> tuple[Array, Array]:
         windows, rows, steps, parts = shape
-        states = np.empty((windows, rows, steps + 1, 13), self._dtype)
+        states = np.empty((windows, rows, steps + 1, 13), self.dtype)
         states[:, :, 0] = body
         body = _by_number(np.broadcast_to(body, (windows, rows, 13)))
         for step in range(steps):
             pushed = _by_number(force[:, :, min(step, force.shape[2] - 1)])
             for part in range(parts):
                 target = targets[:, :, step, part]
-                body, thrust = runge_kutta_step(self._c, self._terms, body, thrust, target, time, self._h, pushed)
-                time = time + self._h
+                body, thrust = runge_kutta_step(self.c, self.terms, body, thrust, target, time, self.h, pushed)
+                time = time + self.h
             states[:, :, step + 1] = body
         return states, np.broadcast_to(thrust, (windows, rows, thrust.shape[-1]))
 

@@ -1,0 +1,93 @@
+"""Analytic policy gradient: the reward of short flights differentiated through the simulator.
+
+As Xu et al. 2022 (ICLR, short-horizon actor-critic), without their critic: a horizon is longer than what a vehicle
+remembers of a command.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.envs import EnvBase
+from torchrl.envs.utils import step_mdp
+
+from auv_torchrl.agents.config import GradientConfig
+from auv_torchrl.agents.learner import Learner, Learnt
+from auv_torchrl.envs import TorchFleet
+
+
+class GradientLearner(Learner):
+    """Climbs the gradient of the mean reward over a horizon; arguments are those of every :class:`Learner`."""
+
+    losses = ("loss_actor", "gradient_norm")
+
+    def __init__(self, observations: int, actions: int, config: GradientConfig, device: torch.device):
+        super().__init__(observations, actions, config, device)
+        self.config = config
+        self._weights = list(self.exploring.parameters())
+        self._follow([weight.data for weight in self._weights])
+        self.optimiser = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
+
+    def learn(self, fleet: EnvBase, before: int, critics_alone: int) -> Iterator[Learnt]:
+        """Fly one horizon after the other from where the vehicles are, and climb after each."""
+        config, frames = self.config, before
+        batch = config.num_envs * config.steps_per_batch
+        state = fleet.reset()
+        for _ in range(config.stretch_steps // config.steps_per_batch):
+            state, rewards, flown = self._fly(fleet, self._begin(fleet, state))
+            frames += batch
+            losses = self._climb((rewards * flown).sum() / flown.sum(), frames)
+            yield Learnt(batch, rewards.detach().mean(), losses)
+
+    def _begin(self, fleet: EnvBase, state: TensorDictBase) -> TensorDictBase:
+        """The vehicles as they are, without their past; some begin anew, and those whose episode is over."""
+        _below(fleet).simulator.cut_gradients()  # pyright: ignore[reportAttributeAccessIssue]
+        state = state.detach()
+        drawn = torch.rand(state.batch_size, device=self.device) < self.config.restart
+        over = state["done"] | drawn[:, None]
+        return fleet.reset(state.set("_reset", over), set_state=False) if over.any() else state
+
+    def _fly(self, fleet: EnvBase, state: TensorDictBase) -> tuple[TensorDictBase, Tensor, Tensor]:
+        """Where a horizon leads, the rewards (H, N, 1) on the way, and which of them count: until an episode ends."""
+        rewards, flown, running = [], [], ~state["done"]
+        for _ in range(self.config.steps_per_batch):
+            state = fleet.step(self.exploring(state))
+            rewards.append(state["next", "reward"])
+            flown.append(running)
+            running = running & ~state["next", "done"]
+            state = step_mdp(state)
+        return state.set("done", ~running), torch.stack(rewards), torch.stack(flown)
+
+    def _climb(self, reward: Tensor, frames: int) -> dict[str, Tensor]:
+        config = self.config
+        fraction = frames / (config.stretches * config.stretch_frames)
+        for group in self.optimiser.param_groups:
+            group["lr"] = config.learning_rate * (1 + (config.learning_rate_end - 1) * fraction)
+        self.optimiser.zero_grad(set_to_none=True)
+        (-reward).backward()
+        norm = torch.nn.utils.clip_grad_norm_(self._weights, config.gradient_norm)
+        self.optimiser.step()
+        updates = frames / (config.num_envs * config.steps_per_batch)
+        self._move_average(min(config.average, updates / (updates + 10)))  # the first weights of all are soon forgotten
+        return {"loss_actor": -reward.detach(), "gradient_norm": norm}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that what follows depends on."""
+        return {
+            **super().state_dict(),
+            "policy": self.exploring.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from :meth:`state_dict`."""
+        super().load_state_dict(state)
+        self.exploring.load_state_dict(state["policy"])
+        self.optimiser.load_state_dict(state["optimiser"])
+
+
+def _below(env: Any) -> TorchFleet:
+    """The fleet below transforms."""
+    return env if isinstance(env, TorchFleet) else _below(env.base_env)

@@ -1,0 +1,113 @@
+"""Soft actor-critic: actor, critics and their averages, and the transitions that they learn from."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor
+from torchrl.collectors import Collector
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+from torchrl.envs import EnvBase
+
+from auv_torchrl.agents.config import SACConfig
+from auv_torchrl.agents.learner import Learner, Learnt
+from auv_torchrl.agents.losses import make_loss
+from auv_torchrl.agents.updater import Updater, leaves
+
+STORED = (
+    "observation",
+    "action",
+    ("next", "observation"),
+    ("next", "reward"),
+    ("next", "done"),
+    ("next", "terminated"),
+)
+
+
+class SACLearner(Learner):
+    """What soft actor-critic learns with; arguments are those of every :class:`Learner`."""
+
+    losses = ("loss_qvalue", "loss_actor", "alpha", "entropy")
+
+    def __init__(self, observations: int, actions: int, config: SACConfig, device: torch.device):
+        self.config = config
+        loss = make_loss(
+            config.loss, observations, actions, config.hidden, gamma=config.gamma,
+            target_entropy=config.target_entropy, alpha_init=config.alpha_init, device=device,
+        )  # fmt: skip
+        self.updater = Updater(loss, config.learning_rate, config.alpha_learning_rate, config.tau)
+        super().__init__(observations, actions, config, device)
+        self._follow([p.data for p in leaves(loss, "actor_network_params")])
+        self.buffer = TensorDictReplayBuffer(
+            storage=LazyTensorStorage(config.buffer_size, device=device),
+            batch_size=config.batch_size * config.updates_per_step * config.steps_per_batch,
+        )
+
+    def learn(self, fleet: EnvBase, before: int, critics_alone: int) -> Iterator[Learnt]:
+        """Collect, remember, update."""
+        config, frames = self.config, before
+        for data in self._collect(fleet, before):
+            self.buffer.extend(data.select(*STORED).reshape(-1))
+            frames += data.numel()
+            losses = None
+            if frames > config.random_frames:
+                done = frames / (config.stretches * config.stretch_frames)
+                losses = self._update(done, actor=frames > critics_alone)
+            yield Learnt(data.numel(), data["next", "reward"].mean(), losses)
+
+    def _collect(self, fleet: EnvBase, before: int) -> Iterator[TensorDict]:
+        """Transitions (N, steps_per_batch) of one stretch."""
+        config = self.config
+        batch = config.num_envs * config.steps_per_batch
+        random_frames = max(0, config.random_frames - before)
+        collector = Collector(
+            fleet,
+            self.exploring,
+            frames_per_batch=batch,
+            total_frames=config.stretch_frames,
+            init_random_frames=-(-random_frames // batch) * batch,
+            trust_policy=True,
+            auto_register_policy_transforms=False,
+        )
+        yield from collector
+        collector.shutdown()
+
+    def _update(self, fraction: float, actor: bool) -> dict[str, Tensor]:
+        """The updates that are due after one batch of transitions.
+
+        Args:
+            fraction: of the training that is done, which lowers the learning rate.
+            actor: update it too, not the critics alone.
+
+        Returns:
+            The means of their losses.
+        """
+        config = self.config
+        self.updater.scale_learning_rate(1 + (config.learning_rate_end - 1) * fraction)
+        losses = []
+        for batch in self.buffer.sample().split(config.batch_size):
+            losses.append(self.updater.step(batch, actor))
+            self._move_average(config.average)
+        return {key: torch.stack([loss[key].detach() for loss in losses]).mean() for key in self.losses}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that what follows depends on, the transitions included."""
+        # cloned, because saving a slice would write the memory of the whole buffer
+        stored = self.buffer[:].clone().flatten_keys(".").to_dict() if len(self.buffer) else {}
+        return {
+            **super().state_dict(),
+            "updater": self.updater.state_dict(),
+            "transitions": {key: value for key, value in stored.items() if key != "index"},
+            "cursor": self.buffer.writer.state_dict(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from :meth:`state_dict`."""
+        super().load_state_dict(state)
+        self.updater.load_state_dict(state["updater"])
+        if state["transitions"]:
+            transitions = TensorDict(state["transitions"], device=self.device).auto_batch_size_(1).unflatten_keys(".")
+            self.buffer.empty()
+            self.buffer.extend(transitions)
+        self.buffer.writer.load_state_dict(state["cursor"])

@@ -1,0 +1,133 @@
+"""Runge-Kutta steps that gradients flow back through: compiled forwards and backwards, as one function of torch."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.kernel.assembly import assembly
+from auv_torchrl.physics.kernel.native import LANES, load
+from auv_torchrl.physics.kernel.program import Layout, Program, program
+from auv_torchrl.physics.kernel.reverse import pulled_back
+from auv_torchrl.physics.kernel.steps import Shapes, Steps, coefficient_sizes
+from auv_torchrl.physics.kernel.symbols import Symbols, Tape
+from auv_torchrl.physics.kernel.table import readable, table
+from auv_torchrl.physics.step import runge_kutta_step
+from auv_torchrl.physics.thrusters import thrust_after
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+class DifferentiableSteps(torch.autograd.Function):
+    """``apply(steps, body, thrust, targets, time)``: body (N, 13) and thrust (N, n) after P steps, on the CPU.
+
+    The targets are (N, P, n). Gradients reach body, thrust and targets, not the time and not the vehicles.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any, steps: Steps, body: Tensor, thrust: Tensor, targets: Tensor, time: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Step, and keep the states between."""
+        goals = targets.detach().numpy()[None, :, :, None]
+        states, later = steps.run(body.detach().numpy()[None], thrust.detach().numpy()[None], goals, time.numpy()[None])
+        ctx.steps, ctx.states = steps, states
+        ctx.save_for_backward(thrust, targets, time)
+        return torch.from_numpy(states[0, :, -1].copy()), torch.from_numpy(later[0])
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *grad_outputs: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The gradients, from those of what came out."""
+        thrust, targets, time = (saved.detach().numpy() for saved in ctx.saved_tensors)
+        given = (slope.contiguous().numpy() for slope in grad_outputs)
+        found = Adjoint(ctx.steps).run(ctx.states[0], thrust, targets, time, *given)
+        return (None, *(torch.from_numpy(slope) for slope in found), None)
+
+
+class Adjoint:
+    """How what a loss depends on after some steps depends on what was before them."""
+
+    def __init__(self, steps: Steps):
+        """For the vehicles of compiled ``steps``."""
+        self._steps = steps
+        self._layout = _layout(steps.shapes)
+        self._run = cast(Callable[[int], None], _function(steps.shapes, 8 * steps.dtype.itemsize))
+
+    def run(
+        self, states: Array, thrust: Array, targets: Array, time: Array, body_slope: Array, thrust_slope: Array
+    ) -> tuple[Array, Array, Array]:
+        """Gradients by the first body (R, 13), the first thrust (R, n) and the targets (R, S, n).
+
+        Args:
+            states: (R, S + 1, 13) before the first step and after each.
+            thrust: (R, n) in N, before the first step.
+            targets: (R, S, n) in N.
+            time: (R,) in s, before the first step.
+            body_slope: (R, 13) gradient by the last state.
+            thrust_slope: (R, n) gradient by the last thrust.
+        """
+        dtype = self._steps.dtype
+        rows, count, thrusters = targets.shape
+        thrusts = self._thrusts(thrust, targets)
+        times = time[:, None, None] + self._steps.h * np.arange(count)[:, None]
+        by_target = np.empty((rows, count, thrusters), dtype)
+        by_body, by_thrust = np.empty((rows, 13), dtype), np.empty((rows, thrusters), dtype)
+        backwards = {"body": states[:, :-1], "thrust": thrusts, "target": targets, "time": times}
+        arrays = {
+            "constants": self._steps.constants,
+            "body slope": readable(body_slope, dtype)[None],
+            "thrust slope": readable(thrust_slope, dtype)[None],
+            **{name: readable(array, dtype)[None, :, ::-1] for name, array in backwards.items()},
+            "target slope": by_target[None, :, ::-1],
+            "final body slope": by_body[None],
+            "final thrust slope": by_thrust[None],
+        }
+        self._run(table(self._layout, arrays, (1, rows, count, 1)).ctypes.data)
+        return by_body, by_thrust, by_target
+
+    def _thrusts(self, thrust: Array, targets: Array) -> Array:
+        """Thrust (R, S, n) before each step."""
+        steps, thrusts = self._steps, [thrust]
+        for step in range(targets.shape[1] - 1):
+            thrusts.append(thrust_after(steps.c, steps.terms, thrusts[-1], targets[:, step], steps.h))
+        return np.stack(thrusts, axis=1)
+
+
+@cache
+def _layout(shapes: Shapes) -> Layout:
+    sizes = coefficient_sizes(shapes)
+    thrusters = sizes["full_thrust"]
+    return Layout(
+        constants={**sizes, "h": 1},
+        carried={"body slope": 13, "thrust slope": thrusters},
+        given={"body": 13, "thrust": thrusters, "target": thrusters, "time": 1},
+        written={"target slope": thrusters},
+    )
+
+
+@cache
+def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
+    name = f"adjoint-{coefficient_sizes(shapes)['full_thrust']}-{bits}"
+    return load(name, lambda: assembly(traced_adjoint(shapes), LANES[bits], bits))
+
+
+def traced_adjoint(shapes: Shapes) -> Program:
+    """The vector-Jacobian product of a Runge-Kutta step with all terms."""
+    tape, layout = Tape(), _layout(shapes)
+    pairs = zip(Coefficients._fields, shapes, strict=True)
+    c = Coefficients(*(tape.inputs(name, shape) for name, shape in pairs))
+    sizes = layout.given | layout.carried
+    body, thrust, target, *slopes = (
+        tape.inputs(name, (sizes[name],)) for name in ("body", "thrust", "target", "body slope", "thrust slope")
+    )
+    time, h = tape.inputs("time", ()), tape.inputs("h", ())
+    step: Any = runge_kutta_step  # on a third array library
+    later: tuple[Symbols, Symbols] = step(c, ActiveTerms.everything(), body, thrust, target, time, h)
+    by_body, by_thrust, by_target = pulled_back(tape, later, slopes, (body, thrust, target))
+    return program(tape, layout, {"body slope": by_body, "thrust slope": by_thrust, "target slope": by_target})
