@@ -29,6 +29,7 @@ from auv_torchrl.diagnosis.validate.confirm import confirm
 from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
+from auv_torchrl.diagnosis.volts import volts_findings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.vehicle import Vehicle
@@ -94,7 +95,14 @@ def diagnose(
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
     noise = (*quiet_findings(problem), *outlier_findings(problem), *steep_stretches(log), noise_finding(problem))
-    findings = (*corrected.findings, *rests_on(looked), *vetoes(vetoed), *shortfalls(short), *noise)
+    findings = (
+        *volts_findings(log, vehicle),
+        *corrected.findings,
+        *rests_on(looked),
+        *vetoes(vetoed),
+        *shortfalls(short),
+        *noise,
+    )
     doubted = doubts((*log.findings, *findings))
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))

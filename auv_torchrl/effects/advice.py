@@ -102,6 +102,24 @@ def thrust_limit(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     return (Advice(f"look at the volts under load, and at the current and pulse limits of {named}"),)
 
 
+def reaction_torque(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of propellers that turn the vehicle otherwise than its file says."""
+    named = _numbered(values)
+    return (
+        Advice(f"look which hand the propeller of {named} is of, and enter its sense in the vehicle file (reaction)"),
+    )
+
+
+def compass_interference(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a compass that turns with the current drawn."""
+    (angle,) = values.values()
+    turned = f"{math.degrees(angle):+.0f}° at full thrust"
+    say = f"move the compass away from power wires, or twist those: it turns by {turned}"
+    if autopilot.get("COMPASS_MOTCT") == 0:
+        return (Advice(f"{say}; or calibrate it against the current, COMPASS_MOTCT 2"),)
+    return (Advice(say),)
+
+
 def buoyancy(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     """Of a vehicle too heavy or too light."""
     (force,) = values.values()

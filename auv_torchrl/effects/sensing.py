@@ -26,6 +26,23 @@ heading_bias = Effect(
 )
 
 
+compass_interference = Effect(
+    name="compass_interference",
+    origin=Origin.SENSING,
+    meaning="measured yaw minus true yaw grows with the sum of all thrusts; the angle is that at full thrust of all",
+    source="field of the currents to the thrusters beside that of the earth, as ArduPilot's compass-motor calibration",
+    odds=1e-2,  # what thrusters do to the heading itself is likelier
+    parameters=(
+        Parameter(
+            "angle", "rad", own("compass_per_load"), -1.5, 1.5, "the compass turns by {value:+.2f} rad at full thrust"
+        ),
+    ),
+    change=sets(angle="compass_per_load"),
+    advice=advice.compass_interference,
+    scans={"angle": Scan((0.3,), linear=True)},
+)
+
+
 pose_delay = Effect(
     name="pose_delay",
     origin=Origin.SENSING,
@@ -135,5 +152,6 @@ sensor_noise = Effect(
 )
 
 EFFECTS = (
-    heading_bias, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, gyro_bias, sensor_noise,
+    heading_bias, compass_interference, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, gyro_bias,
+    sensor_noise,
 )  # fmt: skip
