@@ -107,6 +107,7 @@ class Effect:
     scans: Mapping[str, Scan] = field(default_factory=dict)  # by parameter, what the diagnosis tries; else its bounds
     slack: Mapping[str, float] = field(default_factory=dict)  # by parameter, relative: how far sound vehicles are off
     together: tuple[Mapping[str, float], ...] = ()  # values that the diagnosis tries, of several parameters at once
+    unfiltered: tuple[str, ...] = ()  # channels that show it if a sensor measured them, and not as a filter has them
     is_rough: bool = False  # its values switch single samples, so that near by ones are tried instead of slopes
     is_searched: bool = True  # whether the diagnosis looks for it; not for what other effects say in fewer numbers
     is_noise: bool = False  # white noise of sensors: the floor of predictions, measured, and not looked for either
@@ -116,6 +117,10 @@ class Effect:
         for key, given in (("scans", self.scans), ("slack", self.slack)):
             if odd := set(given) - set(known):
                 raise ValueError(f"effect {self.name}: {key} of {', '.join(sorted(odd))}: {choices(odd, known)}")
+
+    def shows_in(self, filtered: Mapping[str, float]) -> bool:
+        """Whether a log shows it of which a filter estimated some channels, by name how fast those go astray."""
+        return not any(filtered.get(channel, 0.0) > 0 for channel in self.unfiltered)
 
     def advise(
         self, vehicle: Vehicle, values: Mapping[str, float], autopilot: Mapping[str, float]

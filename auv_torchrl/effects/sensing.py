@@ -39,6 +39,7 @@ compass_interference = Effect(
     ),
     change=sets(angle="compass_per_load"),
     advice=advice.compass_interference,
+    unfiltered=("yaw",),  # a filter with a gyro follows its compass within a minute
     scans={"angle": Scan((0.3,), linear=True)},
 )
 

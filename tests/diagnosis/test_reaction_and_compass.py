@@ -50,3 +50,9 @@ def test_the_heading_alone_feels_the_current():
     channels = ("x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r")
     change = read(c, channels, np.zeros(12), np.array(0.5)) - read(c, channels, np.zeros(12))
     assert change == pytest.approx([0, 0, 0, 0, 0, 0.2, 0, 0, 0])
+
+
+def test_a_filter_hides_the_compass():
+    """It follows its compass slowly: what shows at once in such a heading is something else."""
+    effect = EFFECTS["compass_interference"]
+    assert effect.shows_in({}) and effect.shows_in({"x": 0.05, "yaw": 0.0}) and not effect.shows_in({"yaw": 0.002})
