@@ -40,7 +40,15 @@ def found_effects(
         sure = probability[name] > ACTED_ON
         advice = EFFECTS[name].advise(problem.vehicle, values, autopilot) if sure else ()
         effects.append(replace(effect, advice=advice))
-    return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
+    told = [effect for effect in effects if not is_ordinary(problem, effect)] or effects
+    return tuple(sorted(told, key=lambda effect: -(effect.gap_closed or 0.0)))
+
+
+def is_ordinary(problem: Problem, effect: FoundEffect) -> bool:
+    """Whether it is what clocks and filters of every vehicle are off by, in a log that a vehicle wrote."""
+    declared = EFFECTS[effect.name].member_parameters(problem.vehicle)
+    departs = {name: abs(e.value - e.nominal) for name, e in effect.parameters.items()}
+    return problem.windows.errors.coloured and all(by <= declared[name].ordinary for name, by in departs.items())
 
 
 def leave_one_out(found: Found) -> dict[str, float]:

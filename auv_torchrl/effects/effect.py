@@ -39,6 +39,7 @@ class Parameter:
     over: tuple[str, ...] | str | None = None  # "thruster", or the names of the members
     discrete: bool = False
     guessed: float | Callable[[Vehicle, str], float] = 0.0  # standard deviation where a vehicle's file is a guess
+    ordinary: float = 0.0  # what clocks and filters of a sound vehicle are off by: no finding beside a fault
     varies: float = 0.0  # standard deviation from flight to flight of a sound vehicle, members of a family together
 
     def members(self, vehicle: Vehicle) -> tuple[str, ...]:

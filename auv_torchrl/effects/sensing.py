@@ -130,7 +130,14 @@ gyro_bias = Effect(
     source="zero-rate offset of a MEMS gyro, up to 5 deg/s as sold, where nothing estimates it",
     parameters=(
         Parameter(
-            "bias", "rad/s", 0.0, -0.2, 0.2, "the gyro reads {value:+.4f} rad/s too much in {which}", tuple("pqr")
+            "bias",
+            "rad/s",
+            0.0,
+            -0.2,
+            0.2,
+            "the gyro reads {value:+.4f} rad/s too much in {which}",
+            tuple("pqr"),
+            ordinary=0.005,  # what a filter knows the bias to: 0.3 degree/s
         ),
     ),
     change=_gyro_bias,
