@@ -60,6 +60,8 @@ class Vehicle(TensorClass):
     dead_band: Tensor  # (n,) N
     limit: Tensor  # (n,) N
     gain: Tensor  # (n,) on the thrust, after the limit
+    reaction: Tensor  # (n,) m, moment about its direction per newton of its thrust: the propeller turns the other way
+    volts: Tensor  # () V at which full_thrust holds and from which thrust follows logged volts; 0 where it does not
     lag: Tensor  # (n,) s
     delay: Tensor  # () s
     battery_sag: Tensor  # () share of the thrust lost per minute
@@ -71,6 +73,7 @@ class Vehicle(TensorClass):
     depth_bias: Tensor  # () m, reported depth minus true depth
     velocity_scale: Tensor  # () reported linear velocities are the true ones times this
     gyro_bias: Tensor  # (3,) rad/s, reported angular rates minus true ones
+    compass_per_load: Tensor  # () rad that the measured yaw turns by while all thrusters give their full thrust
     position_noise: Tensor  # () m, standard deviation per axis
     attitude_noise: Tensor  # () rad, standard deviation per axis
 
@@ -83,15 +86,29 @@ class Vehicle(TensorClass):
 _VECTORS = {  # section -> key -> length; 0 is a scalar
     "rigid_body": {"mass": 0, "inertia": 3, "centre_of_mass": 3, "centre_of_buoyancy": 3, "buoyancy": 0},
     "": {"added_mass": 6, "mass_scale": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
-    "thrusters": {"full_thrust": 0, "asymmetry": 0, "exponent": 0, "dead_band": 0, "limit": 0, "lag": 0, "delay": 0},
+    "thrusters": {
+        "full_thrust": 0,
+        "asymmetry": 0,
+        "exponent": 0,
+        "dead_band": 0,
+        "limit": 0,
+        "lag": 0,
+        "delay": 0,
+        "reaction": 0,
+        "volts": 0,
+    },
 }
 _SENSORS = {  # what a vehicle's own sensors are off by, where that is known; the nominal values are those of true ones
     "heading_bias": 0.0, "pose_delay": 0.0, "position_scale": 1.0, "depth_scale": 1.0, "depth_bias": 0.0,
     "velocity_scale": 1.0,
 }  # fmt: skip
-_PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay"}  # one number for all, or one each
+_NOTHING = ("payload_mass", "payload_weight", "vertical_force", "tether_stiffness", "tether_slack", "battery_sag",
+            "compass_per_load", "position_noise", "attitude_noise")  # fmt: skip
+_NOWHERE = ("payload_position", "current", "tether_anchor", "gyro_bias")
+_PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay", "volts"}  # one number for all, or one each
 _POSITIVE = {"mass", "inertia", "buoyancy", "mass_scale", "full_thrust", "exponent", "limit"}
-_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "dead_band", "lag", "delay"}
+_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "dead_band", "lag", "delay", "volts"}
+_LEFT_OUT = {"reaction": 0.0, "volts": 0.0}  # of thrusters, where a file does not say it
 _SAID_OF_IT = {"name", "uncertainty", "calibration"}  # what the diagnosis and the training read besides
 
 
@@ -141,30 +158,19 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
     if (length < 1e-9).any():
         raise ValueError("vehicle: a row of thrusters.direction is zero: give the direction of its force")
     per_thruster: dict[str, Any] = {key: fields.pop(key).expand(n) for key in _PER_THRUSTER}
-    zero = torch.zeros((), dtype=torch.float64)
-    one = torch.ones((), dtype=torch.float64)
+    zero, one = torch.tensor([0.0, 1.0], dtype=torch.float64)
     return Vehicle(
         **fields,
         **per_thruster,
         free=one.expand(6),
-        payload_mass=zero,
-        payload_weight=zero,
-        payload_position=zero.expand(3),
-        vertical_force=zero,
-        current=zero.expand(3),
-        tether_anchor=zero.expand(3),
-        tether_stiffness=zero,
-        tether_slack=zero,
+        **dict.fromkeys(_NOTHING, zero),
+        **dict.fromkeys(_NOWHERE, zero.expand(3)),
         thruster_position=position,
         thruster_direction=direction / length,
         mixer=mixer,
         routing=torch.eye(n, dtype=torch.float64),
         gain=one.expand(n),
-        battery_sag=zero,
         **_read_sensors(vehicle.get("sensors", {})),
-        gyro_bias=zero.expand(3),
-        position_noise=zero,
-        attitude_noise=zero,
         batch_size=[],
     )
 
@@ -180,6 +186,7 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
         block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
         if not isinstance(block, Mapping):
             raise ValueError(f"vehicle: {section} is {short(block)}: give a mapping with {', '.join(keys)}")
+        block = _LEFT_OUT | dict(block) if section == "thrusters" else block
         allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
         if unknown := set(block) - allowed:
             odd = sorted(map(str, unknown))

@@ -18,9 +18,11 @@ UNITS = {
     "quadratic_drag": "kg/m, kg m^2", "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
     "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
     "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
+    "reaction": "m, moment about its direction per newton of thrust", "volts": "V at which full_thrust holds",
     "mixer": "columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
 }  # fmt: skip
 _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
+_WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
 _SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
 
 
@@ -64,7 +66,8 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
         ValueError: for a vehicle with something that no file can say.
     """
     diagonal = bool((vehicle.linear_drag == vehicle.linear_drag.diagonal().diag()).all())
-    alike = {key: getattr(vehicle, key) for key in _PER_THRUSTER}
+    told = [key for key in _WHERE_TOLD if bool((getattr(vehicle, key) != 0).any())]
+    alike = {key: getattr(vehicle, key) for key in (*_PER_THRUSTER, *told)}
     content = {
         "name": name,
         "rigid_body": {
@@ -79,7 +82,10 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
         "thrusters": {
             "position": numbers(vehicle.thruster_position),
             "direction": numbers(vehicle.thruster_direction),
-            **{key: numbers(each[0] if (each == each[0]).all() else each) for key, each in alike.items()},
+            **{
+                key: numbers(each.flatten()[0] if (each == each.flatten()[0]).all() else each)
+                for key, each in alike.items()
+            },
             "delay": numbers(vehicle.delay),
         },
         "mixer": numbers(vehicle.mixer),

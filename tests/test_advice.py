@@ -67,6 +67,15 @@ def test_exchanged_plugs_are_named_once():
     ]
 
 
+def test_exchanged_plugs_can_be_mended_by_the_functions_of_the_outputs():
+    """Where the log has them; a thruster that gets the command of another sits on the output of that one."""
+    effect = EFFECTS["thruster_swap"]
+    functions = {f"SERVO{k}_FUNCTION": 32.0 + n for k, n in ((1, 1), (2, 2), (3, 5), (5, 3))}
+    (pair,) = effect.advise(PAPER, {**effect.nominal(PAPER), "command_2": 3.0, "command_3": 2.0}, functions)
+    assert pair.param == {"SERVO2_FUNCTION": 35.0, "SERVO5_FUNCTION": 34.0}
+    assert "or set SERVO5_FUNCTION to 34 and SERVO2_FUNCTION to 35" in pair.do
+
+
 def test_trim_is_given_in_grams():
     """5.6 N too light are 571 g in water, or a tenth more of lead; too heavy, it is float that is added."""
     (light,), (heavy,) = advised("buoyancy", force=-5.6), advised("buoyancy", force=5.6)

@@ -19,7 +19,7 @@ THRUSTERS = {
 def uneven_file() -> dict[str, Any]:
     """What its file would hold: a BlueROV2 with another thruster at each place."""
     content = copy.deepcopy(dict(read_vehicle_file("bluerov2")))
-    content["thrusters"] |= THRUSTERS
+    content["thrusters"] |= THRUSTERS | {"reaction": [0.016, -0.016, 0.01, 0.0, 0.02, -0.016]}
     return content
 
 

@@ -40,7 +40,15 @@ def found_effects(
         sure = probability[name] > ACTED_ON
         advice = EFFECTS[name].advise(problem.vehicle, values, autopilot) if sure else ()
         effects.append(replace(effect, advice=advice))
-    return tuple(sorted(effects, key=lambda effect: -(effect.gap_closed or 0.0)))
+    told = [effect for effect in effects if not is_ordinary(problem, effect)] or effects
+    return tuple(sorted(told, key=lambda effect: -(effect.gap_closed or 0.0)))
+
+
+def is_ordinary(problem: Problem, effect: FoundEffect) -> bool:
+    """Whether it is what clocks and filters of every vehicle are off by, in a log that a vehicle wrote."""
+    declared = EFFECTS[effect.name].member_parameters(problem.vehicle)
+    departs = {name: abs(e.value - e.nominal) for name, e in effect.parameters.items()}
+    return problem.windows.errors.coloured and all(by <= declared[name].ordinary for name, by in departs.items())
 
 
 def leave_one_out(found: Found) -> dict[str, float]:
@@ -63,7 +71,12 @@ def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member] = froz
     for effect in sorted({effect for effect, _ in hidden}):
         members = [name for name in EFFECTS[effect].member_parameters(problem.vehicle) if (effect, name) in hidden]
         blind.append(f"{effect} ({', '.join(members)})")
-    sentences = [*unseen(problem), *(f"{name} would leave no mark on this log" for name in blind)]
+    filtered = [name for name, effect in EFFECTS.items() if not effect.shows_in(problem.windows.errors.drift)]
+    sentences = [
+        *(f"{name} hides behind the filter of the autopilot" for name in filtered),
+        *unseen(problem),
+        *(f"{name} would leave no mark on this log" for name in blind),
+    ]
     for knob in found.best.explanation.fitted:
         p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]
         nominal = EFFECTS[knob.effect].nominal(problem.vehicle)[knob.members[0]]
@@ -90,7 +103,7 @@ def _found_effect(
         low, high = max(p.low, value - half), min(p.high, value + half)
         parameters[member] = Estimate(value, low, high, nominal[member], p.unit)
         which = member.removeprefix(f"{p.name}_")
-        sentences.append(p.sentence.format(value=value, which=which))
+        sentences.append(p.sentence.format(value=value, which=which.replace("_", " ")))
         if p.over == "thruster":
             thrusters.add(int(which))
     if len(knob_members := {k.members for k in explanation.knobs if k.effect == name}) == 1:

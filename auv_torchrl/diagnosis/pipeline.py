@@ -11,6 +11,7 @@ from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.healthy import noise_findings, stated_floor
 from auv_torchrl.diagnosis.calibrate.kept import Kept
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.configured import configured, said_too
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
 from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
@@ -28,6 +29,7 @@ from auv_torchrl.diagnosis.validate.confirm import confirm
 from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict
 from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
+from auv_torchrl.diagnosis.volts import volts_findings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.vehicle import Vehicle
@@ -93,24 +95,33 @@ def diagnose(
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
     noise = (*quiet_findings(problem), *outlier_findings(problem), *steep_stretches(log), noise_finding(problem))
-    findings = (*log.findings, *corrected.findings, *rests_on(looked), *vetoes(vetoed), *shortfalls(short), *noise)
-    doubted = doubts(findings)
+    findings = (
+        *volts_findings(log, vehicle),
+        *corrected.findings,
+        *rests_on(looked),
+        *vetoes(vetoed),
+        *shortfalls(short),
+        *noise,
+    )
+    doubted = doubts((*log.findings, *findings))
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
     unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)
+    findings = (*configured(log, healthy, verdict, effects), *findings)
     same, hidden = indistinguishable(problem, found), hidden_members(problem, found)
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
     where = locate(problem, found, effects, verdict, looked.onset)
+    summary = said_first(summarise(verdict, effects, where, gap, corrected.sentences), verdict, doubted)
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
         vehicle=vehicle_name,
         verdict=verdict,
-        summary=said_first(summarise(verdict, effects, where, gap, corrected.sentences), verdict, doubted),
+        summary=said_too(summary, findings, effects),
         where=where,
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),

@@ -25,6 +25,6 @@ def plain(value: Any) -> Any:
 def finding_from(entry: Mapping[str, Any]) -> Finding:
     """A finding from plain types."""
     rows = entry["rows"] and tuple(entry["rows"])
-    return Finding(
-        **{**entry, "severity": Severity(entry["severity"]), "columns": tuple(entry["columns"]), "rows": rows}
-    )
+    param = tuple((name, value) for name, value in entry.get("param", ()))
+    severity, columns = Severity(entry["severity"]), tuple(entry["columns"])
+    return Finding(**{**entry, "severity": severity, "columns": columns, "rows": rows, "param": param})

@@ -140,4 +140,34 @@ thrust_limit = Effect(
     scans={"limit": Scan((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), all=True, relative=True)},
 )
 
-EFFECTS = (thruster_gain, thruster_swap, thruster_misalignment, thrust_limit)
+
+def _guessed_arm(vehicle: Vehicle, member: str) -> float:
+    """A third of what the file says; nothing where it leaves it out."""
+    return 0.3 * abs(own("reaction")(vehicle)[int(member.rsplit("_", 1)[1]) - 1].item())
+
+
+reaction_torque = Effect(
+    name="reaction_torque",
+    origin=Origin.ACTUATION,
+    meaning="moment of thruster i about its direction, per newton of its thrust; the sign is its sense of turning",
+    source="Fossen 2021, section 9.1, propeller torque; a T200 at 16 V takes about 0.8 N m for 51.5 N: 0.016 m",
+    odds=1e-2,  # a propeller of the other hand, with its wires exchanged, is rarer than one that is worn
+    parameters=(
+        Parameter(
+            "arm",
+            "m",
+            own("reaction"),
+            -0.1,
+            0.1,
+            "the propeller of thruster {which} turns the vehicle by {value:+.3f} N m for each newton",
+            "thruster",
+            guessed=_guessed_arm,
+        ),
+    ),
+    change=sets(arm="reaction"),
+    advice=advice.reaction_torque,
+    scans={"arm": Scan((0.03,), linear=True)},
+    slack={"arm": 0.1},  # of the torque of a propeller at one thrust
+)
+
+EFFECTS = (thruster_gain, thruster_swap, thruster_misalignment, thrust_limit, reaction_torque)

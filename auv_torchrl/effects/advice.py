@@ -5,6 +5,7 @@ tells them. An effect of one's own declares such a function as its ``advice``.
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -15,6 +16,8 @@ LEAD = 1.1  # kg of lead for each kg in water: 11,340 kg/m^3 against 1,025 kg/m^
 DEAD = 0.1  # of the thrust, below which a thruster is said to give nothing
 REVERSED = -0.5  # times the thrust, beyond which it is the direction alone that is wrong
 SOUND = 1.0
+FIRST_MOTOR = 33  # value of SERVOk_FUNCTION for motor 1, up to 40 for motor 8
+_IS_FUNCTION = re.compile(r"SERVO\d+_FUNCTION")
 
 
 @dataclass(frozen=True)
@@ -60,11 +63,26 @@ def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     giver = {which(member): f"{command:.0f}" for member, command in values.items()}
     pairs = sorted({tuple(sorted((to, by), key=int)) for to, by in giver.items() if giver.get(by) == to})
     paired = {thruster for pair in pairs for thruster in pair}
-    found = [Advice(f"exchange the plugs of motors {a} and {b}, or SERVO{a}_FUNCTION and SERVO{b}_FUNCTION")
-             for a, b in pairs]  # fmt: skip
-    found += [Advice(f"thruster {to} is plugged in where thruster {by} belongs: put it on its own output")
-              for to, by in giver.items() if to not in paired]  # fmt: skip
+    found: list[Advice] = []
+    for a, b in pairs:
+        there = {**_function(a, b, autopilot), **_function(b, a, autopilot)}
+        either = ", or set " + " and ".join(f"{n} to {v:g}" for n, v in there.items()) if len(there) == 2 else (
+            f", or SERVO{a}_FUNCTION and SERVO{b}_FUNCTION"
+        )  # fmt: skip
+        found.append(Advice(f"exchange the plugs of motors {a} and {b}{either}", there if len(there) == 2 else {}))
+    for to, by in giver.items():
+        if to not in paired:
+            there = _function(to, by, autopilot)
+            either = "".join(f", or set {name} to {value:g}" for name, value in there.items())
+            lost = f"thruster {to} is plugged in where thruster {by} belongs: put it on its own output{either}"
+            found.append(Advice(lost, there))
     return tuple(found)
+
+
+def _function(to: str, by: str, autopilot: Values) -> dict[str, float]:
+    """The output that thruster ``to`` is plugged into, which has the function of ``by``, and what to set it to."""
+    wanted, had = (float(FIRST_MOTOR - 1 + int(number)) for number in (to, by))
+    return {name: wanted for name, value in autopilot.items() if _IS_FUNCTION.fullmatch(name) and value == had}
 
 
 def thruster_misalignment(values: Values, autopilot: Values) -> tuple[Advice, ...]:
@@ -82,6 +100,24 @@ def thrust_limit(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     """Of thrusters that saturate."""
     named = _numbered(values)
     return (Advice(f"look at the volts under load, and at the current and pulse limits of {named}"),)
+
+
+def reaction_torque(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of propellers that turn the vehicle otherwise than its file says."""
+    named = _numbered(values)
+    return (
+        Advice(f"look which hand the propeller of {named} is of, and enter its sense in the vehicle file (reaction)"),
+    )
+
+
+def compass_interference(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a compass that turns with the current drawn."""
+    (angle,) = values.values()
+    turned = f"{math.degrees(angle):+.0f}° at full thrust"
+    say = f"move the compass away from power wires, or twist those: it turns by {turned}"
+    if autopilot.get("COMPASS_MOTCT") == 0:
+        return (Advice(f"{say}; or calibrate it against the current, COMPASS_MOTCT 2"),)
+    return (Advice(say),)
 
 
 def buoyancy(values: Values, autopilot: Values) -> tuple[Advice, ...]:

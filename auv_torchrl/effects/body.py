@@ -92,7 +92,7 @@ buoyancy = Effect(
             0.0,
             -60.0,
             60.0,
-            "it is {value:+.1f} N heavier in water than assumed",
+            "its weight in water is off by {value:+.1f} N",
             guessed=lambda vehicle, member: 0.2 * float(vehicle.mass.mean()),  # trimmed by hand, to 2 % of its weight
             varies=0.5,  # 50 g of trim, a bubble, salt
         ),

@@ -39,6 +39,7 @@ class Parameter:
     over: tuple[str, ...] | str | None = None  # "thruster", or the names of the members
     discrete: bool = False
     guessed: float | Callable[[Vehicle, str], float] = 0.0  # standard deviation where a vehicle's file is a guess
+    ordinary: float = 0.0  # what clocks and filters of a sound vehicle are off by: no finding beside a fault
     varies: float = 0.0  # standard deviation from flight to flight of a sound vehicle, members of a family together
 
     def members(self, vehicle: Vehicle) -> tuple[str, ...]:
@@ -107,6 +108,7 @@ class Effect:
     scans: Mapping[str, Scan] = field(default_factory=dict)  # by parameter, what the diagnosis tries; else its bounds
     slack: Mapping[str, float] = field(default_factory=dict)  # by parameter, relative: how far sound vehicles are off
     together: tuple[Mapping[str, float], ...] = ()  # values that the diagnosis tries, of several parameters at once
+    unfiltered: tuple[str, ...] = ()  # channels that show it if a sensor measured them, and not as a filter has them
     is_rough: bool = False  # its values switch single samples, so that near by ones are tried instead of slopes
     is_searched: bool = True  # whether the diagnosis looks for it; not for what other effects say in fewer numbers
     wears: Mapping[str, int] = field(default_factory=dict)  # by parameter, +1 or -1: which way alone it goes by itself
@@ -118,6 +120,10 @@ class Effect:
         for key, given in (("scans", self.scans), ("slack", self.slack)):
             if odd := set(given) - set(known):
                 raise ValueError(f"effect {self.name}: {key} of {', '.join(sorted(odd))}: {choices(odd, known)}")
+
+    def shows_in(self, filtered: Mapping[str, float]) -> bool:
+        """Whether a log shows it of which a filter estimated some channels, by name how fast those go astray."""
+        return not any(filtered.get(channel, 0.0) > 0 for channel in self.unfiltered)
 
     def advise(
         self, vehicle: Vehicle, values: Mapping[str, float], autopilot: Mapping[str, float]

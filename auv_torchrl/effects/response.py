@@ -140,6 +140,7 @@ command_delay = Effect(
             0.8,
             "commands arrive {value:.2f} s late",
             guessed=0.05,  # driver and link
+            ordinary=0.01,  # snapshots of an output at 10 Hz
             varies=0.005,  # of a clock against another
         ),
     ),

@@ -26,6 +26,24 @@ heading_bias = Effect(
 )
 
 
+compass_interference = Effect(
+    name="compass_interference",
+    origin=Origin.SENSING,
+    meaning="measured yaw minus true yaw grows with the sum of all thrusts; the angle is that at full thrust of all",
+    source="field of the currents to the thrusters beside that of the earth, as ArduPilot's compass-motor calibration",
+    odds=1e-2,  # what thrusters do to the heading itself is likelier
+    parameters=(
+        Parameter(
+            "angle", "rad", own("compass_per_load"), -1.5, 1.5, "the compass turns by {value:+.2f} rad at full thrust"
+        ),
+    ),
+    change=sets(angle="compass_per_load"),
+    advice=advice.compass_interference,
+    unfiltered=("yaw",),  # a filter with a gyro follows its compass within a minute
+    scans={"angle": Scan((0.3,), linear=True)},
+)
+
+
 pose_delay = Effect(
     name="pose_delay",
     origin=Origin.SENSING,
@@ -112,7 +130,14 @@ gyro_bias = Effect(
     source="zero-rate offset of a MEMS gyro, up to 5 deg/s as sold, where nothing estimates it",
     parameters=(
         Parameter(
-            "bias", "rad/s", 0.0, -0.2, 0.2, "the gyro reads {value:+.4f} rad/s too much in {which}", tuple("pqr")
+            "bias",
+            "rad/s",
+            0.0,
+            -0.2,
+            0.2,
+            "the gyro reads {value:+.4f} rad/s too much in {which}",
+            tuple("pqr"),
+            ordinary=0.005,  # what a filter knows the bias to: 0.3 degree/s
         ),
     ),
     change=_gyro_bias,
@@ -135,5 +160,6 @@ sensor_noise = Effect(
 )
 
 EFFECTS = (
-    heading_bias, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, gyro_bias, sensor_noise,
+    heading_bias, compass_interference, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, gyro_bias,
+    sensor_noise,
 )  # fmt: skip

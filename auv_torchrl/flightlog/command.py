@@ -11,12 +11,13 @@ from auv_torchrl.flightlog.readers import READERS
 from auv_torchrl.flightlog.streams.options import read_options
 
 _BAD_INPUT = 2  # exit code, as for a wrong command line
-_KEYS = ("output", "modes", "params", "system", "replace")
+_KEYS = ("output", "modes", "params", "system", "replace", "healthy")
 HELP = """What is in a log of a vehicle, and the same in the simple form that diagnose.py reads too.
 
   auv-log info FILE [FILE ...]           streams, rates and gaps, frame, motors, modes, arming, what can be diagnosed
   auv-log convert FILE output=log.csv    one table with commands, pose and rates; also output=log.parquet
 
+  healthy=FILE      of info: a flight while the vehicle was sound; parameters that differ from it are named
   params=FILE       parameters that the log lacks, as a ground station saves them; or params={MOT_1_DIRECTION: -1}
   modes=[MANUAL]    take these modes alone
   system=1          which vehicle, where a file has several
@@ -40,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from auv_torchrl.flightlog.job import convert, info  # here: --help and a mistaken command line need neither
 
         if action == "info":
-            info(files, options)
+            info(files, options, keys.get("healthy", ""))
         else:
             convert(files, options, keys)
     except (FlightLogError, FileExistsError) as error:

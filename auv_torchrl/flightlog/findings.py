@@ -34,6 +34,7 @@ class Finding:
     columns: tuple[str, ...] = ()
     rows: tuple[int, int] | None = None
     limits: bool = False  # what is concluded about the vehicle stays in doubt until it is mended
+    param: tuple[tuple[str, float], ...] = ()  # parameters of the autopilot to set, where they are the remedy
 
     def __str__(self) -> str:
         rows = "" if self.rows is None else f" (rows {self.rows[0]} to {self.rows[1]})"

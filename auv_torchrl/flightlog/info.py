@@ -1,11 +1,12 @@
 """What is in a log of a vehicle, and what could be diagnosed with it, in lines for people."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.log import POSE, VELOCITY
+from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration
 from auv_torchrl.flightlog.streams.grid import choose, tabulate
 from auv_torchrl.flightlog.streams.motors import commands_of, listed, motors_of
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Stream, Streams
@@ -14,14 +15,18 @@ from auv_torchrl.flightlog.table import Table
 _LISTED = 8  # stretches that are listed one by one
 
 
-def info_lines(streams: Streams, options: ReadOptions | None = None) -> Iterator[str]:
-    """The lines of ``auv-log info`` for the log of a vehicle."""
+def info_lines(
+    streams: Streams, options: ReadOptions | None = None, healthy: Mapping[str, float] | None = None
+) -> Iterator[str]:
+    """The lines of ``auv-log info`` for the log of a vehicle, compared with the parameters of a ``healthy`` flight."""
     options = options or ReadOptions()
+    parameters = {**options.parameters, **streams.vehicle.parameters}
     yield f"{streams.name}: {streams.format}, {streams.end - streams.start:.1f} s"
     yield from (f"  {key:<10} {text}" for key, text in _facts(streams, options))
     yield "  streams"
     yield from (f"    {_stream_line(stream)}" for stream in streams.streams.values())
-    for finding in streams.findings:
+    compared = compare_configuration(parameters, [healthy]) if healthy else []
+    for finding in (*streams.findings, *check_configuration(streams, parameters), *compared):
         yield f"  {finding}"
     yield from (f"  {line}" for line in _diagnosable(streams, options))
 
@@ -68,7 +73,7 @@ def _motors(streams: Streams, options: ReadOptions) -> str:
     if motors is None:
         return f"not said: {listed(missing)}"
     reverse = [str(n + 1) for n, direction in enumerate(motors.direction) if direction < 0]
-    where = ", ".join(f"{n + 1} on output {k}" for n, k in enumerate(motors.output))
+    where = ", ".join(f"{n + 1} on {f'output {k}' if k else 'none'}" for n, k in enumerate(motors.output))
     return f"{where}; MOT_n_DIRECTION -1: {', '.join(reverse) or 'none'}; {motors.low:g} to {motors.high:g} us"
 
 

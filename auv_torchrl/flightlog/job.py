@@ -13,17 +13,21 @@ from auv_torchrl.flightlog.writer import write_columns
 _TABLES = (".csv", ".parquet", ".pq")
 
 
-def info(files: list[Path], options: ReadOptions) -> None:
-    """Print what is in each log.
+def info(files: list[Path], options: ReadOptions, healthy: str = "") -> None:
+    """Print what is in each log, its parameters compared with those of a ``healthy`` one.
 
     Raises:
         FlightLogError: at the end, for those that cannot be read.
     """
+    sound = read_streams(Path(healthy), options) if healthy else None
+    parameters = sound.vehicle.parameters if sound else None
+    if healthy and not parameters:
+        raise FlightLogError(f"healthy={healthy} holds no parameters of an autopilot: give the log of a sound flight")
     failed = []
     for file in files:
         try:
             streams = read_streams(file, options)
-            lines = table_lines(read_table(file)) if streams is None else info_lines(streams, options)
+            lines = table_lines(read_table(file)) if streams is None else info_lines(streams, options, parameters)
             print("\n".join(lines))
         except FlightLogError as error:
             failed.append(str(error))

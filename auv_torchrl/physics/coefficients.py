@@ -35,6 +35,7 @@ class Coefficients(NamedTuple):
     lag: Array  # (n,)
     delay: Array  # ()
     battery_sag: Array  # ()
+    volts: Array  # ()
     heading_bias: Array  # ()
     pose_delay: Array  # ()
     position_scale: Array  # ()
@@ -42,6 +43,7 @@ class Coefficients(NamedTuple):
     depth_bias: Array  # ()
     velocity_scale: Array  # ()
     gyro_bias: Array  # (3,)
+    compass_per_load: Array  # ()
     position_noise: Array  # ()
     attitude_noise: Array  # ()
 
@@ -112,7 +114,7 @@ class ActiveTerms(NamedTuple):
 
 def _sensors_are_true(c: Coefficients) -> bool:
     scales = (c.position_scale, c.depth_scale, c.velocity_scale)
-    offsets = (c.heading_bias, c.pose_delay, c.depth_bias, c.gyro_bias)
+    offsets = (c.heading_bias, c.pose_delay, c.depth_bias, c.gyro_bias, c.compass_per_load)
     return not any(bool((scale != 1).any()) for scale in scales) and not any(bool((o != 0).any()) for o in offsets)
 
 
@@ -144,9 +146,9 @@ def prepare(vehicle: Vehicle) -> Coefficients:
 
 _COPIED = (
     "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
-    "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "heading_bias", "pose_delay",
-    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "gyro_bias", "position_noise",
-    "attitude_noise",
+    "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts", "heading_bias", "pose_delay",
+    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "gyro_bias", "compass_per_load",
+    "position_noise", "attitude_noise",
 )  # fmt: skip
 
 
@@ -178,7 +180,7 @@ def total_mass_matrix(vehicle: Vehicle) -> Tensor:
 
 
 def allocation_matrix(vehicle: Vehicle) -> Tensor:
-    """Wrench per newton of thrust of each thruster, (..., 6, n), without their gains."""
+    """Wrench per newton of thrust of each thruster, (..., 6, n), without their gains; propellers turn the body, too."""
     direction = vehicle.thruster_direction
-    moment = torch.linalg.cross(vehicle.thruster_position, direction)
+    moment = torch.linalg.cross(vehicle.thruster_position, direction) + vehicle.reaction[..., None] * direction
     return torch.cat((direction, moment), dim=-1).transpose(-1, -2)

@@ -9,7 +9,11 @@ from auv_torchrl.physics.kinematics import matvec
 
 Array = Any
 # What thrust targets depend on: vehicles that are equal in these have the same.
-TARGET_FIELDS = ("delay", "routing", "exponent", "asymmetry", "full_thrust", "limit", "dead_band")
+TARGET_FIELDS = ("delay", "routing", "exponent", "asymmetry", "full_thrust", "limit", "dead_band", "volts")
+# Of thrust at one command, by volts: a T200 gives 3.71 kgf at 12 V, 5.25 at 16 V and 6.7 at 20 V (Blue Robotics,
+# specification of the T200), which is a power of 1.2 between the first two, as a battery of four cells goes.
+VOLTS_EXPONENT = 1.2
+VOLTS_WITHIN = 0.5, 1.5  # times the volts of the file; others are no battery of these thrusters
 
 
 def delayed(memory: Array, delay: Array, control_dt: float) -> Array:
@@ -95,6 +99,20 @@ def body_wrench(c: Coefficients, terms: ActiveTerms, thrust: Array, time: Array)
     if terms.battery_sag:
         wrench = wrench * (1.0 - c.battery_sag * time / 60.0)[..., None]
     return wrench
+
+
+def at_volts(c: Coefficients, volts: Array) -> Array:
+    """Factor on thrusts at these battery ``volts``, broadcast against ``c.volts``; 1 where thrust does not follow."""
+    xp = array_namespace(volts)
+    share = volts / xp.where(c.volts > 0, c.volts, xp.ones_like(c.volts))
+    follows = (c.volts > 0) & (share > VOLTS_WITHIN[0]) & (share < VOLTS_WITHIN[1])
+    return xp.where(follows, share, xp.ones_like(share)) ** VOLTS_EXPONENT
+
+
+def load(c: Coefficients, thrust: Array) -> Array:
+    """Share in [0, 1] of all full thrusts that thrusts (..., n) in N are: about how the current drawn goes."""
+    xp = array_namespace(thrust)
+    return xp.sum(xp.abs(thrust), axis=-1) / xp.sum(c.full_thrust, axis=-1)
 
 
 def applied_thrust(c: Coefficients, terms: ActiveTerms, thrust: Array, time: Array) -> Array:

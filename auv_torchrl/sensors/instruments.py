@@ -34,6 +34,10 @@ def _heading(c: Coefficients, motion: Array) -> Array:
     return motion[..., 5:6] + c.heading_bias[..., None]
 
 
+def _turned(c: Coefficients, load: Array) -> Array:
+    return (c.compass_per_load * load)[..., None]
+
+
 def _velocity(c: Coefficients, motion: Array) -> Array:
     return c.velocity_scale[..., None] * motion[..., 6:9]
 
@@ -46,7 +50,7 @@ INSTRUMENTS = (
     Sensor("position", ("x", "y"), "motion capture, or an acoustic positioning system", _position, _with_pose),
     Sensor("depth", ("z",), "a pressure gauge, or the positioning system", _depth, _with_pose),
     Sensor("attitude", ("roll", "pitch"), "motion capture, or an inertial unit", _attitude, _with_pose),
-    Sensor("heading", ("yaw",), "motion capture, or a compass", _heading, _with_pose),
+    Sensor("heading", ("yaw",), "motion capture, or a compass", _heading, _with_pose, _turned),
     Sensor(
         "velocity", ("u", "v", "w"), "a Doppler log that is fixed to the body: no compass turns it", _velocity, at_once
     ),
@@ -60,11 +64,18 @@ def sensor_of(channel: str) -> Sensor:
     return next(sensor for sensor in reversed(tuple(SENSORS.values())) if channel in sensor.channels)
 
 
-def read(c: Coefficients, channels: tuple[str, ...], motion: Array) -> Array:
-    """What sensors report (..., C) in ``channels``, of a motion (..., 12), without noise; angles are not wrapped."""
+def read(c: Coefficients, channels: tuple[str, ...], motion: Array, load: Array | None = None) -> Array:
+    """What sensors report (..., C) in ``channels``, of a motion (..., 12), without noise; angles are not wrapped.
+
+    ``load`` (...) is the share of their full thrusts that thrusters give meanwhile; None for none.
+    """
     xp = array_namespace(motion)
     sensors = [sensor_of(channel) for channel in channels]
     reports = {sensor.name: sensor.read(c, motion) for sensor in set(sensors)}
+    if load is not None:
+        for sensor in set(sensors):
+            if sensor.loaded is not None:
+                reports[sensor.name] = reports[sensor.name] + sensor.loaded(c, load)
     columns = [
         reports[sensor.name][..., sensor.channels.index(channel)]
         for channel, sensor in zip(channels, sensors, strict=True)

@@ -14,7 +14,9 @@ Array = Any
 _POSE, _VELOCITY = MOTION[:6], MOTION[6:]
 
 
-def measured_pose(c: Coefficients, poses: Array, control_dt: float, noise: Array | None = None) -> tuple[Array, Array]:
+def measured_pose(
+    c: Coefficients, poses: Array, control_dt: float, noise: Array | None = None, load: Array | None = None
+) -> tuple[Array, Array]:
     """Position (..., 3) in m and quaternion (..., 4) as reported.
 
     Args:
@@ -22,9 +24,10 @@ def measured_pose(c: Coefficients, poses: Array, control_dt: float, noise: Array
         poses: (..., L, 7) past poses, position then quaternion, newest first.
         control_dt: seconds between them.
         noise: (..., 6) standard normal draws, position then roll, pitch, yaw; None for none.
+        load: (...) share of their full thrusts that thrusters give; None for none.
     """
     pose = delayed(poses, ages(c, ("x",))[..., 0], control_dt) if poses.shape[-2] > 1 else poses[..., 0, :]
-    reported = read(c, _POSE, motion_of(pose))
+    reported = read(c, _POSE, motion_of(pose), load)
     position, quaternion = reported[..., :3], quaternion_from_euler(*(reported[..., i] for i in (3, 4, 5)))
     if noise is not None:
         position = position + c.position_noise[..., None] * noise[..., :3]

@@ -18,6 +18,7 @@ class Sensor:
     """An instrument that reports some channels.
 
     ``read(c, motion)`` is what it reports, (..., k) for its ``k`` channels, of a motion (..., 12), without noise;
+    ``loaded(c, load)`` is what it reports besides, (..., k), while thrusters give a share ``load`` (...) of their all;
     ``age(c)`` how long ago, in s, the vehicle moved as its reports of this moment say, () for each vehicle.
     """
 
@@ -26,6 +27,7 @@ class Sensor:
     meaning: str
     read: Callable[[Coefficients, Array], Array]
     age: Callable[[Coefficients], Array]
+    loaded: Callable[[Coefficients, Array], Array] | None = None
 
 
 def at_once(c: Coefficients) -> Array:

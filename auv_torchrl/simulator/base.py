@@ -15,7 +15,7 @@ from torch import Tensor
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.step import memory_length, push
-from auv_torchrl.physics.thrusters import applied_thrust
+from auv_torchrl.physics.thrusters import applied_thrust, load
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.sensors import MOTION, SENSORS, ages, measured_pose, measured_velocity
 from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays
@@ -220,7 +220,9 @@ class Simulator(ABC):
             return Report(*state[:3])
         if noise is None and self.terms.sensor_noise and self.generator is not None:
             noise = self.arrays.native(torch.randn(self.count, 6, generator=self.generator, dtype=torch.float64))
-        position, quaternion = measured_pose(self.coefficients, self.poses, self.control_dt, noise)
+        position, quaternion = measured_pose(
+            self.coefficients, self.poses, self.control_dt, noise, load(self.coefficients, self.thrust)
+        )
         return Report(position, quaternion, measured_velocity(self.coefficients, state.velocity))
 
     @property

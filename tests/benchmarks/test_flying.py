@@ -22,6 +22,7 @@ from benchmarks.blind.sizes import (
     HORIZONTAL,
     NOT_A_GAP,
     NOT_LOGGED,
+    NOT_MET,
     NOT_TOLD,
     draw_failures,
     draw_values,
@@ -55,7 +56,9 @@ def distance(one, other):
 
 def test_sizes_cover_the_registry():
     """Every effect that opens a gap of its own has a clear size."""
-    assert set(CLEAR) | set(NOT_A_GAP) | set(NOT_LOGGED) | set(NOT_TOLD) | set(COEFFICIENTS) == set(EFFECTS)
+    assert set(CLEAR) | set(NOT_A_GAP) | set(NOT_LOGGED) | set(NOT_TOLD) | set(NOT_MET) | set(COEFFICIENTS) == set(
+        EFFECTS
+    )
 
 
 @pytest.mark.parametrize("failed", [2, 3])

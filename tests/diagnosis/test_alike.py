@@ -43,7 +43,7 @@ def dives(values, count, seed, seconds=SECONDS):
     pose, velocity = np.full((2, count, steps, 6), np.nan)
     pose[..., 2] = flown.position[:, :-1, 2] + 0.01 * rng.standard_normal((count, steps))
     velocity[..., 5] = flown.velocity[:, :-1, 5] + 0.02 * rng.standard_normal((count, steps))
-    t = np.arange(steps) * DT
+    t = (np.arange(steps) * DT).astype(np.float64)
     episodes = [Episode(i, t, pose[i], velocity[i], commands[i], source=f"dive {i}") for i in range(count)]
     return FlightLog("dives", tuple(episodes), ("z", "r"))
 

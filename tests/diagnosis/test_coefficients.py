@@ -96,7 +96,7 @@ def test_their_intervals_hold_the_truth(calibrated):
     assert all_ == 8
     assert inside >= 6
     sentences = {effect.name: effect.sentence for effect in calibrated.effects}
-    assert "heavier in water" in sentences["buoyancy"]
+    assert "weight in water is off" in sentences["buoyancy"]
     assert any("idle it sinks" in sentence for sentence in calibrated.sentences)
 
 

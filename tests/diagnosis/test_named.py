@@ -1,15 +1,17 @@
 """What a reader is told of the effects that were found."""
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import named
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
-from auv_torchrl.diagnosis.named import found_effects
+from auv_torchrl.diagnosis.named import found_effects, is_ordinary
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
+from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
+from auv_torchrl.flightlog.log import SampleErrors
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
@@ -23,7 +25,8 @@ def named_effect(monkeypatch):
     covariance = np.array([[0.01**2, -0.5e-4], [-0.5e-4, 0.02**2]])
     best = SimpleNamespace(explanation=Explanation(knobs), covariance=covariance, chi2=100.0)
     found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), polished=[])
-    problem: Any = SimpleNamespace(vehicle=PAPER, known=None)
+    exact = SimpleNamespace(errors=SampleErrors())
+    problem: Any = SimpleNamespace(vehicle=PAPER, known=None, windows=exact)
     monkeypatch.setattr(named, "as_sure", lambda _, judged: (judged.explanation, judged.covariance))
     return lambda probability: found_effects(problem, found, {"thruster_gain": probability}, 1.0, {})[0]
 
@@ -43,3 +46,17 @@ def test_an_owner_is_told_what_to_do_about_what_is_likelier_than_not(named_effec
     """Each thruster has its advice at 90 %, and none has at 40 %."""
     assert [f"thruster {i + 1}" in one.do for i, one in enumerate(named_effect(0.9).advice)] == [True] * 6
     assert not named_effect(0.4).advice
+
+
+def test_what_every_vehicle_is_off_by_is_no_finding_beside_a_fault():
+    """In logs that vehicles write, whose clocks and filters are off; not where what is logged is exact."""
+
+    def ordinary(name, member, value, errors):
+        problem = SimpleNamespace(vehicle=load_vehicle("paper"), windows=SimpleNamespace(errors=errors))
+        effect = FoundEffect(name, 1.0, {member: Estimate(value, value, value, 0.0, "")}, (), None, "")
+        return is_ordinary(cast(Any, problem), effect)
+
+    written = SampleErrors(snapshot_s=0.1)
+    assert ordinary("command_delay", "delay", 0.0046, written) and ordinary("gyro_bias", "bias_r", -0.002, written)
+    assert not ordinary("command_delay", "delay", 0.0046, SampleErrors())
+    assert not ordinary("command_delay", "delay", 0.05, written) and not ordinary("buoyancy", "force", 0.1, written)

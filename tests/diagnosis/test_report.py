@@ -155,7 +155,7 @@ def test_all_files_are_written_and_none_twice(diagnosis, paper, tmp_path):
     """A folder gets every file complete; a second time is refused."""
     written = write_files(diagnosis, paper, tmp_path / "out")
     names = {"report.html", "diagnosis.json", "scenario.yaml", "randomization.yaml", "predictions.parquet"}
-    assert {path.name for path in written} == names | {"next_experiment.csv", "diagnosis.rrd"}
+    assert {path.name for path in written} == names | {"advice.param", "next_experiment.csv", "diagnosis.rrd"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == {path.name for path in written}
     with pytest.raises(FileExistsError, match=r"report\.html"):
         write_files(diagnosis, paper, tmp_path / "out")

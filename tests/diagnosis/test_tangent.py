@@ -21,6 +21,7 @@ EFFECTS = {
         "velocity_scale": {"factor": 0.9},
         "gyro_bias": {"bias_r": 0.05},
         "heading_bias": {"angle": 2.0},
+        "compass_interference": {"angle": 0.4},
     },
 }
 

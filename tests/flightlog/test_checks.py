@@ -43,6 +43,8 @@ CLEAR = {  # one clear value per effect, harsh enough to look like something els
     "velocity_scale": {"factor": 0.7},
     "gyro_bias": {"bias_r": 0.05},
     "sensor_noise": {"position": 0.05, "attitude": 0.05},
+    "reaction_torque": {"arm_5": 0.05, "arm_6": 0.05},
+    "compass_interference": {"angle": 0.5},
 }
 TRUE_OF = {  # findings that are right about a log with this effect
     "heading_bias": {"heading_offset"},

@@ -86,7 +86,7 @@ def test_what_a_log_lacks_is_asked_for_by_name_and_can_be_given(tmp_path):
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({**ALL, "SERVO3_FUNCTION": 0}, "motor 3 .* is on no output"),
+        ({**ALL, **{f"SERVO{n}_FUNCTION": 0 for n in range(1, 9)}}, "no motor is on any output"),
         ({**ALL, "MOT_2_DIRECTION": 0}, "MOT_n_DIRECTION are .* each is 1 or -1"),
         ({**ALL, "MOT_PWM_MAX": 1400}, "do not enclose 1500"),
         ({**ALL, "SERVO3_FUNCTION": 0, "SERVO30_FUNCTION": 35}, "a motor is on output 30: log that one too"),
@@ -174,11 +174,30 @@ def test_doppler_steps_become_velocities_at_the_middle_of_their_time(tmp_path):
     assert dvl.values[3] == pytest.approx([0.5, 0.0, -0.25]) and dvl.t[1] - dvl.t[0] == pytest.approx(0.2)
 
 
-def test_a_pointer_is_no_log(tmp_path):
-    """What git leaves where the file itself was not fetched."""
+@pytest.mark.parametrize("suffix", ["BIN", "log", "tlog", "ulg", "mcap", "bag", "db3", "csv", "parquet"])
+def test_a_pointer_is_no_log(tmp_path, suffix):
+    """What git leaves where the file itself was not fetched, whatever it is called."""
     pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n"
-    with pytest.raises(FlightLogError, match="a pointer of git-lfs and not the log itself: fetch it"):
-        read_flightlog(written(tmp_path, pointer), HEAVY)
+    for text, by in ((pointer, "git-lfs"), (b"/annex/objects/SHA256E-s3--0.BIN\n", "git-annex")):
+        with pytest.raises(FlightLogError, match=f"a pointer of {by} and not the log itself: fetch it"):
+            read_flightlog(written(tmp_path, text, f"flight.{suffix}"), HEAVY)
+
+
+def test_a_log_that_was_cut_is_read_to_its_end(tmp_path):
+    """Two thirds of a dive, cut within a record."""
+    data = dive()
+    path = written(tmp_path, data[: len(data) * 2 // 3 + 5])
+    log = read_flightlog(path, HEAVY)
+    assert 11 < log.duration < 14
+
+
+def test_two_logs_in_one_another_are_told_apart_by_their_clocks(tmp_path):
+    """Pieces of two dives in turn: rows of both, and findings that say what the file is."""
+    one, other = dive(), dive(begin=900.0)
+    size = len(one) // 8
+    pieces = (data[k * size : (k + 1) * size] for k in range(9) for data in (one, other))
+    log = read_flightlog(written(tmp_path, b"".join(pieces)), HEAVY)
+    assert {"clock_reset", "damaged_file"} <= codes(log.findings) and log.duration > 5
 
 
 def test_a_file_that_is_named_like_a_log_and_is_none_is_refused(tmp_path):

@@ -12,6 +12,7 @@ from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.dataflash_writer import ALL
 from tests.flightlog.shared_data import EXCERPTS, shared
 
 EXCERPT = EXCERPTS / "ardusub.tlog"
@@ -80,6 +81,22 @@ def test_of_several_vehicles_one_is_chosen(tmp_path):
     with pytest.raises(FlightLogError, match="no vehicle 9: there are 1, 4"):
         read_streams(path, ReadOptions(system=9))
     assert len(read_streams(path, ReadOptions(system=4)).streams["attitude"]) == 200
+
+
+def test_what_telemetry_lacks_is_asked_for_by_name(tmp_path):
+    """Outputs without parameters, and a vehicle that was never armed."""
+    link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    pulses = b"".join(
+        sent(link, k / 10, dialect.MAVLink_servo_output_raw_message(round(1e8 + 1e5 * k), 0, *[1500 + k] * 8))
+        for k in range(200)
+    )
+    path = written(tmp_path, telemetry() + pulses)
+    with pytest.raises(FlightLogError, match=r"lacks FRAME_CONFIG, SERVO1_FUNCTION to SERVO8_FUNCTION, .*params="):
+        tabulate(read_streams(path))
+    still = b"".join(sent(link, k, heartbeat(False)) + sent(link, k, attitude(k + 100)) for k in range(20))
+    path = written(tmp_path, still + pulses)
+    with pytest.raises(FlightLogError, match="not armed while commands were logged"):
+        tabulate(read_streams(path), ReadOptions(parameters=ALL))
 
 
 def test_a_vehicle_that_starts_again_is_put_behind(tmp_path):

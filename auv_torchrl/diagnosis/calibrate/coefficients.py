@@ -185,5 +185,5 @@ def _sentences(
     for c in moved:
         p = declared[c.member]
         which = c.member.removeprefix(f"{p.name}_")
-        said.append(p.sentence.format(value=parameters[c.member].value, which=which))
+        said.append(p.sentence.format(value=parameters[c.member].value, which=which.replace("_", " ")))
     return tuple(said)

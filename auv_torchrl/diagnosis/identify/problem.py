@@ -100,7 +100,8 @@ class Problem:
         else:
             slack, covariance = known.slack, known.slack_covariance
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
-        atoms = tuple(make_atoms(vehicle, settings))
+        shown = {name: effect for name, effect in EFFECTS.items() if effect.shows_in(windows.errors.drift)}
+        atoms = tuple(make_atoms(vehicle, settings, shown))
         return Problem(
             given=windows,
             windows=windows,

@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.motion.samples import oldest
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.kernel import Steps
-from auv_torchrl.physics.thrusters import TARGET_FIELDS, thrust_after, thrust_targets
+from auv_torchrl.physics.thrusters import TARGET_FIELDS, at_volts, load, thrust_after, thrust_targets
 from auv_torchrl.vehicle import Vehicle
 
 LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
@@ -55,14 +55,25 @@ class Actuation:
         by_step = self.c.rows((kinds, None))
         each = [thrust_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
 
+        factor = None
+        if windows.volts is not None and by_step.volts.any():
+            factor = at_volts(by_step, windows.volts[windows.episode[chunk, None], grid][:, None])[..., None]
+
         def of_all(targets: Sequence[Floats]) -> Floats:
-            mean = _mean(targets)
+            mean = _mean(targets) if factor is None else _mean(targets) * factor
             shape = (len(mean), len(kind), *mean.shape[2:])
             return np.broadcast_to(mean, shape) if len(kinds) == 1 else mean[:, kind]
 
         if not self.late:  # all parts are the same
             return [of_all([targets[0] for targets in each])] * parts
         return [of_all(part) for part in zip(*each, strict=True)]
+
+    def load(self, chunk: slice, steps: int) -> Floats | None:
+        """Share (w, R, S) of their full thrusts that thrusters give at grid steps; None where no sensor feels it."""
+        if not self.c.compass_per_load.any():
+            return None
+        (target,) = self.targets(chunk, np.arange(steps) - 1)  # a sample is taken before its command acts
+        return load(self.c.rows((slice(None), None)), target * self.c.gain[:, None])
 
     @cached_property
     def _kinds(self) -> tuple[np.ndarray, np.ndarray]:

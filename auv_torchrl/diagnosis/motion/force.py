@@ -114,7 +114,8 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
     """What vehicles (R,) report (W, R, m, C) at the times of samples, moving as ``seen`` (W, 1, S + 1, 13)."""
     true = Inverse.of(c, windows.channels).by_step().true_state(seen)
-    reports = read(c.rows((slice(None), None)), windows.channels, motion_of(true))
+    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2])
+    reports = read(c.rows((slice(None), None)), windows.channels, motion_of(true), load)
     reports[..., windows.angular] = np.unwrap(reports[..., windows.angular], axis=2)
     at = (windows.index + windows.fraction)[:, None, :, None] + ahead(windows, c)[:, None]
     whole = np.minimum(np.floor(at + 1e-9).astype(int), windows.steps - 1)

@@ -37,7 +37,7 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
     samples, states = [], []
     for chunk in _chunks(len(windows), rows):
         flown = path(actuation, chunk, start, force, steps, rows)
-        samples.append(sample(windows, chunk, actuation.c, flown))
+        samples.append(sample(windows, chunk, actuation.c, flown, actuation.load(chunk, flown.shape[2])))
         states.append(flown[:, :, : windows.steps + 1])
     return np.concatenate(samples), np.concatenate(states)
 

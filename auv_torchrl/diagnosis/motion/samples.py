@@ -22,10 +22,13 @@ def late_steps(windows: Windows, c: Coefficients) -> int:
     return int(np.ceil(ahead(windows, c).max() - 1e-9))
 
 
-def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats) -> Floats:
-    """What the sensors report of ``states`` (w, R, steps + 1, 13) at the times of the samples: (w, R, m, C)."""
+def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats, load: Floats | None = None) -> Floats:
+    """What the sensors report of ``states`` (w, R, steps + 1, 13) at the times of the samples: (w, R, m, C).
+
+    ``load`` (w, R, steps + 1) is the share of their full thrusts that thrusters give; None where no sensor feels it.
+    """
     by_step = c.rows((slice(None), None))  # (R, 1, ...): steps are a batch axis
-    reported = read(by_step, windows.channels, motion_of(states))
+    reported = read(by_step, windows.channels, motion_of(states), load)
     at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
     if windows.fraction.any() or later.any():  # interpolation must not cross the cut at pi
         reported[..., windows.angular] = np.unwrap(reported[..., windows.angular], axis=2)

@@ -60,7 +60,9 @@ def linearise(
     change = change[..., entries].swapaxes(2, 3)
     transition = change[..., : len(entries)] / STEP_STATE
     push = change[..., len(entries) :] / STEP_FORCE[moves]
-    residual = windows.residual(sample(windows, everything, actuation.c, states))[:, 0]
+    residual = windows.residual(
+        sample(windows, everything, actuation.c, states, actuation.load(everything, states.shape[2]))
+    )[:, 0]
     return residual.reshape(len(windows), -1), Tangent(
         transition, push, Inverse.of(actuation.c, windows.channels).gain[0]
     )

@@ -38,6 +38,7 @@ class Windows:
     guess: Floats  # (W, 12) pose and velocity at the start, from a local fit to the samples
     parts: Floats | None = None  # (E, T, P, n) commands in P equal parts of each grid step, where they change within
     errors: SampleErrors = SampleErrors()  # what the log says of errors that are no white noise
+    volts: Floats | None = None  # (E, T) of the battery at each grid step, NaN where not logged; None: nowhere
     whitening: Floats | None = None  # (W, K, K) of the K = m C numbers of a window; None: their noise is white
 
     def __len__(self) -> int:

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from auv_torchrl.diagnosis.configured import to_change
 from auv_torchrl.diagnosis.report.page import report_page
 from auv_torchrl.diagnosis.report.recording import record_diagnosis
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
@@ -44,6 +45,8 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
         "randomization.yaml": lambda path: _write_text(path, randomization_yaml(diagnosis, vehicle)),
         "predictions.parquet": lambda path: pyarrow.parquet.write_table(predictions(diagnosis.windows), path),
     }
+    if change := to_change(diagnosis):
+        writers["advice.param"] = lambda path: _write_text(path, "".join(f"{n},{v:g}\n" for n, v in change.items()))
     experiment = diagnosis.next_experiment
     if experiment is not None and experiment.t is not None and experiment.thruster_commands is not None:
         commands = {"t": np.round(experiment.t, 6)}

@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from auv_torchrl import __version__
+from auv_torchrl.diagnosis.configured import set_wrong, to_change
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.svg import between, estimated, number
@@ -84,6 +85,8 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         style=Markup(STYLE.read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
+        set_wrong=set_wrong(diagnosis.findings, diagnosis.effects),
+        to_change=to_change(diagnosis),
         leads=_leads(diagnosis),
         after=_after(diagnosis),
         figures=_figures(diagnosis.windows),

@@ -1,5 +1,6 @@
 """Names and clauses as people write them."""
 
+from auv_torchrl.diagnosis.configured import set_wrong
 from auv_torchrl.diagnosis.verdict import Diagnosis
 
 
@@ -14,7 +15,9 @@ def sentence(text: str) -> str:
 
 
 def to_do(diagnosis: Diagnosis) -> list[str]:
-    """What to fly first, where explanations are left open, and what to do about each effect."""
+    """What to fly first, where explanations are left open, what to set, and what to do about each effect."""
     experiment = diagnosis.next_experiment
     first = [f"fly {experiment.commands}: {experiment.why}"] if experiment else []
-    return [sentence(line) for line in (*first, *(a.do for effect in diagnosis.effects for a in effect.advice))]
+    set_back = (finding.remedy for finding in set_wrong(diagnosis.findings, diagnosis.effects))
+    advised = (advice.do for effect in diagnosis.effects for advice in effect.advice)
+    return [sentence(line) for line in (*first, *set_back, *advised)]

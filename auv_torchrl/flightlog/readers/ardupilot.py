@@ -4,16 +4,18 @@ https://ardupilot.org/sub/docs/logmessages.html lists the messages. Raw sensors 
 filter it is the lane in use. Position and horizontal velocity are taken where the filter says that it has them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
 
+from auv_torchrl.flightlog.findings import Finding
 from auv_torchrl.flightlog.readers.barometer import depth
 from auv_torchrl.flightlog.readers.firmware import frame_of, mode_name
 from auv_torchrl.flightlog.readers.lanes import latest, of_lane, primary_lane, rows
 from auv_torchrl.flightlog.readers.messages import Columns, Messages
 from auv_torchrl.flightlog.streams.attitude import euler_angles
+from auv_torchrl.flightlog.streams.configuration import changed_in_flight
 from auv_torchrl.flightlog.streams.stream import (
     Sampling,
     Spans,
@@ -71,7 +73,7 @@ def streams_of(name: str, kind: str, messages: Messages) -> Streams:
         vehicle=vehicle,
         armed=_armed(messages, end),
         modes=modes,
-        findings=(*messages.findings, *findings, *more),
+        findings=(*messages.findings, *findings, *more, *_set_in_flight(messages)),
     )
 
 
@@ -85,6 +87,12 @@ def _vehicle(messages: Messages) -> VehicleFacts:
     firmware = next((text for text in texts if text.startswith("Ardu")), "")
     frame, motors = frame_of(firmware, parameters)
     return VehicleFacts(firmware, frame, motors, parameters)
+
+
+def _set_in_flight(messages: Messages) -> Iterator[Finding]:
+    given = messages.get("PARM", "Name", "Value")
+    if given is not None:
+        yield from changed_in_flight(given["t"], [_text(name) for name in given["Name"]], given["Value"])
 
 
 def _text(value: bytes | str) -> str:

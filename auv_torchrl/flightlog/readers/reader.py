@@ -9,7 +9,10 @@ from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
 HEAD_BYTES = 4096  # that a reader is shown of a file
-_POINTER = b"version https://git-lfs"
+_POINTERS = {  # what stands in place of a file that was not fetched
+    b"version https://git-lfs": "git-lfs and not the log itself: fetch it with git lfs pull",
+    b"/annex/objects/": "git-annex and not the log itself: fetch it with git annex get",
+}
 
 
 class Reader(NamedTuple):
@@ -39,10 +42,9 @@ def choose_reader(path: Path, readers: Mapping[str, Reader]) -> Reader | None:
             head = file.read(HEAD_BYTES)
     except OSError as error:
         raise FlightLogError(f"{path} cannot be read ({error.strerror or error}): give a log") from error
-    if head.startswith(_POINTER):
-        raise FlightLogError(
-            f"{path.name} is a pointer of git-lfs and not the log itself: fetch it with git lfs pull, or download it"
-        )
+    for begin, remedy in _POINTERS.items():
+        if head.startswith(begin):
+            raise FlightLogError(f"{path.name} is a pointer of {remedy}, or download it")
     fitting = [reader for reader in readers.values() if reader.recognizes(head)]
     suffix = path.suffix.lower()
     named = [reader for reader in readers.values() if suffix in reader.suffixes]

@@ -13,6 +13,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.log import ANGLES, POSE, VELOCITY, SampleErrors
+from auv_torchrl.flightlog.streams.configuration import check_configuration
 from auv_torchrl.flightlog.streams.drift import drift_of
 from auv_torchrl.flightlog.streams.motors import commands_of
 from auv_torchrl.flightlog.streams.stream import Floats, ReadOptions, Sampling, Spans, Stream, Streams
@@ -64,10 +65,11 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     columns.update({name: commands.values[row, i] for i, name in enumerate(commands.channels)})
     if "battery" in streams.streams:
         columns["battery"] = sampled(streams.streams["battery"], "voltage", t, interval)
+    autopilot = {**options.parameters, **streams.vehicle.parameters}
+    findings += check_configuration(streams, autopilot)
     return Table(
         streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True,
-        measured=_measured_rows(told, t, interval), errors=_errors(streams, commands, chosen),
-        autopilot={**options.parameters, **streams.vehicle.parameters},
+        measured=_measured_rows(told, t, interval), errors=_errors(streams, commands, chosen), autopilot=autopilot,
     )  # fmt: skip
 
 

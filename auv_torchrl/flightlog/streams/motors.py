@@ -22,7 +22,7 @@ _OUTPUTS = 32
 class Motors(NamedTuple):
     """Where each motor is plugged in and what its pulses mean; motor n is entry n - 1."""
 
-    output: tuple[int, ...]  # from 1
+    output: tuple[int, ...]  # from 1; 0 for a motor that is on none
     direction: tuple[float, ...]  # 1 or -1
     low: float  # us, full command backwards
     high: float  # us, full command
@@ -30,10 +30,11 @@ class Motors(NamedTuple):
 
 def motors_of(parameters: Mapping[str, float], frame_motors: int | None) -> tuple[Motors | None, tuple[str, ...]]:
     """The motors, or None and the names of the parameters that are not known."""
-    functions = {k: parameters.get(f"SERVO{k}_FUNCTION") for k in range(1, _OUTPUTS + 1)}
-    output = {_motor(value): k for k, value in functions.items() if value is not None and _motor(value)}
+    output = {motor: min(on, key=lambda k: (k != motor, k)) for motor, on in outputs_of(parameters).items()}
     number = frame_motors or max(output, default=0)
-    missing = [f"SERVO{n}_FUNCTION" for n in range(1, (number or 8) + 1)] if not output else []
+    told = {n for n in range(1, (number or 8) + 1) if f"SERVO{n}_FUNCTION" in parameters}
+    unplugged = [n for n in range(1, number + 1) if n not in output]
+    missing = [f"SERVO{n}_FUNCTION" for n in range(1, (number or 8) + 1) if n not in told and (unplugged or not output)]
     if not number:
         missing.insert(0, "FRAME_CONFIG")
     directions = [f"MOT_{n}_DIRECTION" for n in range(1, (number or 8) + 1)]
@@ -42,15 +43,23 @@ def motors_of(parameters: Mapping[str, float], frame_motors: int | None) -> tupl
     missing += [f"MOT_PWM_{end}" for end, value in (("MIN", low), ("MAX", high)) if value is None]
     if missing or low is None or high is None:
         return None, tuple(missing)
-    if unplugged := [n for n in range(1, number + 1) if n not in output]:
-        which = ", ".join(f"motor {n} (no SERVO_FUNCTION is {_function(n)})" for n in unplugged)
-        raise FlightLogError(f"{which} is on no output: set the function of the output that it is plugged into")
+    if not output:
+        raise FlightLogError("no motor is on any output: set SERVO1_FUNCTION to 33 and so on, as they are plugged in")
     if not low < NEUTRAL < high:
         raise FlightLogError(f"MOT_PWM_MIN {low:g} and MOT_PWM_MAX {high:g} do not enclose {NEUTRAL:g}: correct them")
     signs = tuple(parameters[name] for name in directions)
     if any(abs(sign) != 1 for sign in signs):
         raise FlightLogError(f"MOT_n_DIRECTION are {', '.join(f'{s:g}' for s in signs)}: each is 1 or -1")
-    return Motors(tuple(output[n] for n in range(1, number + 1)), signs, low, high), ()
+    return Motors(tuple(output.get(n, 0) for n in range(1, number + 1)), signs, low, high), ()
+
+
+def outputs_of(parameters: Mapping[str, float]) -> dict[int, list[int]]:
+    """By motor, the outputs that have its function."""
+    found: dict[int, list[int]] = {}
+    for k in range(1, _OUTPUTS + 1):
+        if motor := motor_of(parameters.get(f"SERVO{k}_FUNCTION", 0.0)):
+            found.setdefault(motor, []).append(k)
+    return found
 
 
 def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
@@ -71,7 +80,8 @@ def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
     motors, missing = motors_of({**parameters, **streams.vehicle.parameters}, streams.vehicle.motors)
     if motors is None:
         raise FlightLogError(f"{streams.name} has pulses of its outputs, and lacks {listed(missing)}: {HOW_TO_GIVE}")
-    pulse = np.stack([_channel(outputs, k, streams.name) for k in motors.output], axis=-1)
+    off = np.full(len(outputs), NEUTRAL)  # a motor on no output is told nothing
+    pulse = np.stack([_channel(outputs, k, streams.name) if k else off for k in motors.output], axis=-1)
     pulse = np.where(pulse > 0, pulse, np.nan) - NEUTRAL  # 0 is an output that is off
     reach = np.where(pulse > 0, motors.high - NEUTRAL, NEUTRAL - motors.low)
     values = np.array(motors.direction) * pulse / reach
@@ -96,14 +106,15 @@ def listed(names: tuple[str, ...]) -> str:
     return ", ".join(group[0] if len(group) == 1 else f"{group[0]} to {group[-1]}" for group in kinds.values())
 
 
-def _motor(function: float) -> int:
+def motor_of(function: float) -> int:
     """The motor that an output of this function drives; 0 for none."""
     if _FIRST_MOTOR <= function < _FIRST_MOTOR + 8:
         return int(function) - _FIRST_MOTOR + 1
     return int(function) - _NINTH_MOTOR + 9 if _NINTH_MOTOR <= function < _NINTH_MOTOR + 4 else 0
 
 
-def _function(motor: int) -> int:
+def function_of(motor: int) -> int:
+    """The function of the output that drives this motor."""
     return _FIRST_MOTOR + motor - 1 if motor <= 8 else _NINTH_MOTOR + motor - 9
 
 
