@@ -122,6 +122,7 @@ class Metrics:
     settling_s: float | None  # median over the starts; None where half of them never settle
     settled: float  # share of the starts that settle
     heading_rad: float  # mean over the starts of the mean absolute heading error for t >= 10 s
+    attitude_rad: float  # likewise of the angle to the attitude of the reference, roll and pitch included
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON; an infinite error (the vehicle's state was no number any more) becomes None."""
@@ -150,6 +151,7 @@ class Metrics:
             settling_s=median if math.isfinite(median) else None,
             settled=float(settled.double().mean()),
             heading_rad=float(flight.heading_error[:, steady].mean()),
+            attitude_rad=float(flight.attitude_error[:, steady].mean()),
         )
 
 

@@ -3,10 +3,11 @@
 import math
 from typing import cast
 
+import torch
 from tensordict import TensorClass
 from torch import Tensor
 
-from auv_torchrl.physics.kinematics import euler_angles, least_turn
+from auv_torchrl.physics.kinematics import euler_angles, least_turn, quaternion_product
 
 
 class Flight(TensorClass):
@@ -37,6 +38,14 @@ class Flight(TensorClass):
         """Absolute heading error in rad, (N, T + 1); pi once a state is no number."""
         off = euler_angles(self.quaternion)[2] - euler_angles(self.reference_quaternion)[2]
         return least_turn(off).abs().nan_to_num(nan=math.pi)
+
+    @property
+    def attitude_error(self) -> Tensor:
+        """Angle in rad by which the vehicle is turned from the reference, about any axis; pi once it is no number."""
+        back = self.reference_quaternion * self.reference_quaternion.new_tensor((1.0, -1.0, -1.0, -1.0))
+        off = quaternion_product(back, self.quaternion)
+        turn = 2 * torch.atan2(off[..., 1:].norm(dim=-1), off[..., 0].abs())
+        return turn.nan_to_num(nan=math.pi)
 
     @property
     def moving(self) -> bool:

@@ -73,7 +73,7 @@ def test_the_wheel_holds_the_configuration_and_nothing_of_the_tests(wheel):
         (commands,) = (content.read(name).decode() for name in names if name.endswith("entry_points.txt"))
     for path in CONF.rglob("*.yaml"):
         assert f"auv_torchrl/conf/{path.relative_to(CONF)}" in names
-    assert "auv_torchrl/examples/flight.csv" in names
+    assert {"auv_torchrl/examples/flight.csv", "auv_torchrl/examples/path.csv"} <= set(names)
     assert {name.split("/")[0].split("-")[0] for name in names} == {"auv_torchrl"}
     assert not any("make_flight" in name for name in names)
     assert (

@@ -19,6 +19,7 @@ from auv_torchrl.recording import OneFlight
 
 BEFORE_S, AFTER_S = 0.7, 1.3  # s of the close-up before the change and after the last of its moments
 LEAST_S = 3.0  # s of the close-up after the change
+ROW_PT, ROWS = 12, (3, 6)  # points from name to name of a moment, and between how many rows they are spread
 AROUND_M = 0.5  # m around the path that is shown
 FLAT_M = 0.01  # a path that goes up and down by less is shown from above alone
 _AXES = ("north", "east", "down")
@@ -46,8 +47,8 @@ def flight_figure(one: OneFlight, title: str) -> Figure:
     distance = f"distance to the {aim(one.adapted.flight)} in m"
     grid[0, 0].set(title="whole flight", ylabel=distance, xlim=(0, _time(one)[-1]))
     grid[0, 1].set_xlim(*close)
-    grid[0, 1].set_title("from close up", pad=44)
-    _name(grid[0, 1], one, close)
+    rows = _name(grid[0, 1], one, close)
+    grid[0, 1].set_title("from close up", pad=8 + ROW_PT * rows)
     grid[1, 0].set_ylabel("gain of a thruster")
     grid[2, 0].set_ylabel("detector's sum / threshold")
     keys = _keys(one)
@@ -144,17 +145,19 @@ def _mark(axes: Axes, one: OneFlight) -> None:
         axes.axvspan(*band, color=MOMENT["NOTICED"], alpha=0.12, linewidth=0, zorder=0)
 
 
-def _name(axes: Axes, one: OneFlight, close: tuple[float, float]) -> None:
-    """Names of the moments above the close-up, in three rows so that neighbours stay apart, with seconds since."""
+def _name(axes: Axes, one: OneFlight, close: tuple[float, float]) -> int:
+    """Names of the moments above the close-up, in rows so that neighbours stay apart, with seconds since; the rows."""
     begun = next(moment for moment in one.moments if moment.happening is Happening.CHANGE)
     within = [moment for moment in one.moments if close[0] <= moment.time_s <= close[1]]
+    rows = min(max(len(within), ROWS[0]), ROWS[1])
     for number, moment in enumerate(within):
         since = moment.time_s - begun.time_s
         text = moment.text if moment is begun else f"{moment.happening.value} +{since:.2f} s"
         axes.annotate(
-            text, (moment.time_s, 1.0), xytext=(0, 3 + 12 * (number % 3)), xycoords=axes.get_xaxis_transform(),
+            text, (moment.time_s, 1.0), xytext=(0, 3 + ROW_PT * (number % rows)), xycoords=axes.get_xaxis_transform(),
             textcoords="offset points", ha="left", va="bottom", fontsize=9, color=MOMENT[moment.happening.name],
         )  # fmt: skip
+    return rows
 
 
 def _keys(one: OneFlight) -> list[Any]:

@@ -69,11 +69,12 @@ class Experiment:
         thruster_commands: bool = False,
         episode_s: float | None = None,
     ) -> FleetEnv:
-        """Vehicles with the changes of a scenario, None for none; actions are channels or thruster commands.
+        """Vehicles with the changes of a scenario, None for none; actions are as in the task, or thruster commands.
 
         Episodes are as long as in training unless ``episode_s`` says otherwise.
         """
-        exam = replace(self.exam, thruster_commands=thruster_commands, episode_s=episode_s or self.exam.episode_s)
+        to_thrusters = thruster_commands or self.exam.thruster_commands
+        exam = replace(self.exam, thruster_commands=to_thrusters, episode_s=episode_s or self.exam.episode_s)
         return make_fleet(
             self.backend, self.vehicle, exam, count, scenario=scenario, seed=self.seed, device=self.device
         )
@@ -105,6 +106,11 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         diagnosed = read_diagnosed(Path(config.diagnosis_file), vehicle, vehicle_name)
         scenario = scenario if scenario.changes else diagnosed.scenario
     _check_closing(diagnosed, config.diagnose, scenario)
+    if task.thruster_commands and scenario.changes:
+        raise ValueError(
+            "task.thruster_commands is true, and what adapts to a changed vehicle maps channels: "
+            "give task.thruster_commands=false, or fly the nominal vehicle, without +scenario"
+        )
     flight = settings_of(FlightConfig, _plain(config.flight), "flight")
     if flight.fly and scenario.changes:
         schedule(scenario, vehicle, flight, config.starts, config.starts_seed, task.control_dt)

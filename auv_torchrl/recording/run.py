@@ -154,7 +154,7 @@ def _command_names(flight: Flight) -> tuple[str, ...]:
 
 def _record_commands(recording: rr.RecordingStream, flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> None:
     before = flight.action.double()
-    if names != CONTROLLED:
+    if names != CONTROLLED and before.shape[-1] == len(CONTROLLED):
         mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)].double()
         before = (before @ mixer.T).clamp(-1, 1)
     both = {"before": (before, CONTROLLER["u_s"]), "after": (flight.applied_action.double(), CONTROLLER["u_t"])}

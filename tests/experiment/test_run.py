@@ -192,3 +192,13 @@ def test_a_path_is_flown_adapted_drawn_and_recorded(experiment, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == FILES
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["task"] == "helix" and results["u_t"] is not None and results["in_flight"] is not None
+
+
+def test_a_policy_of_thruster_commands_flies_the_nominal_vehicle_alone(experiment, tmp_path):
+    """Roll and pitch are followed by thruster commands; what adapts maps channels, and refuses them with a sentence."""
+    six = ("task=lemniscate", "task.attitude=true", "task.pitch=0.2", "task.thruster_commands=true", "starts=2")
+    run(experiment("nominal", *six, "vehicle=bluerov2_heavy"), tmp_path)
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["nominal"]["attitude_rad"] > 0 and results["task"] == "lemniscate"
+    with pytest.raises(ValueError, match="without .scenario"):
+        experiment("swap", *six)
