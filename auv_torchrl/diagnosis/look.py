@@ -15,13 +15,12 @@ from auv_torchrl.diagnosis.identify.attitude import (
     hold_attitude,
     is_hidden,
     level_enough,
-    log_likelihood,
 )
 from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base, leaves_much
+from auv_torchrl.diagnosis.identify.judged import Base, leaves_much, log_likelihood
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
@@ -57,40 +56,48 @@ def look(
 ) -> Looked:
     """Explain a log with a vehicle, or with what was calibrated of it on healthy logs.
 
-    ``seen`` is what a vehicle with another attitude showed: its explanations are tried too, on the same windows.
+    ``seen`` is what a vehicle with another attitude showed: its explanations are tried too, on the same windows, and
+    what is far behind it is not worked out.
     """
     own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
     problem = Problem.of(
         cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known
     )
     hints, others, below = (hints_of(seen.found), *_worth_flying(seen)) if seen else ((), Others.ALL, np.inf)
+    rival = log_likelihood(seen.found.problem, seen.found.best) if seen else -np.inf
     problem, follow = follow_agreeing(problem)
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is not None:
         behind = Problem.of(problem.windows.subset(onset.behind), own, settings, known)
-        found = _search_colours(*follow_agreeing(behind), report, hints, others, below)
+        found = _search_colours(*follow_agreeing(behind), report, hints, others, below, rival)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
             return Looked(found, sound, onset)
         hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]
         whole = _search_colours(problem, follow, report, hints[:POLISHED], Others.NONE, np.inf)
         return Looked(replace(whole, promise=found.promise), sound)
-    return Looked(_search_colours(problem, follow, report, hints, others, below), sound)
+    return Looked(_search_colours(problem, follow, report, hints, others, below, rival), sound)
 
 
 def _search_colours(
-    problem: Problem, follow: Base, report: Progress, hints: Sequence[Explanation], others: Others, below: float
+    problem: Problem,
+    follow: Base,
+    report: Progress,
+    hints: Sequence[Explanation],
+    others: Others,
+    below: float,
+    rival: float = -np.inf,
 ) -> Found:
     """Search, and where something is left of a log whose errors are no white noise, again along what was found.
 
     What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
     large fault sound samples look like outliers.
     """
-    found = search(problem, follow, report, hints, others, below)
+    found = search(problem, follow, report, hints, others, below, rival)
     best = replace(found.best.explanation, slack={})
     if not problem.given.errors.coloured or not best.effects or excess(found) < problem.settings.excess:
         return found
-    again = search(*follow_windows(problem, best), report, [best], others, below)
+    again = search(*follow_windows(problem, best), report, [best], others, below, rival)
     return again if excess(again) < excess(found) else found
 
 
@@ -142,7 +149,7 @@ def look_both_ways(
     if sound is not None:
         sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound_free(sound)
     tilting = look(training, vehicle, sound, settings, report, level)
-    odds = log_likelihood(tilting.found) - log_likelihood(level.found)
+    odds = log_likelihood(tilting.found.problem, tilting.found.best) - log_likelihood(level.found.problem, best)
     better = tilting if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
 

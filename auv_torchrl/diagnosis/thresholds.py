@@ -128,7 +128,7 @@ BROKEN_PROMISE = 10.0  # times what was promised: a fit that ends there began at
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best ...
 ADDS = 20.0  # ... and by which one that only adds effects to the best may be worse
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
-STILL_GAINS = 1.0  # ... this log evidence
+STILL_GAINS = 1.0  # ... this log evidence, times the chi-square per number that it leaves
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
 FEW_VALUES = 4  # of an explanation that is taken without a look at others, where it leaves little
 # Most of the work is to look for effects, and two minutes of flight show which ones act. Logs of the recommended two to

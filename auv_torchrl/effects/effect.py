@@ -188,7 +188,9 @@ class Effect:
         arguments = {}
         for p in self.parameters:
             columns = [
-                given.get(member, torch.as_tensor(p.nominal_value(vehicle, member), **like)).expand(batch)
+                (
+                    given[member] if member in given else torch.as_tensor(p.nominal_value(vehicle, member), **like)
+                ).expand(batch)
                 for member in p.members(vehicle)
             ]
             arguments[p.name] = torch.stack(columns, dim=-1) if p.over is not None else columns[0]

@@ -59,9 +59,14 @@ INSTRUMENTS = (
 SENSORS = Registry("sensors", Sensor, INSTRUMENTS)
 
 
+def _by_channel() -> dict[str, Sensor]:
+    """The sensor that reports each channel: of several, the one that was declared last."""
+    return {channel: sensor for sensor in SENSORS.values() for channel in sensor.channels}
+
+
 def sensor_of(channel: str) -> Sensor:
     """The sensor that reports a channel: of several, the one that was declared last."""
-    return next(sensor for sensor in reversed(tuple(SENSORS.values())) if channel in sensor.channels)
+    return _by_channel()[channel]
 
 
 def read(c: Coefficients, channels: tuple[str, ...], motion: Array, load: Array | None = None) -> Array:
@@ -70,7 +75,8 @@ def read(c: Coefficients, channels: tuple[str, ...], motion: Array, load: Array 
     ``load`` (...) is the share of their full thrusts that thrusters give meanwhile; None for none.
     """
     xp = array_namespace(motion)
-    sensors = [sensor_of(channel) for channel in channels]
+    known = _by_channel()
+    sensors = [known[channel] for channel in channels]
     reports = {sensor.name: sensor.read(c, motion) for sensor in set(sensors)}
     if load is not None:
         for sensor in set(sensors):
@@ -86,4 +92,5 @@ def read(c: Coefficients, channels: tuple[str, ...], motion: Array, load: Array 
 def ages(c: Coefficients, channels: tuple[str, ...]) -> Array:
     """How old (..., C) in s the reports of each channel are."""
     xp = array_namespace(c.position_scale)
-    return xp.stack(tuple(sensor_of(channel).age(c) for channel in channels), axis=-1)
+    known = _by_channel()
+    return xp.stack(tuple(known[channel].age(c) for channel in channels), axis=-1)

@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, rebase
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
-from auv_torchrl.diagnosis.identify.judged import slack_now
+from auv_torchrl.diagnosis.identify.judged import log_likelihood, slack_now
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
@@ -278,6 +278,19 @@ def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(mo
     (knob,), (same,) = found.best.explanation.knobs, whole.best.explanation.knobs
     assert knob.key == same.key == ("thruster_gain", ("gain_4",))
     assert knob.value == pytest.approx(same.value, rel=0.01)
+
+
+def test_what_is_far_behind_a_rival_is_not_worked_out(monkeypatch):
+    """Values are taken out of the best explanation unless another vehicle explains the log far better anyway."""
+    problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5))
+    module, tidied = sys.modules[search.__module__], []
+    monkeypatch.setattr(module, "tidy", lambda problem, best, polished: tidied.append(best) or best)
+    found = search(problem, follow, lambda *_: None)
+    reached = log_likelihood(found.problem, found.best)
+    for ahead, worked_out in ((50.0, True), (1e4, False)):
+        tidied.clear()
+        search(problem, follow, lambda *_: None, rival=reached + ahead)
+        assert bool(tidied) == worked_out
 
 
 def test_slack_is_asked_before_a_value_is_believed():

@@ -3,9 +3,6 @@
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.identify.search import Found
-from auv_torchrl.diagnosis.motion.reduce import local_precision
-from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
@@ -29,24 +26,6 @@ def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
 def is_hidden(log: FlightLog, vehicle: Vehicle) -> bool:
     """Whether the vehicle may roll and pitch and the log measures neither."""
     return bool((vehicle.free[..., TILT] > 0).any()) and not {"roll", "pitch", "p", "q"} & set(log.axes)
-
-
-def log_likelihood(found: Found) -> float:
-    """Log evidence of the samples, the free start and the disturbance of every window integrated out.
-
-    Unlike :attr:`Judged.evidence` it pays for the free numbers of the windows and for the sensor noise, so that
-    problems with other degrees of freedom can be compared.
-    """
-    problem, judged = found.problem, found.best
-    windows, state = problem.windows, judged.base.state
-    slope = state.slope / noise_per_sample(windows, problem.sigma)[:, None]
-    precision = local_precision(problem.layout, windows.dt, problem.floor)
-    finite = np.isfinite(slope).all((1, 2))  # a window that diverged has paid by its chi-square
-    gram = slope[finite].swapaxes(1, 2) @ slope[finite] + precision
-    volumes = float((np.linalg.slogdet(gram)[1] - np.linalg.slogdet(precision)[1]).sum())
-    counts = (windows.trust**2).sum((0, 1))
-    noise = sum(np.log(problem.sigma[c]) * count for c, count in zip(windows.channels, counts, strict=True))
-    return judged.evidence - 0.5 * volumes - float(noise)
 
 
 def attitude_finding(free: bool, odds: float) -> Finding:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import torch
 
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import Entries, In, read_settings
@@ -98,7 +99,7 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
     """One vehicle per entry of ``rows``, as a batch."""
     stacked: dict[str, dict[str, torch.Tensor]] = {}
     for name in {name for row in rows for name in row}:
-        nominal = EFFECTS[name].nominal(vehicle)
+        nominal = declared(name, vehicle).nominal
         members = {member for row in rows for member in row.get(name, ())}
         stacked[name] = {
             member: torch.tensor([row.get(name, {}).get(member, nominal[member]) for row in rows], dtype=torch.float64)

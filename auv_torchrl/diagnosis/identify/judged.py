@@ -9,9 +9,9 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import force_changes, middles
-from auv_torchrl.diagnosis.motion.reduce import Quadratic
+from auv_torchrl.diagnosis.motion.reduce import Quadratic, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.smooth import Smoothed
+from auv_torchrl.diagnosis.motion.smooth import Smoothed, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import MINOR, SATISFIED, STRAINED
 from auv_torchrl.physics import prepare
@@ -72,6 +72,23 @@ def is_strained(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation stretches its slack further than calibration is likely to be off."""
     widths = np.array([width for *_, width in problem.slack])
     return bool((np.abs(slack_now(problem, judged.explanation)) > STRAINED * widths).any())
+
+
+def log_likelihood(problem: Problem, judged: Judged) -> float:
+    """Log evidence of the samples, the free start and the disturbance of every window integrated out.
+
+    Unlike :attr:`Judged.evidence` it pays for the free numbers of the windows and for the sensor noise, so that
+    problems with other degrees of freedom can be compared.
+    """
+    windows, state = problem.windows, judged.base.state
+    slope = state.slope / noise_per_sample(windows, problem.sigma)[:, None]
+    precision = local_precision(problem.layout, windows.dt, problem.floor)
+    finite = np.isfinite(slope).all((1, 2))  # a window that diverged has paid by its chi-square
+    gram = slope[finite].swapaxes(1, 2) @ slope[finite] + precision
+    volumes = float((np.linalg.slogdet(gram)[1] - np.linalg.slogdet(precision)[1]).sum())
+    counts = (windows.trust**2).sum((0, 1))
+    noise = sum(np.log(problem.sigma[c]) * count for c, count in zip(windows.channels, counts, strict=True))
+    return judged.evidence - 0.5 * volumes - float(noise)
 
 
 def force_of_slack(problem: Problem, base: Base) -> float:

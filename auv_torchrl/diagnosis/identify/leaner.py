@@ -12,10 +12,10 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import bounded_step, take_step
-from auv_torchrl.diagnosis.thresholds import FITTED_ON, SHOWS, STILL_GAINS
+from auv_torchrl.diagnosis.thresholds import CONTENDS, FITTED_ON, SHOWS, STILL_GAINS
 
 
 def left_to_slack(problem: Problem, judged: Judged, places: Collection[int]) -> Judged | None:
@@ -35,14 +35,18 @@ def left_to_slack(problem: Problem, judged: Judged, places: Collection[int]) -> 
         return None
     moved = take_step(problem, judged.explanation, step, slack_step)
     kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
-    return until_still(problem, fit_by_simulation(problem, Explanation(kept, moved.slack), judged.base))
+    fewer = fit_by_simulation(problem, Explanation(kept, moved.slack), judged.base)
+    if leaves_much(problem, judged) and fewer.evidence < judged.evidence - CONTENDS:  # windows were lost on the way
+        return fewer
+    return until_still(problem, fewer)
 
 
 def until_still(problem: Problem, judged: Judged) -> Judged:
-    """An explanation fitted on while that gains something."""
+    """An explanation fitted on while that gains something, in units of what it leaves anyway."""
     for _ in range(FITTED_ON):
         further = fit_by_simulation(problem, judged.explanation, judged.base)
-        if not further.evidence > judged.evidence + STILL_GAINS:
+        left = max(1.0, judged.chi2 / judged.quadratic.numbers)
+        if not further.evidence > judged.evidence + STILL_GAINS * left:
             break
         judged = further
     return judged

@@ -9,7 +9,14 @@ from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
 from auv_torchrl.diagnosis.identify.candidates import Others, candidates_of
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess, rescued
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.identify.judged import (
+    Base,
+    Judged,
+    is_minor,
+    is_strained,
+    leaves_much,
+    log_likelihood,
+)
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, tidy
@@ -50,22 +57,24 @@ def search(
     hints: Sequence[Explanation] = (),
     others: Others = Others.ALL,
     below: float = np.inf,
+    rival: float = -np.inf,
 ) -> Found:
     """Explain the windows of a problem that ``follow`` has followed.
 
     ``hints`` are simulated first, and ``others`` that the screening finds only where none of the hints explains the log
-    by a few values, and where they promise to leave less than ``below`` of chi-square per number. Of many windows,
-    some are searched, and what is found is fitted to all.
+    by a few values, and where they promise to leave less than ``below`` of chi-square per number. What is far behind
+    the log likelihood of a ``rival`` is not worked out. Of many windows, some are searched, and what is found is fitted
+    to all.
     """
     if len(problem.windows) <= MANY_WINDOWS:
-        return _search(problem, follow, progress, hints, others, below)
+        return _search(problem, follow, progress, hints, others, below, rival)
     rows = np.linspace(0, len(problem.windows) - 1, SEARCHED_WINDOWS).astype(int)
     few = Problem.of(problem.given.subset(rows), problem.vehicle, problem.settings, problem.known)
-    found = _search(*follow_agreeing(few), progress, hints, others, below)
-    return _refit(problem, follow, found, progress)
+    found = _search(*follow_agreeing(few), progress, hints, others, below, -np.inf)  # all windows tell who is behind
+    return _refit(problem, follow, found, progress, rival)
 
 
-def _refit(problem: Problem, follow: Base, found: Found, progress: Progress) -> Found:
+def _refit(problem: Problem, follow: Base, found: Found, progress: Progress, rival: float) -> Found:
     """What was ``found`` among some windows, fitted to all of them; effects are added where these show more."""
     field = Field.of(problem, follow)
     hopeless = found.none.evidence < found.best.evidence - HOPELESS
@@ -75,7 +84,7 @@ def _refit(problem: Problem, follow: Base, found: Found, progress: Progress) -> 
     chosen = [found.best, *others] if found.best.explanation.effects else others
     polished += [fit_by_simulation(problem, judged.explanation, follow) for judged in chosen[: 1 + REFITTED]]
     few_left_much = leaves_much(found.problem, found.best)
-    return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress)
+    return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress, rival)
 
 
 def _search(
@@ -85,6 +94,7 @@ def _search(
     hints: Sequence[Explanation],
     others: Others,
     below: float,
+    rival: float,
 ) -> Found:
     field = Field.of(problem, follow)
     families = field.families()
@@ -111,7 +121,7 @@ def _search(
             enough = TURNED_ROUND * min(judged.chi2 for judged in polished)
             polished.append(_simulated(problem, shown, follow, families, enough))
             progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
-    return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress)
+    return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress, rival)
 
 
 def _finish(
@@ -123,6 +133,7 @@ def _finish(
     promise: float,
     given_up: bool,
     progress: Progress,
+    rival: float,
 ) -> Found:
     """The best of what was simulated, with effects added, unless that is ``given_up``, and taken out."""
     best = _best(problem, polished)
@@ -137,7 +148,9 @@ def _finish(
         best = _best(problem, polished)
     if not given_up and (not best.nothing_left or is_strained(problem, best)):
         best = grow(problem, best, polished, field.twins, progress)
-    best = tidy(problem, best, polished)
+    left = max(1.0, best.chi2 / best.quadratic.numbers)
+    if log_likelihood(problem, best) > rival - CONTENDS * left:
+        best = tidy(problem, best, polished)
     problem.freedoms.clear()
     none = polished[0]
     kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
