@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from auv_torchrl.paths import config_path
 from auv_torchrl.registry import Registry
@@ -12,8 +12,10 @@ from auv_torchrl.yaml_file import read_yaml
 
 if TYPE_CHECKING:  # the command line needs the settings alone
     import torch
+    from torchrl.objectives import SACLoss
 
     from auv_torchrl.agents.learner import Learner
+    from auv_torchrl.agents.updater import Updater
     from auv_torchrl.envs import FleetEnv
     from auv_torchrl.tasks import Task
     from auv_torchrl.vehicle import Vehicle
@@ -68,7 +70,7 @@ class AgentConfig(ABC):
         """The settings that shape the policy, as plain values."""
         return {"name": self.name, **{key: value for key, value in asdict(self).items() if key not in REPORTING}}
 
-    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> Self:
+    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> "AgentConfig":
         """The settings with which a policy is trained on.
 
         Args:
@@ -95,36 +97,91 @@ class AgentConfig(ABC):
 
 
 @dataclass(frozen=True)
-class SACConfig(AgentConfig):
+class OffPolicyConfig(AgentConfig):
+    """What agents have in common that learn from a replay buffer."""
+
+    gamma: Annotated[float, In("[0, 1)")]
+    tau: Annotated[float, In("(0, 1]")]
+    batch_size: Annotated[int, In("[1, 100000]")]
+    updates_per_step: Annotated[int, In("[1, 1000]")]
+    random_frames: Annotated[int, In("[0, 1000000000]")]
+    buffer_size: Annotated[int, In("[1, 50000000]")]
+
+    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> AgentConfig:
+        """Without random actions."""
+        return replace(super().tuned(tuning, last), random_frames=0)  # pyright: ignore[reportCallIssue]
+
+    @abstractmethod
+    def make_updater(self, observations: int, actions: int, device: "torch.device") -> "Updater":
+        """Networks, losses, and what steps them."""
+
+    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
+        """That and a replay buffer."""
+        from auv_torchrl.agents.off_policy import OffPolicyLearner
+
+        return OffPolicyLearner(observations, actions, self, device)
+
+
+@dataclass(frozen=True)
+class SACConfig(OffPolicyConfig):
     """Soft actor-critic; ``conf/agent/sac.yaml``."""
 
     name = "sac"
 
     loss: Annotated[str, OneOf(("fused", "stock"))]
     alpha_learning_rate: Annotated[float, In("(0, inf)")]
-    gamma: Annotated[float, In("[0, 1)")]
-    tau: Annotated[float, In("(0, 1]")]
-    batch_size: Annotated[int, In("[1, 100000]")]
     target_entropy: Annotated[float, In("[-1000, 1000]")]
     alpha_init: Annotated[float, In("(0, 1000]")]
-    updates_per_step: Annotated[int, In("[1, 1000]")]
-    random_frames: Annotated[int, In("[0, 1000000000]")]
-    buffer_size: Annotated[int, In("[1, 50000000]")]
 
     def shaping(self) -> dict[str, Any]:
-        """Without the name: so policies kept before there were other agents are found."""
-        return {key: value for key, value in super().shaping().items() if key != "name"}
+        """Without the name of SAC itself: so policies kept before there were other agents are found."""
+        return {key: value for key, value in super().shaping().items() if (key, value) != ("name", "sac")}
 
-    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> Self:
-        """Without random actions, and with the temperature that the policy was left with."""
-        alpha = max(last.get("alpha", 0.0), 1e-4)
-        return replace(super().tuned(tuning, last), random_frames=0, alpha_init=alpha)
+    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> AgentConfig:
+        """With the temperature that the policy was left with, too."""
+        alpha = max(last.get("alpha", self.alpha_init), 1e-4)
+        return replace(super().tuned(tuning, last), alpha_init=alpha)  # pyright: ignore[reportCallIssue]
 
-    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
-        """Actor, twin critics and a replay buffer."""
-        from auv_torchrl.agents.sac import SACLearner
+    def make_loss(
+        self, observations: int, actions: int, device: "torch.device", kind: "type[SACLoss] | None" = None
+    ) -> "SACLoss":
+        """Actor, twin critics and temperature, in a loss module of one's own where ``kind`` is one."""
+        from auv_torchrl.agents.losses import make_loss
 
-        return SACLearner(observations, actions, self, device)
+        return make_loss(
+            kind or self.loss, observations, actions, self.hidden, gamma=self.gamma,
+            target_entropy=self.target_entropy, alpha_init=self.alpha_init, device=device,
+        )  # fmt: skip
+
+    def make_updater(self, observations: int, actions: int, device: "torch.device") -> "Updater":
+        """Of actor, twin critics and temperature."""
+        from auv_torchrl.agents.updater import SACUpdater
+
+        loss = self.make_loss(observations, actions, device)
+        return SACUpdater(loss, self.learning_rate, self.alpha_learning_rate, self.tau)
+
+
+@dataclass(frozen=True)
+class TD3Config(OffPolicyConfig):
+    """Twin delayed policy gradient; ``conf/agent/td3.yaml``."""
+
+    name = "td3"
+
+    exploration: Annotated[float, In("[0.001, 10]")]
+    target_noise: Annotated[float, In("[0, 10]")]
+    target_noise_limit: Annotated[float, In("[0, 10]")]
+    actor_every: Annotated[int, In("[1, 1000]")]
+
+    def make_updater(self, observations: int, actions: int, device: "torch.device") -> "Updater":
+        """Of actor and twin critics."""
+        from auv_torchrl.agents.losses import make_td3_loss
+        from auv_torchrl.agents.updater import TD3Updater
+
+        loss = make_td3_loss(
+            observations, actions, self.hidden, gamma=self.gamma, exploration=self.exploration,
+            target_noise=self.target_noise, target_noise_limit=self.target_noise_limit, device=device,
+        )  # fmt: skip
+        return TD3Updater(loss, self.learning_rate, self.tau, self.actor_every)
 
 
 @dataclass(frozen=True)
@@ -137,6 +194,10 @@ class GradientConfig(AgentConfig):
     restart: Annotated[float, In("[0, 1]")]
     delay_s: Annotated[float, In("[0, 1]")]
     current: Annotated[float, In("[0, 1]")]
+
+    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> AgentConfig:
+        """Soft actor-critic: what stands between policy and fleet is not differentiable."""
+        return load_agent_config("sac", {"hidden": list(self.hidden)}).tuned(tuning, last)
 
     def ranges(self, randomization: Mapping[str, Any]) -> Mapping[str, Any]:
         """Delays and a current beside what is drawn, but where nothing is or the ranges name them themselves."""
@@ -163,7 +224,7 @@ class GradientConfig(AgentConfig):
         return GradientLearner(observations, actions, self, device)
 
 
-AGENTS: Registry[type[AgentConfig]] = Registry("agents", AgentConfig, (SACConfig, GradientConfig))
+AGENTS: Registry[type[AgentConfig]] = Registry("agents", AgentConfig, (SACConfig, TD3Config, GradientConfig))
 
 
 def read_agent(settings: Mapping[str, Any]) -> AgentConfig:

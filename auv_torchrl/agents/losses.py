@@ -1,4 +1,4 @@
-"""Soft actor-critic losses: TorchRL's, and one that computes the same with a third of the work."""
+"""Losses: TorchRL's, and for soft actor-critic one that computes the same with a third of the work."""
 
 from typing import Any
 
@@ -7,9 +7,18 @@ import torch.nn.functional as F
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import NormalParamExtractor, dispatch
 from torch import Tensor
-from torchrl.objectives import SACLoss, ValueEstimators
+from torchrl.objectives import SACLoss, TD3Loss, ValueEstimators
 
-from auv_torchrl.agents.networks import Device, Layers, make_actor, make_critic, perceptron, sample_tanh_normal
+from auv_torchrl.agents.networks import (
+    Device,
+    Layers,
+    make_actor,
+    make_critic,
+    make_policy,
+    perceptron,
+    sample_tanh_normal,
+    set_spread,
+)  # fmt: skip
 
 
 class FusedSACLoss(SACLoss):
@@ -62,7 +71,7 @@ class FusedSACLoss(SACLoss):
         self, observation: Tensor, action: Tensor, reward: Tensor, terminated: Tensor, next_observation: Tensor
     ) -> Tensor:
         with torch.no_grad():
-            next_action, next_log_prob = self._sample(next_observation)
+            next_action, next_log_prob = self.sample(next_observation)
             next_value = perceptron(
                 self._parameters_of("target_qvalue_network_params"), torch.cat((next_observation, next_action), -1)
             )
@@ -72,13 +81,14 @@ class FusedSACLoss(SACLoss):
         return F.mse_loss(value, target.expand_as(value)) * len(value)
 
     def _actor_loss(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        action, log_prob = self._sample(observation)
+        action, log_prob = self.sample(observation)
         critics = [(weight.detach(), bias.detach()) for weight, bias in self._parameters_of("qvalue_network_params")]
         value = perceptron(critics, torch.cat((observation, action), -1))
         loss = (self.log_alpha.detach().exp() * log_prob - value.amin(0).squeeze(-1)).mean()
         return loss, log_prob.detach()
 
-    def _sample(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+    def sample(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions (B, a) of the actor in observations (B, d), with gradients, and their log-probabilities (B,)."""
         return sample_tanh_normal(*self._extract(perceptron(self._parameters_of("actor_network_params"), observation)))
 
     def _parameters_of(self, network: str) -> Layers:
@@ -94,7 +104,7 @@ LOSSES = {"fused": FusedSACLoss, "stock": SACLoss}
 
 
 def make_loss(
-    name: str,
+    name: str | type[SACLoss],
     observations: int,
     actions: int,
     hidden: tuple[int, ...],
@@ -103,8 +113,8 @@ def make_loss(
     alpha_init: float,
     device: Device = "cpu",
 ) -> SACLoss:
-    """Actor, twin critics and their targets in one loss module, ``"fused"`` or ``"stock"``."""
-    loss = LOSSES[name](
+    """Actor, twin critics and their targets in one loss module: ``"fused"``, ``"stock"``, or a class of one's own."""
+    loss = (LOSSES[name] if isinstance(name, str) else name)(
         actor_network=make_actor(observations, actions, hidden, device),
         qvalue_network=make_critic(observations, actions, hidden, device),
         num_qvalue_nets=2,
@@ -112,6 +122,34 @@ def make_loss(
         alpha_init=alpha_init,
         target_entropy=target_entropy,
         delay_qvalue=True,
+    )
+    loss.make_value_estimator(ValueEstimators.TD0, gamma=gamma)
+    return loss
+
+
+def make_td3_loss(
+    observations: int,
+    actions: int,
+    hidden: tuple[int, ...],
+    gamma: float,
+    exploration: float,
+    target_noise: float,
+    target_noise_limit: float,
+    device: Device = "cpu",
+) -> TD3Loss:
+    """Actor, twin critics and the targets of all in TorchRL's loss module.
+
+    The actor has the spread ``exploration`` before its tanh where it explores, which nothing changes.
+    """
+    actor = make_policy(observations, actions, hidden, device)
+    set_spread(actor, exploration)
+    loss = TD3Loss(
+        actor_network=actor,
+        qvalue_network=make_critic(observations, actions, hidden, device),
+        bounds=(-1.0, 1.0),  # pyright: ignore[reportArgumentType]  # its type says one number
+        policy_noise=target_noise,
+        noise_clip=target_noise_limit,
+        loss_function="l2",
     )
     loss.make_value_estimator(ValueEstimators.TD0, gamma=gamma)
     return loss

@@ -1,5 +1,6 @@
 """Actor, critics and the policy that leaves the training."""
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -66,6 +67,14 @@ def make_policy(observations: int, actions: int, hidden: Sequence[int], device: 
     """Observation -> action; deterministic outside ``set_exploration_type(RANDOM)``."""
     policy = TanhPolicy(observations, actions, hidden, device)
     return TensorDictModule(policy, in_keys=["observation"], out_keys=["action"])
+
+
+def set_spread(policy: TensorDictModule, spread: float) -> None:
+    """Give a policy of :func:`make_policy` one standard deviation before its tanh, whatever it observes."""
+    *_, weight, bias = policy.parameters()
+    with torch.no_grad():
+        weight[len(weight) // 2 :] = 0.0
+        bias[len(bias) // 2 :] = math.log(math.expm1(spread) / math.expm1(1.0))  # the extractor's softplus is 1 at 0
 
 
 def perceptron(layers: Layers, x: Tensor) -> Tensor:

@@ -1,9 +1,11 @@
-"""One gradient step of soft actor-critic: all losses, one optimiser, target networks."""
+"""One gradient step of an agent that learns from a replay buffer: all losses, one optimiser, target networks."""
+
+from abc import ABC, abstractmethod
 
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
-from torchrl.objectives import SACLoss, SoftUpdate
+from torchrl.objectives import LossModule, SACLoss, SoftUpdate, TD3Loss
 
 
 class FusedSoftUpdate(SoftUpdate):
@@ -20,34 +22,32 @@ class FusedSoftUpdate(SoftUpdate):
         torch._foreach_lerp_(self._target, self._online, self._share)  # pyright: ignore[reportPrivateImportUsage]
 
 
-class Updater:
-    """Steps actor, critics and temperature together, then moves the target critics by ``tau``.
+class Updater(ABC):
+    """Steps all networks of a loss module, then moves their targets.
 
-    The three losses have no parameter in common, so one backward pass and one fused Adam serve them all.
+    The losses have no parameter in common, so one backward pass and one fused Adam serve them all.
     """
 
-    def __init__(self, loss: SACLoss, learning_rate: float, alpha_learning_rate: float, tau: float):
+    told: tuple[str, ...]  # entries of the losses that the learning curve shows
+
+    def __init__(self, loss: LossModule, groups: list[dict]):
         self.loss = loss
-        self.target_update = FusedSoftUpdate(loss, tau=tau)
-        self.learning_rates = (learning_rate, alpha_learning_rate)
-        networks = [p for name, p in loss.named_parameters() if name != "log_alpha"]
-        groups = [
-            {"params": networks, "lr": learning_rate},
-            {"params": [loss.log_alpha], "lr": alpha_learning_rate},
-        ]
+        self.learning_rates = [group["lr"] for group in groups]
         self.optimiser = torch.optim.Adam(groups, fused=True)
 
+    @property
+    def actor(self) -> list[Tensor]:
+        """Weights of the actor, which steps change in place."""
+        return [p.data for p in leaves(self.loss, "actor_network_params")]
+
+    @abstractmethod
     def step(self, batch: TensorDictBase, actor: bool = True) -> TensorDictBase:
-        """Update once on a batch (B,), without ``actor`` the critics alone; returns losses, ``alpha``, ``entropy``."""
-        losses = self.loss(batch)
+        """Update once on a batch (B,), without ``actor`` the critics alone; returns the losses."""
+
+    def _descend(self, total: Tensor) -> None:
         self.optimiser.zero_grad(set_to_none=True)
-        total = losses["loss_qvalue"]
-        if actor:
-            total = losses["loss_actor"] + total + losses["loss_alpha"]
         total.backward()
         self.optimiser.step()
-        self.target_update.step()
-        return losses
 
     def scale_learning_rate(self, factor: float) -> None:
         """Set the learning rates to ``factor`` times their initial values."""
@@ -64,6 +64,61 @@ class Updater:
         self.optimiser.load_state_dict(state["optimiser"])
 
 
-def leaves(loss: SACLoss, network: str) -> list[Tensor]:
+class SACUpdater(Updater):
+    """Actor, critics and temperature together, then the target critics by ``tau``."""
+
+    told = ("loss_qvalue", "loss_actor", "alpha", "entropy")
+
+    def __init__(self, loss: SACLoss, learning_rate: float, alpha_learning_rate: float, tau: float):
+        networks = [p for name, p in loss.named_parameters() if name != "log_alpha"]
+        groups = [
+            {"params": networks, "lr": learning_rate},
+            {"params": [loss.log_alpha], "lr": alpha_learning_rate},
+        ]
+        super().__init__(loss, groups)
+        self.target_update = FusedSoftUpdate(loss, tau=tau)
+
+    def step(self, batch: TensorDictBase, actor: bool = True) -> TensorDictBase:
+        """As of every updater."""
+        losses = self.loss(batch)
+        total = losses["loss_qvalue"]
+        if actor:
+            total = losses["loss_actor"] + total + losses["loss_alpha"]
+        self._descend(total)
+        self.target_update.step()
+        return losses
+
+
+class TD3Updater(Updater):
+    """The critics at every step; actor and targets at every ``actor_every``-th (Fujimoto et al. 2018)."""
+
+    told = ("loss_qvalue", "loss_actor")
+
+    def __init__(self, loss: TD3Loss, learning_rate: float, tau: float, actor_every: int):
+        super().__init__(loss, [{"params": list(loss.parameters()), "lr": learning_rate}])
+        self.target_update = SoftUpdate(loss, tau=tau)
+        self.actor_every, self.steps = actor_every, 0
+
+    def step(self, batch: TensorDictBase, actor: bool = True) -> TensorDictBase:
+        """As of every updater."""
+        self.steps += 1
+        moved = self.steps % self.actor_every == 0
+        losses = self.loss(batch)
+        self._descend(losses["loss_actor"] + losses["loss_qvalue"] if actor and moved else losses["loss_qvalue"])
+        if moved:
+            self.target_update.step()
+        return losses
+
+    def state_dict(self) -> dict:
+        """Everything that the next step depends on."""
+        return {**super().state_dict(), "steps": self.steps}
+
+    def load_state_dict(self, state: dict) -> None:
+        """Go on from :meth:`state_dict`."""
+        super().load_state_dict(state)
+        self.steps = state["steps"]
+
+
+def leaves(loss: LossModule, network: str) -> list[Tensor]:
     """The tensors of one of the loss's networks, in a fixed order."""
     return list(getattr(loss, network).values(include_nested=True, leaves_only=True))

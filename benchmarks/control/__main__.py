@@ -21,6 +21,7 @@ PARTS = {  # module: what it measures
     "env_steps": "Control steps per second of the fleets",
     "sac_updates": "SAC updates per second",
     "time_to_error": "Training time to an error",
+    "agents": "Agents",
     "table2": "The paper's Table 2",
     "fault_recovery": "Recovery from a fault in flight",
     "tank_run": "The paper's tank run",

@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from auv_torchrl.agents.losses import make_loss
-from auv_torchrl.agents.updater import Updater
+from auv_torchrl.agents.updater import SACUpdater
 
 OBSERVATIONS, ACTIONS, STORED = 15, 4, 100_000
 
@@ -20,7 +20,7 @@ OBSERVATIONS, ACTIONS, STORED = 15, 4, 100_000
 def ours(kind: str, hidden: int, batch: int) -> Callable[[int], None]:
     """Sample from a TorchRL replay buffer and update, ``kind`` "fused" or "stock"."""
     loss = make_loss(kind, OBSERVATIONS, ACTIONS, (hidden, hidden), 0.97, -4.0, 0.1)
-    updater = Updater(loss, 1e-3, 1e-3, 0.01)
+    updater = SACUpdater(loss, 1e-3, 1e-3, 0.01)
     buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(STORED), batch_size=4 * batch)
     buffer.extend(
         TensorDict(

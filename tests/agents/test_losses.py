@@ -7,7 +7,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from auv_torchrl.agents.losses import make_loss
 from auv_torchrl.agents.networks import make_actor, make_policy, sample_tanh_normal
-from auv_torchrl.agents.updater import Updater, leaves
+from auv_torchrl.agents.updater import SACUpdater, leaves
 
 pytestmark = pytest.mark.filterwarnings("ignore:No target network updater")  # losses on their own, in these tests
 SETTINGS = {"observations": 7, "actions": 3, "gamma": 0.97, "target_entropy": -3.0, "alpha_init": 0.2}
@@ -67,7 +67,7 @@ def test_updates_stay_together():
     batches = [batch_of(64) for _ in range(10)]
     stock, fused = both()
     for loss in (stock, fused):
-        updater = Updater(loss, learning_rate=1e-3, alpha_learning_rate=1e-3, tau=0.05)
+        updater = SACUpdater(loss, learning_rate=1e-3, alpha_learning_rate=1e-3, tau=0.05)
         torch.manual_seed(1)
         for batch in batches:
             updater.step(batch.clone())

@@ -58,7 +58,9 @@ def test_killed_training_ends_like_an_unbroken_one(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "training", [{"backend": "torch", "loss": "stock"}, {"backend": "mujoco"}, {"agent": "gradient"}], ids=str
+    "training",
+    [{"backend": "torch", "loss": "stock"}, {"backend": "mujoco"}, {"agent": "gradient"}, {"agent": "td3"}],
+    ids=str,
 )
 def test_interrupted_training_ends_like_an_unbroken_one(tmp_path, training, monkeypatch):
     """Ctrl-C saves and says how to go on; going on gives the same policy, replay buffer wrapped or not."""

@@ -1,4 +1,4 @@
-"""Soft actor-critic: actor, critics and their averages, and the transitions that they learn from."""
+"""Agents that learn from a replay buffer: the transitions, and when they are learnt from."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,10 +10,8 @@ from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
 
-from auv_torchrl.agents.config import SACConfig
+from auv_torchrl.agents.config import OffPolicyConfig
 from auv_torchrl.agents.learner import Learner, Learnt
-from auv_torchrl.agents.losses import make_loss
-from auv_torchrl.agents.updater import Updater, leaves
 
 STORED = (
     "observation",
@@ -25,20 +23,15 @@ STORED = (
 )
 
 
-class SACLearner(Learner):
-    """What soft actor-critic learns with; arguments are those of every :class:`Learner`."""
+class OffPolicyLearner(Learner):
+    """Collects, remembers, updates; arguments are those of every :class:`Learner`."""
 
-    losses = ("loss_qvalue", "loss_actor", "alpha", "entropy")
-
-    def __init__(self, observations: int, actions: int, config: SACConfig, device: torch.device):
+    def __init__(self, observations: int, actions: int, config: OffPolicyConfig, device: torch.device):
         self.config = config
-        loss = make_loss(
-            config.loss, observations, actions, config.hidden, gamma=config.gamma,
-            target_entropy=config.target_entropy, alpha_init=config.alpha_init, device=device,
-        )  # fmt: skip
-        self.updater = Updater(loss, config.learning_rate, config.alpha_learning_rate, config.tau)
+        self.updater = config.make_updater(observations, actions, device)
+        self.losses = self.updater.told
         super().__init__(observations, actions, config, device)
-        self._follow([p.data for p in leaves(loss, "actor_network_params")])
+        self._follow(self.updater.actor)
         self.buffer = TensorDictReplayBuffer(
             storage=LazyTensorStorage(config.buffer_size, device=device),
             batch_size=config.batch_size * config.updates_per_step * config.steps_per_batch,
