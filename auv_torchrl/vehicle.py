@@ -86,17 +86,9 @@ class Vehicle(TensorClass):
 _VECTORS = {  # section -> key -> length; 0 is a scalar
     "rigid_body": {"mass": 0, "inertia": 3, "centre_of_mass": 3, "centre_of_buoyancy": 3, "buoyancy": 0},
     "": {"added_mass": 6, "mass_scale": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
-    "thrusters": {
-        "full_thrust": 0,
-        "asymmetry": 0,
-        "exponent": 0,
-        "dead_band": 0,
-        "limit": 0,
-        "lag": 0,
-        "delay": 0,
-        "reaction": 0,
-        "volts": 0,
-    },
+    "thrusters": dict.fromkeys(
+        ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "reaction", "volts"), 0
+    ),
 }
 _SENSORS = {  # what a vehicle's own sensors are off by, where that is known; the nominal values are those of true ones
     "heading_bias": 0.0, "pose_delay": 0.0, "position_scale": 1.0, "depth_scale": 1.0, "depth_bias": 0.0,

@@ -17,6 +17,7 @@ from auv_torchrl.agents.config import AGENTS, REPORTING, load_agent_config
 from auv_torchrl.agents.policy import PolicyError, fingerprint, load_policy, save_policy
 from auv_torchrl.agents.storage import StorageError, digest
 from auv_torchrl.agents.train_source import describe
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.vehicle import load_vehicle
 
 
@@ -256,3 +257,17 @@ def test_unknown_agent_names_those_there_are():
     """A misspelt agent is answered with the list."""
     with pytest.raises(FileNotFoundError, match="there are.*sac"):
         load_agent_config("sax")
+
+
+def test_what_a_vehicle_leaves_out_keeps_the_policies_that_it_had():
+    """Propellers that turn it shape a policy where it says so; the volts of a log never do."""
+    config = tiny_config()
+
+    def key(vehicle):
+        return fingerprint(describe(vehicle, TASK, config, RANDOMIZATION, 0, "torch"))
+
+    plain = load_vehicle("paper")
+    content = describe(plain, TASK, config, RANDOMIZATION, 0, "torch")["vehicle"]
+    assert not {"reaction", "volts", "compass_per_load"} & set(content)
+    assert key(changed(plain, volts=torch.tensor(16.0))) == key(plain)
+    assert key(changed(plain, reaction=torch.full((6,), 0.016))) != key(plain)
