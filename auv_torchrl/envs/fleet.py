@@ -70,10 +70,8 @@ class FleetEnv(EnvBase):
         simulator.generator = self.generator
         self.set_seed(seed if seed is not None else int(torch.randint(2**31, ())))
         self._ahead = simulator.state.time  # (N,) s, by how much vehicles are further along the task than their time
-        self._start: dict[str, Array] = {
-            **dict(zip(BODY, simulator.state[:3], strict=True)),
-            ALONG: self._ahead[:, None],
-        }
+        self._start: dict[str, Array] = dict(zip(BODY, simulator.state[:3], strict=True))
+        self._start[ALONG] = self._ahead[:, None]
         self._scene: tuple[int, Scene] | None = None
 
     @property
