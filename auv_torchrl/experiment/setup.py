@@ -80,6 +80,14 @@ class Experiment:
         )
 
 
+def _check_channels(task: Task, scenario: Scenario) -> None:
+    if task.thruster_commands and scenario.changes:
+        raise ValueError(
+            "task.thruster_commands is true, and what adapts to a changed vehicle maps channels: "
+            "give task.thruster_commands=false, or fly the nominal vehicle, without +scenario"
+        )
+
+
 def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     """Check a composed config.
 
@@ -106,11 +114,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         diagnosed = read_diagnosed(Path(config.diagnosis_file), vehicle, vehicle_name)
         scenario = scenario if scenario.changes else diagnosed.scenario
     _check_closing(diagnosed, config.diagnose, scenario)
-    if task.thruster_commands and scenario.changes:
-        raise ValueError(
-            "task.thruster_commands is true, and what adapts to a changed vehicle maps channels: "
-            "give task.thruster_commands=false, or fly the nominal vehicle, without +scenario"
-        )
+    _check_channels(task, scenario)
     flight = settings_of(FlightConfig, _plain(config.flight), "flight")
     if flight.fly and scenario.changes:
         schedule(scenario, vehicle, flight, config.starts, config.starts_seed, task.control_dt)
