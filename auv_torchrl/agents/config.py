@@ -1,13 +1,14 @@
 """Settings of the training, one class for each agent; the comments are in ``conf/agent/*.yaml``."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
 
+from auv_torchrl.agents.agent_config import REPORTING, AgentConfig, FineTuning
 from auv_torchrl.paths import config_path
 from auv_torchrl.registry import Registry
-from auv_torchrl.settings import Entries, In, OneOf, check_fields, choices, settings_of
+from auv_torchrl.settings import In, OneOf, choices, settings_of
 from auv_torchrl.yaml_file import read_yaml
 
 if TYPE_CHECKING:  # the command line needs the settings alone
@@ -20,80 +21,10 @@ if TYPE_CHECKING:  # the command line needs the settings alone
     from auv_torchrl.tasks import Task
     from auv_torchrl.vehicle import Vehicle
 
-REPORTING = ("csv", "tensorboard")  # the settings that do not shape the policy
-
-
-@dataclass(frozen=True)
-class AgentConfig(ABC):
-    """What every ``conf/agent/*.yaml`` sets; there are no defaults elsewhere. A subclass is one way to learn.
-
-    Upper ends keep what is held in memory below about 10 GB.
-    """
-
-    name: ClassVar[str]  # by which ``agent=<name>`` chooses it
-
-    hidden: Annotated[tuple[int, ...], In("[1, 4096]"), Entries(1, 8)]
-    learning_rate: Annotated[float, In("(0, inf)")]
-    learning_rate_end: Annotated[float, In("(0, 1]")]
-    average: Annotated[float, In("[0, 1)")]
-    num_envs: Annotated[int, In("[1, 100000]")]
-    steps_per_batch: Annotated[int, In("[1, 10000]")]
-    total_frames: Annotated[int, In("[1, 1000000000]")]
-    stretch_steps: Annotated[int, In("[1, 100000]")]
-    evaluation_starts: Annotated[int, In("[1, 10000]")]
-    evaluation_box_m: Annotated[float, In("(0, 1000]")] | None
-    stop_below_m: Annotated[float, In("(0, 1000]")] | None
-    csv: bool
-    tensorboard: bool
-
-    def __post_init__(self) -> None:
-        """Refuse values with which training cannot run."""
-        object.__setattr__(self, "hidden", tuple(self.hidden))
-        check_fields(self, "agent")
-        if self.stretch_steps % self.steps_per_batch:
-            raise ValueError(
-                f"agent.stretch_steps is {self.stretch_steps}: give a multiple of steps_per_batch, "
-                f"{self.steps_per_batch}"
-            )
-
-    @property
-    def stretch_frames(self) -> int:
-        """Transitions between two evaluations."""
-        return self.stretch_steps * self.num_envs
-
-    @property
-    def stretches(self) -> int:
-        """Number of stretches of the whole training."""
-        return -(-self.total_frames // self.stretch_frames)
-
-    def shaping(self) -> dict[str, Any]:
-        """The settings that shape the policy, as plain values."""
-        return {"name": self.name, **{key: value for key, value in asdict(self).items() if key not in REPORTING}}
-
-    def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> "AgentConfig":
-        """The settings with which a policy is trained on.
-
-        Args:
-            tuning: how long, and how fast.
-            last: last point of the learning curve of the policy.
-        """
-        return replace(self, learning_rate=tuning.learning_rate, total_frames=tuning.total_frames)
-
-    def ranges(self, randomization: Mapping[str, Any]) -> Mapping[str, Any]:
-        """What the training vehicles are drawn from, given what they would be."""
-        return randomization
-
-    def make_fleet(
-        self, backend: str, vehicle: "Vehicle", task: "Task", seed: int, device: "torch.device | str"
-    ) -> "FleetEnv":
-        """The vehicles to learn on."""
-        from auv_torchrl.envs import make_fleet
-
-        return make_fleet(backend, vehicle, task, self.num_envs, seed=seed, device=device)
-
-    @abstractmethod
-    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
-        """What learns with these settings."""
+__all__ = [
+    "AGENTS", "REPORTING", "AgentConfig", "FineTuning", "GradientConfig", "OffPolicyConfig", "SACConfig", "TD3Config",
+    "load_agent_config", "read_agent",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -250,16 +181,3 @@ def load_agent_config(name: str = "sac", overrides: Mapping[str, Any] | None = N
     content = read_yaml(config_path("agent", name), "agent")
     content.pop("defaults", None)  # types for Hydra
     return read_agent({**content, **(overrides or {})})
-
-
-@dataclass(frozen=True)
-class FineTuning:
-    """How long a policy is trained on; ``conf/train.yaml`` explains the values."""
-
-    total_frames: Annotated[int, In("[1, 1000000000]")] = 76800
-    critic_frames: Annotated[int, In("[0, 1000000000]")] = 25600
-    learning_rate: Annotated[float, In("(0, inf)")] = 1.0e-3
-
-    def __post_init__(self) -> None:
-        """Refuse values that cannot work."""
-        check_fields(self, "tuning")

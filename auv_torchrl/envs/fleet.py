@@ -49,6 +49,7 @@ class FleetEnv(EnvBase):
     """
 
     _supports_set_state = True
+    _limited = staticmethod(torch.nn.functional.hardtanh)  # commands, to [-1, 1]
 
     def __init__(
         self,
@@ -187,9 +188,6 @@ class FleetEnv(EnvBase):
             self.batch_size,
             device=self.device,
         )
-
-    def _limited(self, command: Tensor) -> Tensor:
-        return command.clamp(-1.0, 1.0)
 
     def _report(self) -> dict[str, Tensor | TensorDict]:
         state, dtype = self._state, self.state_dtype

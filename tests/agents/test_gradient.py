@@ -10,7 +10,7 @@ from auv_torchrl.agents.policy import load_policy
 from auv_torchrl.agents.train_source import make_trainer
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import straight_through_targets, thrust_targets
-from auv_torchrl.tasks import StationKeeping
+from auv_torchrl.tasks import TASKS, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 
@@ -46,6 +46,19 @@ def test_a_policy_is_learnt_from_a_few_hundred_control_steps(tmp_path):
     trainer.run()
     assert trainer.curve[-1]["frames"] == 20480
     assert trainer.curve[-1]["best_m"] < 0.05
+
+
+@pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
+def test_gradients_flow_through_every_task(task):
+    """From one horizon to the next, with vehicles that begin anew between, and into the policy."""
+    settings = {"num_envs": 4, "steps_per_batch": 4, "stretch_steps": 12, "restart": 0.3}
+    config = load_agent_config("gradient", settings)
+    torch.manual_seed(0)
+    fleet = config.make_fleet("mujoco", load_vehicle("paper"), task(), 0, "cpu")
+    learner = GradientLearner(len(task().observation_names), 4, config, torch.device("cpu"))
+    learnt = [each.losses for each in learner.learn(fleet, 0, 0)]
+    assert len(learnt) == 3
+    assert all(losses["loss_actor"].isfinite() and losses["gradient_norm"] > 0 for losses in learnt)
 
 
 def test_only_what_belongs_to_an_episode_counts():
