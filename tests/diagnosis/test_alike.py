@@ -11,8 +11,9 @@ from hypothesis.extra import numpy as arrays
 from auv_torchrl.command import BAD_INPUT
 from auv_torchrl.diagnosis import Verdict
 from auv_torchrl.diagnosis.alike.judge import judge_runs, learn_sound
+from auv_torchrl.diagnosis.alike.marks import mark_effects
 from auv_torchrl.diagnosis.alike.normal import learn_normal
-from auv_torchrl.diagnosis.alike.runs import Runs
+from auv_torchrl.diagnosis.alike.runs import Runs, cut_runs
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, batch, load_settings
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError, write_flightlog
@@ -104,6 +105,16 @@ def test_nothing_comes_about_that_cannot(sound):
     for cause in (cause for run in (*told.runs, told.together) for cause in run.causes):
         assert not EFFECTS[cause.name].is_property
         assert all(estimate.value <= 1 for name, estimate in cause.parameters.items() if name.startswith("gain"))
+
+
+def test_a_tether_of_the_vehicle_stays():
+    """What a vehicle has by itself is in every mark: a weight on a spring sinks to where the spring holds it."""
+    moored = apply_values(FILE, {"tether": {"stiffness": 20.0}})
+    runs = cut_runs([dives({}, 2, seed=13)])
+    _, marks = mark_effects(moored, runs, SETTINGS)
+    (weight,) = [i for i, atom in enumerate(marks.atoms) if atom.effect == "buoyancy" and atom.values["force"] > 0]
+    force = marks.atoms[weight].values["force"]
+    assert marks.change[weight, 0, 0, -1] < 1.1 * force / 20.0
 
 
 @given(arrays.arrays(float, (12, 2, 3), elements=st.floats(-1e3, 1e3)), st.integers(0, 9))

@@ -1,7 +1,8 @@
 """What a vehicle, and every effect on it, would do in each run: simulated from rest, by the commands alone."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
@@ -31,18 +32,26 @@ def predicted(vehicle: Vehicle, runs: Runs, changes: Sequence[Values]) -> Floats
     """What would be seen (M, N, C, B) of a vehicle with each of M changes; NaN from where it has diverged."""
     per_bin, steps = round(BIN_S / CONTROL_DT), runs.commands.shape[1]
     found = np.empty((len(changes), len(runs), len(runs.channels), runs.seen.shape[-1]))
-    together = max(1, AT_ONCE // len(runs))
-    for first in range(0, len(changes), together):
-        some = list(changes[first : first + together])
-        vehicles = batch(vehicle, [values for values in some for _ in range(len(runs))])
-        commands = np.tile(runs.commands, (len(some), 1, 1))
+    for some in _together(changes, max(1, AT_ONCE // len(runs))):
+        vehicles = batch(vehicle, [values for values in changes[some] for _ in range(len(runs))])
+        commands = np.tile(runs.commands, (len(changes[some]), 1, 1))
         reported = simulate(vehicles, commands, np.arange(steps + 1) * CONTROL_DT).reported
         columns = {"z": reported.position[..., 2]}
         columns |= {name: reported.velocity[..., place] for place, name in enumerate(VELOCITY)}
         shown = np.stack([columns[name][:, :steps] for name in runs.channels], axis=1)
-        shown = shown.reshape(len(some), len(runs), len(runs.channels), -1, per_bin)
-        found[first : first + len(some)] = np.median(shown, axis=-1)
+        shown = shown.reshape(-1, len(runs), len(runs.channels), found.shape[-1], per_bin)
+        found[some] = np.median(shown, axis=-1)
     return found
+
+
+def _together(changes: Sequence[Values], most: int) -> Iterator[slice]:
+    """Changes by the same effects, which leave the rest of a vehicle as it is: a tether that it has stays."""
+    first = 0
+    for _, own in groupby(changes, key=tuple):
+        behind = first + len(list(own))
+        for begin in range(first, behind, most):
+            yield slice(begin, min(begin + most, behind))
+        first = behind
 
 
 def mark_effects(vehicle: Vehicle, runs: Runs, settings: Settings) -> tuple[Floats, Marks]:
