@@ -72,12 +72,13 @@ PARTS: dict[str, Callable[[Path], Iterator[str]]] = {
 
 
 def sections(data: Path, names: list[str]) -> Iterator[str]:
-    """The page, a part at a time."""
+    """Lines of the page, each as soon as it is known."""
     yield HEAD
     for name in names:
         yield f"## {name}\n\n{ABOUT[name]}\n"
         try:
-            yield "\n".join(PARTS[name](data)) + "\n"
+            yield from PARTS[name](data)
+            yield ""
         except FileNotFoundError as error:
             log.warning("%s is left out: %s", name, error)
             yield f"Not measured: {error}.\n"
@@ -95,13 +96,14 @@ def main() -> None:
     if options.publish and options.parts:
         parser.error("--publish writes all parts: leave their names out")
     logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
-    log.setLevel(logging.INFO)  # progress; libraries stay silent
+    for ours in (log, logging.getLogger("benchmarks")):
+        ours.setLevel(logging.INFO)  # progress; libraries stay silent
     torch.set_num_threads(1)
     page = []
-    for section in sections(options.data, options.parts or list(PARTS)):
-        page.append(section)
+    for line in sections(options.data, options.parts or list(PARTS)):
+        page.append(line)
         if not options.publish:
-            sys.stdout.write(section + "\n")
+            sys.stdout.write(line + "\n")
             sys.stdout.flush()
     if options.publish:
         write_whole(PAGE, "\n".join(page).encode())
