@@ -102,10 +102,9 @@ def _found_effect(
         half = Z95 * float(np.hypot(np.sqrt(covariance[np.ix_(moving, moving)].sum()), model))
         low, high = max(p.low, value - half), min(p.high, value + half)
         parameters[member] = Estimate(value, low, high, nominal[member], p.unit)
-        which = member.removeprefix(f"{p.name}_")
-        sentences.append(p.sentence.format(value=value, which=which.replace("_", " ")))
+        sentences.append(p.said(member, value))
         if p.over == "thruster":
-            thrusters.add(int(which))
+            thrusters.add(int(member.removeprefix(f"{p.name}_")))
     if len(knob_members := {k.members for k in explanation.knobs if k.effect == name}) == 1:
         (members,) = knob_members
         if len(members) > 1:

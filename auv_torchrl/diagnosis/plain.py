@@ -1,11 +1,14 @@
 """Answers as plain types, which JSON can hold, and findings back from them."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import Finding, Severity
 
 
@@ -20,6 +23,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return int(value) if isinstance(value, np.integer) else value
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write plain types, whole or not at all; names of files that are no UTF-8 keep their bytes."""
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    write_whole(path, text.encode("utf-8", "surrogateescape"))
 
 
 def finding_from(entry: Mapping[str, Any]) -> Finding:

@@ -63,6 +63,10 @@ class Parameter:
             value = mean(value) if self.over is None else value[self.members(vehicle).index(member)]
         return float(value)
 
+    def said(self, member: str, value: float) -> str:
+        """The sentence of a report about a member that has a value."""
+        return self.sentence.format(value=value, which=member.removeprefix(f"{self.name}_").replace("_", " "))
+
     @property
     def is_absolute(self) -> bool:
         """Whether it is a force or a mass by itself, and no share of what the vehicle has."""

@@ -91,7 +91,7 @@ def _cause(weighed: Weighed, g: int, e: int, marks: Marks, vehicle: Vehicle) -> 
         at = [float(np.clip(nominal[member] + a * step, p.low, p.high)) for a in (amount, amount - half, amount + half)]
         parameters[member] = Estimate(at[0], min(at[1:]), max(at[1:]), nominal[member], p.unit)
         if step:
-            said.append(p.sentence.format(value=at[0], which=member.removeprefix(f"{p.name}_")))
+            said.append(p.said(member, at[0]))
     instead = dict.fromkeys(tuple(marks.atoms[i].values) for i in likely)
     instead.pop(tuple(atom.values))
     sentence = "; ".join(said)

@@ -11,9 +11,10 @@ from scipy.stats import norm
 from auv_torchrl.diagnosis.alike.marks import Marks
 from auv_torchrl.diagnosis.alike.normal import Normal
 from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.evidence import plausible_range
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, RANGE_CAP
+from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
@@ -92,9 +93,8 @@ def _fit(
     left = np.concatenate([[float(y @ y)], ((y_off**2).sum(1) - gain * along**2) / wrong])
     spread = np.concatenate([[0.0], np.log1p(width**2 * size) + k * np.log(wrong)])
     loglik = -0.5 * (normal.freedom + k) * np.log1p(left / normal.freedom) - 0.5 * spread
-    loglik[1:] += np.asarray(norm.logcdf(amount / unsure)) - np.asarray(
-        norm.logcdf(centre / width)
-    )  # the opposite is another change
+    # By a negative amount it would be the opposite, which is another change.
+    loglik[1:] += np.asarray(norm.logcdf(amount / unsure)) - np.asarray(norm.logcdf(centre / width))
     return loglik, amount, unsure * np.sqrt(wrong), left
 
 
@@ -107,7 +107,7 @@ def _amounts(atom: Atom, vehicle: Vehicle) -> tuple[float, float]:
     known = declared(atom.effect, vehicle)
     name = max(atom.values, key=lambda member: abs(atom.values[member] - known.nominal[member]))
     p = known.parameters[name]
-    range_of = min(p.high - p.low, RANGE_CAP.get(p.unit, np.inf))
+    range_of = plausible_range(p)
     if p.unit == "N":  # more than that, and nobody would have flown it
         range_of = min(range_of, float(vehicle.full_thrust.sum()))
     return 0.0, range_of / IN_ITS_RANGE / abs(atom.values[name] - known.nominal[name])

@@ -1,6 +1,5 @@
 """What ``diagnose.py alike=true`` does once its command line is read."""
 
-import json
 import logging
 from collections import Counter
 from collections.abc import Iterator
@@ -14,10 +13,9 @@ from threadpoolctl import threadpool_limits
 from auv_torchrl.command import checking_input
 from auv_torchrl.diagnosis.alike.answer import Answer
 from auv_torchrl.diagnosis.alike.judge import Alike, judge_runs, learn_sound
-from auv_torchrl.diagnosis.plain import plain
+from auv_torchrl.diagnosis.plain import plain, write_json
 from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.request import read_request
-from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLogError
 
 log = logging.getLogger("diagnose")
@@ -39,8 +37,7 @@ def answer_alike(config: DictConfig) -> None:
         progress("done", 1.0)
     folder = Path(HydraConfig.get().runtime.output_dir)
     log.info("\n%s\n", "\n".join(lines(told)))
-    content = json.dumps(to_json(told), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    write_whole(folder / "alike.json", content.encode("utf-8", "surrogateescape"))
+    write_json(folder / "alike.json", to_json(told))
     log.info("alike.json is in %s", folder)
 
 

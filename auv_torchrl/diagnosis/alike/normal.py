@@ -1,6 +1,6 @@
 """What sound runs look like: their mean beyond the simulator, how they scatter, and how sessions differ."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,6 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.flightlog import FlightLogError
 
 FEWEST = 10  # runs, for a scatter to be measured
-SPARE = 3  # degrees of freedom at least of the scatter, for its distribution to have a variance
 
 
 @dataclass(frozen=True)
@@ -40,9 +39,8 @@ def learn_normal(healthy: Runs, nominal: Floats) -> Normal:
     centred = beyond - beyond.mean(0)
     covariance = _shrunk(centred)
     root = np.linalg.cholesky(covariance * (1 + 1 / count))  # the mean is not known better than that
-    normal = Normal(beyond.mean(0), root, count, max(SPARE, count - 1.0), 0.0)
-    between = _between_sessions(normal.whitened(centred), healthy.session)
-    return Normal(normal.mean, root, count, normal.freedom, between)
+    normal = Normal(beyond.mean(0), root, count, count - 1.0, 0.0)
+    return replace(normal, session=_between_sessions(normal.whitened(centred), healthy.session))
 
 
 def _shrunk(centred: Floats) -> Floats:

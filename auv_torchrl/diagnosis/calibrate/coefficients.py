@@ -181,9 +181,4 @@ def _sentences(
         spread = f", from {min(values):.2f} to {max(values):.2f}" if len(EFFECTS[name].parameters) == 1 else ""
         return (f"{len(moved)} of its {len(parameters)} coefficients differ from the file{spread}",)
     declared = EFFECTS[name].member_parameters(vehicle)
-    said = []
-    for c in moved:
-        p = declared[c.member]
-        which = c.member.removeprefix(f"{p.name}_")
-        said.append(p.sentence.format(value=parameters[c.member].value, which=which.replace("_", " ")))
-    return tuple(said)
+    return tuple(declared[c.member].said(c.member, parameters[c.member].value) for c in moved)

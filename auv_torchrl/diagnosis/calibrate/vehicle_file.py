@@ -110,7 +110,7 @@ def _told(sound: Calibration, given: Vehicle) -> list[str]:
             value, half = before * nominal / (nominal + file), Z95 * sd * before / abs(nominal + file)
         else:
             value, half = (nominal if own_number else nominal - file), Z95 * sd
-        words = p.sentence.format(value=value, which=member.removeprefix(f"{p.name}_"))
+        words = p.said(member, value)
         unit = "" if p.unit == "1" else f" {p.unit}"
         low, high = max(value - half, p.low), min(value + half, p.high)
         told.append(f"{words}; 95 % in [{low:.3g}, {high:.3g}]{unit}")

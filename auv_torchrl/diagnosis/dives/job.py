@@ -1,6 +1,5 @@
 """What ``diagnose.py`` does with many dives once its command line is read."""
 
-import json
 import logging
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from auv_torchrl.diagnosis.dives.said import console
 from auv_torchrl.diagnosis.dives.told import Dive
 from auv_torchrl.diagnosis.dives.work import Work, diagnose_some, follow_all
 from auv_torchrl.diagnosis.logs import names
+from auv_torchrl.diagnosis.plain import write_json
 from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.files import write_whole
@@ -52,8 +52,7 @@ def answer_dives(config: DictConfig) -> None:
 
 def write_answer(told: ManyDives, work: Work, folder: Path) -> None:
     """Write the page and the file for programs."""
-    content = json.dumps(to_json(told), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    write_whole(folder / "dives.json", content.encode("utf-8", "surrogateescape"))
+    write_json(folder / "dives.json", to_json(told))
     write_whole(folder / "dives.html", dives_page(told, work.vehicle).encode("utf-8", "surrogateescape"))
 
 

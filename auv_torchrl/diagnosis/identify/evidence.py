@@ -9,7 +9,7 @@ from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, RANGE_CAP, SECOND_EFFECT
-from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects import EFFECTS, Parameter
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -23,8 +23,7 @@ class Prior:
 
     def width(self, effect: str, member: str) -> float:
         """Plausible range of a parameter, in its unit."""
-        p = declared(effect, self.vehicle).parameters[member]
-        return min(p.high - p.low, RANGE_CAP.get(p.unit, np.inf))
+        return plausible_range(declared(effect, self.vehicle).parameters[member])
 
     def structure(self, explanation: Explanation) -> float:
         """Log prior probability of having exactly these knobs."""
@@ -44,6 +43,11 @@ class Prior:
             elif members > 1:
                 total -= log(members) + log(comb(members, min(len(knobs), members)))  # how many, then which
         return total
+
+
+def plausible_range(p: Parameter) -> float:
+    """How far apart values of a parameter may plausibly be, in its unit."""
+    return min(p.high - p.low, RANGE_CAP.get(p.unit, np.inf))
 
 
 def volume(curvature: Floats, widths: Floats) -> float:
