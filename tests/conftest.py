@@ -34,8 +34,9 @@ DAMPING = torch.tensor((0.5, 0.5, 0.5, 0.3))  # per m/s and per rad/s
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """How many damaged logs the fuzz of the diagnosis draws."""
+    """How long random tests go on; without these options they are short."""
     parser.addoption("--damages", type=int, help="examples of tests/diagnosis/test_fuzz_diagnosis.py; few without it")
+    parser.addoption("--hostile", type=int, default=100, help="vehicles of tests/adaptation/test_hostile.py, 100")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -42,7 +42,7 @@ def reconcile(
         what = [f"{scale:.2f} times the velocity"] if abs(scale - 1) > SCALED else []
         what += [f"{late:.1f} s before the velocity"] if late >= LEAST_LATE_S else []
         how += f"; the position moves with {' and '.join(what)} (to {best:.0%})"
-    lost, kept = _less_believed(b, axes, vehicle)
+    lost, kept = _less_believed(b, axes)
     columns = tuple(axis for axis in (*POSE, *VELOCITY[:3]) if axis in axes)
     remedy = "Check units, signs and time stamps of pose and velocity"
     if not lost:
@@ -68,11 +68,11 @@ def _agreement(b: Blocks, scale: float | None = None) -> tuple[float, float]:
     return 1 - float(((given - scale * derived) ** 2).sum() / max(given @ given, 1e-12)), scale
 
 
-def _less_believed(b: Blocks, axes: tuple[str, ...], vehicle: Vehicle) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _less_believed(b: Blocks, axes: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The axes that the balance of forces speaks against, and those that it speaks for; both empty where for none."""
     nothing = np.full_like(b.velocity, np.nan)
-    by_pose = force_balance(b._replace(velocity=nothing), vehicle) or -np.inf
-    by_velocity = force_balance(b, vehicle) or -np.inf
+    by_pose = force_balance(b._replace(velocity=nothing)) or -np.inf
+    by_velocity = force_balance(b) or -np.inf
     if max(by_pose, by_velocity) < BALANCED:
         return (), ()
     poses, velocities = (tuple(n for n in names if n in axes) for names in (POSE[:3], VELOCITY))

@@ -95,7 +95,7 @@ def _by_thrusters(episodes: tuple[Episode, ...], vehicle: Vehicle) -> _Told:
 def _response(episodes: tuple[Episode, ...], vehicle: Vehicle, interval: float) -> tuple[float, float]:
     """Medians over the axes of size and correlation of the response, with samples ``interval`` s apart."""
     timed = tuple(replace(episode, t=episode.t * interval) for episode in episodes)
-    found = list(responses(blocks(timed, vehicle), vehicle).values())
+    found = list(responses(blocks(timed, vehicle)).values())
     if not found:
         return 0.0, 0.0
     return (

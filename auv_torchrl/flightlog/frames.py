@@ -43,7 +43,7 @@ def check_frames(
         return episodes, axes, found
     episodes, axes, disagreeing = reconcile(episodes, axes, vehicle)
     episodes, converted = (episodes, []) if units_known else convert_units(episodes, axes, vehicle)
-    return episodes, axes, [*disagreeing, *converted, *_dynamics(blocks(episodes, vehicle), axes, vehicle)]
+    return episodes, axes, [*disagreeing, *converted, *_dynamics(blocks(episodes, vehicle), axes)]
 
 
 def _kinematics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
@@ -110,9 +110,9 @@ _CONVENTIONS: dict[str, Callable[[Blocks, Floats], tuple[Floats, Floats]]] = {
 }
 
 
-def _dynamics(b: Blocks, axes: tuple[str, ...], vehicle: Vehicle) -> list[Finding]:
+def _dynamics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
     """Compare the motion with the push of the thrusters."""
-    answer = responses(b, vehicle)
+    answer = responses(b)
     mirrored = {name for name, response in answer.items() if response.correlation < _REVERSED}
     follows = {name for name, response in answer.items() if response.correlation > _FOLLOWS}
     if mirrored == {"sway", "heave", "yaw"} and "surge" not in mirrored:
@@ -133,16 +133,16 @@ def _dynamics(b: Blocks, axes: tuple[str, ...], vehicle: Vehicle) -> list[Findin
         columns = tuple(axis for axis in ("z", "w") if axis in axes)
         remedy = "Check that z is depth"
         return [Finding(Severity.WARNING, "z_up_or_reversed", sentence, remedy, columns, limits=True)]
-    return _other_pose_frame(b, axes, vehicle, answer)
+    return _other_pose_frame(b, axes, answer)
 
 
-def _other_pose_frame(b: Blocks, axes: tuple[str, ...], vehicle: Vehicle, answer: dict[str, Response]) -> list[Finding]:
+def _other_pose_frame(b: Blocks, axes: tuple[str, ...], answer: dict[str, Response]) -> list[Finding]:
     """Another reading of the pose under which the vehicle follows its thrusters, where as given it does not."""
     planar = [answer[name].correlation for name in ("surge", "sway") if name in answer]
     if not {"x", "y", "yaw"} <= set(axes) or len(planar) < 2 or max(planar) > _FAILS:
         return []
     for name, reading in _POSE_READINGS.items():
-        answer = responses(reading(b), vehicle)
+        answer = responses(reading(b))
         if len(answer) >= 3 and min(response.correlation for response in answer.values()) > _FITS:
             sentence = f"the vehicle goes where its thrusters push it only if {name}"
             return [Finding(Severity.ERROR, "wrong_frame", sentence, _NED, axes, limits=True)]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.log import Episode, Floats
-from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.physics.thrusters import body_wrench, thrust_target
@@ -28,6 +28,7 @@ class Blocks(NamedTuple):
     thrust: Floats  # (B, n) N; mean from the middle of the block before to the middle of this one
     length: Floats  # (B,) s
     joined: np.ndarray  # (B,) whether the block follows the one before without a break
+    vehicle: Coefficients  # of the vehicle whose thrust it is
 
 
 class Response(NamedTuple):
@@ -43,16 +44,17 @@ def blocks(episodes: tuple[Episode, ...], vehicle: Vehicle, late: float = 0.0) -
 
     Velocities are taken ``late`` seconds after the poses that they belong to.
     """
-    parts = [part for episode in episodes if (part := _episode_blocks(episode, vehicle, late)) is not None]
+    c = prepare(vehicle).numpy()
+    parts = [part for episode in episodes if (part := _episode_blocks(episode, c, late)) is not None]
     if not parts:
         empty = np.empty
-        return Blocks(
-            empty((0, 3)), empty((0, 4)), empty((0, 6)), empty((0, vehicle.thrusters)), empty(0), empty(0, dtype=bool)
-        )
-    return Blocks(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+        nothing = empty((0, vehicle.thrusters)), empty(0), empty(0, dtype=bool)
+        return Blocks(empty((0, 3)), empty((0, 4)), empty((0, 6)), *nothing, c)
+    averages = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Blocks._fields[:-1]}
+    return Blocks(**averages, vehicle=c)
 
 
-def _episode_blocks(episode: Episode, vehicle: Vehicle, late: float) -> Blocks | None:
+def _episode_blocks(episode: Episode, c: Coefficients, late: float) -> Blocks | None:
     t = episode.t
     block = max(BLOCK_S, _BLOCK_SAMPLES * float(np.median(np.diff(t))))
     count = int((t[-1] - t[0]) / block)
@@ -68,11 +70,10 @@ def _episode_blocks(episode: Episode, vehicle: Vehicle, late: float) -> Blocks |
     rate = np.diff(at_edges, axis=0)[:, [0, 1, 2, 5]] / block
     velocity = _mean_between(edges + late, t, episode.velocity)
     velocity[edges[1:] + late > t[-1]] = np.nan
-    coefficients = prepare(vehicle).numpy()
-    thrust = thrust_target(coefficients, ActiveTerms.of(coefficients), episode.commands)
+    thrust = thrust_target(c, ActiveTerms.of(c), episode.commands)
     between = _mean_between(np.concatenate((edges[:1], middle)), t, thrust, held=True)
     joined = np.arange(count) > 0
-    return Blocks(attitude, rate, velocity, between, np.full(count, block), joined)
+    return Blocks(attitude, rate, velocity, between, np.full(count, block), joined, c)
 
 
 def _interpolate(at: Floats, t: Floats, values: Floats) -> Floats:
@@ -104,13 +105,12 @@ def body_velocity(b: Blocks) -> Floats:
     return np.where(np.isfinite(velocity).any(0), velocity, 0.0)
 
 
-def driven_accelerations(b: Blocks, vehicle: Vehicle) -> tuple[Floats, Floats]:
+def driven_accelerations(b: Blocks) -> tuple[Floats, Floats]:
     """What the thrusters should add to the acceleration (P, 6) and what the motion shows that they do; may be empty."""
     velocity = body_velocity(b)
     pair = np.flatnonzero(b.joined & np.isfinite(velocity).all(-1))
     pair = pair[np.isfinite(velocity[pair - 1]).all(-1)]
-    c = prepare(vehicle).numpy()
-    terms = ActiveTerms.of(c)
+    c, terms = b.vehicle, ActiveTerms.of(b.vehicle)
     mean = (velocity[pair] + velocity[pair - 1]) / 2
     rotation = rotations(np.nan_to_num(b.attitude[pair] + b.attitude[pair - 1]) / 2)
     position = np.zeros((len(pair), 3))
@@ -120,9 +120,9 @@ def driven_accelerations(b: Blocks, vehicle: Vehicle) -> tuple[Floats, Floats]:
     return expected, (velocity[pair] - velocity[pair - 1]) / b.length[pair, None] - coasting
 
 
-def responses(b: Blocks, vehicle: Vehicle) -> dict[str, Response]:
+def responses(b: Blocks) -> dict[str, Response]:
     """Response of each of surge, sway, heave and yaw that is measured and driven; too few blocks give none."""
-    expected, measured = driven_accelerations(b, vehicle)
+    expected, measured = driven_accelerations(b)
     if len(expected) < _FEWEST_BLOCKS:
         return {}
     found = {}
@@ -134,12 +134,12 @@ def responses(b: Blocks, vehicle: Vehicle) -> dict[str, Response]:
     return found
 
 
-def force_balance(b: Blocks, vehicle: Vehicle) -> float | None:
+def force_balance(b: Blocks) -> float | None:
     """Share of what the thrusters push that the motion shows, mean over the driven axes; 1 is a perfect simulator.
 
     None where too little is driven or measured.
     """
-    expected, measured = driven_accelerations(b, vehicle)
+    expected, measured = driven_accelerations(b)
     if len(expected) < _FEWEST_BLOCKS:
         return None
     shares = []

@@ -45,23 +45,23 @@ def convert_units(
 ) -> tuple[tuple[Episode, ...], list[Finding]]:
     """The episodes in the units of the format, converted where the balance of forces shows another one."""
     b = blocks(episodes, vehicle)
-    now = force_balance(b, vehicle)
+    now = force_balance(b)
     if now is None or now > IN_ORDER:
         return episodes, []
     if one_sided(episodes):
         both = tuple(replace(e, commands=2 * e.commands - 1) for e in episodes)
-        if _closes(force_balance(blocks(both, vehicle), vehicle), now):
+        if _closes(force_balance(blocks(both, vehicle)), now):
             sentence = "commands lie within 0 and 1, and the vehicle answers them as if 0.5 were rest; taken as 2 c - 1"
             columns = tuple(f"cmd_{i + 1}" for i in range(both[0].commands.shape[1]))
             return both, [_finding("one_sided_commands", sentence, "Give commands in [-1, 1]", columns)]
-    tried = [(*_best_factor(b, reading, vehicle), reading) for reading in _readings(axes)]
+    tried = [(*_best_factor(b, reading), reading) for reading in _readings(axes)]
     likely = [(balance, factor, reading) for factor, balance, reading in tried if _is_unit(factor, balance, now)]
     if not likely:
         return episodes, []
     balance, factor, reading = max(likely, key=lambda entry: entry[0])
     unit = next((u for u, f in reading.units.items() if abs(np.log(factor / f)) < NAMED_WITHIN), "")
     factor = reading.units.get(unit, factor)
-    open_ = reading.code == TIME and _weaker_thrusters(b, vehicle) > balance - SAME
+    open_ = reading.code == TIME and _weaker_thrusters(b) > balance - SAME
     sentence = _said(reading, factor, unit, balance, now) + (OPEN if open_ else "")
     remedy = f"Give {reading.what}"
     finding = Finding(Severity.WARNING, reading.code, sentence, remedy, reading.columns, limits=open_)
@@ -81,9 +81,9 @@ def _is_unit(factor: float, balance: float | None, now: float) -> bool:
     return _closes(balance, now) and abs(np.log(factor)) > np.log(LEAST_FACTOR)
 
 
-def _weaker_thrusters(b: Blocks, vehicle: Vehicle) -> float:
+def _weaker_thrusters(b: Blocks) -> float:
     """How well the forces balance if all thrusters give the same share of their thrust."""
-    shares = (force_balance(b._replace(thrust=g * b.thrust), vehicle) for g in GAINS.tolist())
+    shares = (force_balance(b._replace(thrust=g * b.thrust)) for g in GAINS.tolist())
     return max(-np.inf if share is None else share for share in shares)
 
 
@@ -111,11 +111,11 @@ def _readings(axes: tuple[str, ...]) -> list[Reading]:
     return found
 
 
-def _best_factor(b: Blocks, reading: Reading, vehicle: Vehicle) -> tuple[float, float]:
+def _best_factor(b: Blocks, reading: Reading) -> tuple[float, float]:
     """The factor under which the forces balance best, and how well they do."""
 
     def balance(factor: float) -> float:
-        value = force_balance(_scaled(b, reading.columns, factor), vehicle)
+        value = force_balance(_scaled(b, reading.columns, factor))
         return -np.inf if value is None else value
 
     coarse = max(FACTORS, key=balance)

@@ -108,7 +108,7 @@ def _angles_in_degrees(episodes: tuple[Episode, ...], vehicle: Vehicle) -> str:
     ratio = _rate_over_r(episodes)
     if ratio is not None and ratio > _CLEARLY:
         return f"yaw turns {ratio:.0f} times faster than r"
-    yaw = responses(blocks(episodes, vehicle), vehicle).get("yaw")
+    yaw = responses(blocks(episodes, vehicle)).get("yaw")
     if ratio is None and yaw and yaw.correlation > 0.5 and yaw.slope > _CLEARLY:
         return f"yaw answers the thrusters {yaw.slope:.0f} times too strongly"
     return ""

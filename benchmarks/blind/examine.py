@@ -48,6 +48,13 @@ def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
     return {name: json.loads((answers / f"{name}.json").read_text()) for name in read_manifest(folder)["tasks"]}
 
 
+def examine_one(folder: Path, answers: Path, name: str) -> None:
+    """Write the answer to one case to ``answers``."""
+    manifest = read_manifest(folder)
+    flown = sensor_set(manifest["settings"].get("sensors")).vehicle
+    _answer(folder, answers, name, manifest["tasks"][name], flown)
+
+
 def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any], flown: str) -> None:
     settings = load_settings()
     if task["left_out"]:

@@ -73,17 +73,9 @@ def test_no_sequence_of_bad_input_gives_a_bad_command(sensed, events, seed):
             abuse.step(what)
 
 
-def test_twenty_thousand_random_hostile_steps_give_no_bad_command():
-    """100 vehicles, 200 steps, one bad event after another."""
-    abuse = Abuse(100, 0)
-    for what in abuse.rng.choice(HOSTILE, 200):
-        abuse.step(what)
-
-
-@pytest.mark.slow
-def test_a_million_random_hostile_steps_give_no_bad_command():
-    """1000 vehicles, 1000 steps, one bad event after another."""
-    abuse = Abuse(1000, 1)
+def test_no_random_hostile_steps_give_a_bad_command(pytestconfig):
+    """1000 steps of 100 vehicles, one bad event after another; a million steps with --hostile 1000."""
+    abuse = Abuse(pytestconfig.getoption("hostile"), 1)
     for what in abuse.rng.choice(HOSTILE, 1000):
         abuse.step(what)
 

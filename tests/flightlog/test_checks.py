@@ -83,15 +83,19 @@ def changed(log: FlightLog, change) -> FlightLog:
     return replace(log, episodes=tuple(replace(e, **change(e)) for e in log.episodes))
 
 
+@pytest.fixture(scope="module", params=["paper", "bluerov2_heavy"])
+def faulty(request):
+    """A vehicle, and a log of it with each effect."""
+    logs = simulated_logs(request.param, [{name: values} for name, values in CLEAR.items()])
+    return load_vehicle(request.param), dict(zip(CLEAR, logs, strict=True))
+
+
 @pytest.mark.parametrize("axes", [FULL, POSE_ONLY, VELOCITIES], ids=["full", "pose", "velocity"])
-@pytest.mark.parametrize("name", ["paper", "bluerov2_heavy"])
-def test_sound_logs_of_faulty_vehicles_are_not_suspected(name, axes, tmp_path):
+def test_sound_logs_of_faulty_vehicles_are_not_suspected(faulty, axes, tmp_path):
     """A log in the right format gives no finding, whichever effect acts on the vehicle."""
     assert set(CLEAR) == set(EFFECTS)
-    vehicle = load_vehicle(name)
-    for effect, log in zip(
-        CLEAR, simulated_logs(name, [{name: values} for name, values in CLEAR.items()]), strict=True
-    ):
+    vehicle, logs = faulty
+    for effect, log in logs.items():
         path = write_flightlog(replace(log, axes=axes), tmp_path / f"{effect}.csv")
         assert codes(read_flightlog(path, vehicle)) <= TRUE_OF.get(effect, set()), effect
 
