@@ -1,16 +1,19 @@
 """The whole benchmark, small."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
 from benchmarks.blind.cases import FAMILIES
+from benchmarks.blind.examine import examine
 from tests.command_lines import answers_of
 
 OTHERS = [f"families.{family}=0" for family in FAMILIES if family not in ("single", "no_gap")]
-SMALL = ("cases=3", "workers=2", "seed=3", *OTHERS)  # two faults of clear size, and none
+SET_OTHERS = [f"set_families.{family}=0" for family in ("load", "depth_bias", "no_gap_slack")]
+SMALL = {
+    "main": ["cases=3", "workers=1", "seed=3", *OTHERS],  # two faults of clear size, and none
+    "stock": ["cases=2", "workers=1", "sensors=stock", "set_families.no_gap=18", *SET_OTHERS],
+}
 BAD = {  # command line, what the answer names
     "other cases": (["cases=6"], "choose another folder"),
     "misspelt family": (["families.singel=1"], "did you mean single"),
@@ -20,18 +23,21 @@ BAD = {  # command line, what the answer names
 }
 
 
-def blind(*overrides):
-    return subprocess.run([sys.executable, "-m", "benchmarks.blind", *overrides], capture_output=True, text=True)
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Exit code, output and errors, and the folder of answers, of both parts of the benchmark."""
+    folders = {part: tmp_path_factory.mktemp(part) for part in ("main", "stock")}
+    lines = {part: [*SMALL[part], f"folder={folder}"] for part, folder in folders.items()}
+    told = answers_of("benchmarks.blind.__main__", lines)
+    return {part: (told[part], next(folder.rglob("diagnosis_*"), None)) for part, folder in folders.items()}
 
 
 @pytest.mark.slow
-def test_sealed_cases_are_flown_diagnosed_and_scored(tmp_path):
+def test_sealed_cases_are_flown_diagnosed_and_scored(runs):
     """No diagnosis crashes, most are right, the report is written, and a killed run goes on where it was."""
-    folder = tmp_path / "blind"
-    done = blind(*SMALL, f"folder={folder}")
-    assert done.returncode == 0, done.stderr
-    assert "single effect named first" in done.stdout
-    (answers,) = folder.glob("diagnosis_*")
+    (code, out, err), answers = runs["main"]
+    assert code == 0, err
+    assert "single effect named first" in out
     results = json.loads((answers / "results.json").read_text())
     assert len(results) == 3
     assert not [r["message"] for r in results if r["message"]]
@@ -41,21 +47,19 @@ def test_sealed_cases_are_flown_diagnosed_and_scored(tmp_path):
     given = {path: path.stat().st_mtime_ns for path in answers.glob("case_*.json")}
     (quickest,) = (r["case"] for r in results if r["truth"] == "no_gap")
     lost = answers / f"{quickest}.json"
+    before = json.loads(lost.read_text())["diagnosis"]
     lost.unlink()
-    again = blind(*SMALL, f"folder={folder}")
-    assert again.returncode == 0, again.stderr
-    assert lost.exists()
+    examine(answers.parent, answers, workers=1)
+    assert json.loads(lost.read_text())["diagnosis"] == before
     assert all(path.stat().st_mtime_ns == then for path, then in given.items() if path != lost)
 
 
 @pytest.mark.slow
-def test_a_set_of_sensors_is_flown_diagnosed_and_scored(tmp_path):
+def test_a_set_of_sensors_is_flown_diagnosed_and_scored(runs):
     """A fault and a sound vehicle with stock sensors: a folder of their own, a table of their own, both right."""
-    others = [f"set_families.{family}=0" for family in ("load", "depth_bias", "no_gap_slack")]
-    done = blind("cases=2", "workers=2", "sensors=stock", "set_families.no_gap=18", *others, f"folder={tmp_path}")
-    assert done.returncode == 0, done.stderr
-    assert "Sensors: stock" in done.stdout
-    (answers,) = (tmp_path / "stock").glob("diagnosis_*")
+    (code, out, err), answers = runs["stock"]
+    assert code == 0, err
+    assert "Sensors: stock" in out and answers.parent.name == "stock"
     results = json.loads((answers / "results.json").read_text())
     assert [r["message"] for r in results if r["message"]] == []
     assert sum(r["right"] for r in results) == 2
