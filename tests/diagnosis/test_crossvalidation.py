@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from tests.diagnosis.healthy_flights import FAULT, FILE, flown
 
 SETTINGS = load_settings()
+ONE_BAD = {"a": None, "bad": FAULT, "b": None}
 
 
 def unseen(excess, before=50.0, after=5.0, others=1.0):
@@ -24,7 +25,7 @@ def unseen(excess, before=50.0, after=5.0, others=1.0):
 
 def test_one_bad_flight_of_three_is_found_and_the_rest_is_used():
     """A thruster that lost 40 % in one flight does not become part of the vehicle."""
-    flights = [flown("a", seed=1), flown("bad", FAULT, seed=2), flown("b", seed=3)]
+    flights = [flown(name, fault, seed, seconds=10.0) for seed, (name, fault) in enumerate(ONE_BAD.items())]
     done = []
     used, left, out = without_odd_ones(flights, FILE, SETTINGS, report=done.append)
     assert [flight.name for flight in out] == ["bad"]

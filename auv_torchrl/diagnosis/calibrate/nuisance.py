@@ -6,7 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
-from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, apply_values, changes, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import (
+    Entry,
+    Settings,
+    Values,
+    apply_values,
+    slack_parameters,
+    that_matter,
+)
 from auv_torchrl.diagnosis.identify.problem import Slack
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import REPEATS
@@ -69,16 +76,16 @@ def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coeffic
     return nuisance(vehicle, guesses(vehicle))
 
 
-def guesses(vehicle: Vehicle) -> list[tuple[str, str, float, float]]:
-    """(effect, parameter, nominal, standard deviation) of every number that a file may have wrong."""
-    found = []
+def guesses(vehicle: Vehicle) -> list[Entry]:
+    """Every number that a file may have wrong."""
+    found: list[Entry] = []
     for name, effect in EFFECTS.items():
         for member, p in effect.member_parameters(vehicle).items():
             width = p.guessed_within(vehicle, member)
             nominal = p.nominal_value(vehicle, member)
-            if width and changes(vehicle, name, {member: nominal + width}):
+            if width:
                 found.append((name, member, nominal, width))
-    return found
+    return that_matter(vehicle, found)
 
 
 @dataclass(frozen=True)
