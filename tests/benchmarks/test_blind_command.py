@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from benchmarks.blind.ablation import ablate
 from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.examine import examine
 from tests.command_lines import answers_of
@@ -52,6 +53,16 @@ def test_sealed_cases_are_flown_diagnosed_and_scored(runs):
     examine(answers.parent, answers, workers=1)
     assert json.loads(lost.read_text())["diagnosis"] == before
     assert all(path.stat().st_mtime_ns == then for path, then in given.items() if path != lost)
+
+
+@pytest.mark.slow
+def test_a_threshold_that_decides_moves_an_answer(runs):
+    """Where four times the whole gap must be closed, no fault is explained any more."""
+    _, answers = runs["main"]
+    results = json.loads((answers / "results.json").read_text())
+    fault = next(r["case"] for r in results if r["truth"] != "no_gap" and r["verdict"] == "explained")
+    (moved,) = ablate(answers.parent, ["CLOSED_IF_EXPLAINED"], [4.0], 1, [fault]).values()
+    assert moved is not None and f"{fault}: explained (" in moved and "-> partly" in moved
 
 
 @pytest.mark.slow
