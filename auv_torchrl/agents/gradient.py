@@ -62,9 +62,8 @@ class GradientLearner(Learner):
 
     def _climb(self, reward: Tensor, frames: int) -> dict[str, Tensor]:
         config = self.config
-        fraction = frames / (config.stretches * config.stretch_frames)
         for group in self.optimiser.param_groups:
-            group["lr"] = config.learning_rate * (1 + (config.learning_rate_end - 1) * fraction)
+            group["lr"] = config.learning_rate * config.learning_rate_factor(frames)
         self.optimiser.zero_grad(set_to_none=True)
         (-reward).backward()
         norm = torch.nn.utils.clip_grad_norm_(self._weights, config.gradient_norm)
