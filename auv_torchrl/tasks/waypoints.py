@@ -59,9 +59,7 @@ class Waypoints(Travelling):
         """The point whose time it is, level, heading north, at rest."""
         xp = array_namespace(time)
         points = xp.asarray(self.points, dtype=time.dtype, device=time.device)
-        zero = xp.zeros_like(time)
-        level = xp.stack((zero + 1.0, zero, zero, zero), axis=-1)
-        return Reference(points[self._number(time)], level)
+        return Reference.resting(points[self._number(time)])
 
     def skipped(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
         """The rest of the time of a point that is reached, (...) s."""

@@ -110,7 +110,7 @@ def test_a_reference_moves_as_fast_as_it_says(task):
     for dtype in (torch.float32, torch.float64):
         there = task.reference(torch.as_tensor(times, dtype=dtype))
         np.testing.assert_allclose(there.position.numpy(), at.position, atol=1e-4)
-        assert {part.dtype for part in there} == {dtype}
+        assert {part.dtype for part in there[:3]} == {dtype}
 
 
 def test_the_curves_are_what_their_names_say():
