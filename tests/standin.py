@@ -34,13 +34,13 @@ class Standin(torch.Tensor):
     def __new__(cls, held):
         return torch.Tensor._make_wrapper_subclass(
             cls, held.shape, strides=held.stride(), storage_offset=held.storage_offset(), dtype=held.dtype,
-            device=f"{NAME}:0",
+            device=torch.device(f"{NAME}:0"),
         )  # fmt: skip
 
     def __init__(self, held):
         self.held = held
 
-    __torch_function__ = torch._C._disabled_torch_function_impl
+    __torch_function__ = torch._C._disabled_torch_function_impl  # pyright: ignore[reportAssignmentType]  # as torch says
 
     @classmethod
     def __torch_dispatch__(cls, function, types, args=(), kwargs=None):

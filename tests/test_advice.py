@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.advice import thruster_swap
 from auv_torchrl.vehicle import load_vehicle
 from tests.uneven import UNEVEN, load_any
 
@@ -74,6 +75,16 @@ def test_exchanged_plugs_can_be_mended_by_the_functions_of_the_outputs():
     (pair,) = effect.advise(PAPER, {**effect.nominal(PAPER), "command_2": 3.0, "command_3": 2.0}, functions)
     assert pair.param == {"SERVO2_FUNCTION": 35.0, "SERVO5_FUNCTION": 34.0}
     assert "or set SERVO5_FUNCTION to 34 and SERVO2_FUNCTION to 35" in pair.do
+
+
+def test_the_ninth_to_the_twelfth_motor_have_functions_of_their_own():
+    """ArduPilot goes on with 82 after 40, so that motor 9 belongs on an output with 82 and not with 41."""
+    functions = {"SERVO8_FUNCTION": 82.0, "SERVO9_FUNCTION": 40.0, "SERVO12_FUNCTION": 85.0}
+    (pair,) = thruster_swap({"command_9": 8.0, "command_8": 9.0}, functions)
+    assert pair.param == {"SERVO8_FUNCTION": 40.0, "SERVO9_FUNCTION": 82.0}
+    assert "set SERVO8_FUNCTION to 40 and SERVO9_FUNCTION to 82" in pair.do
+    (lost,) = thruster_swap({"command_9": 12.0}, functions)
+    assert lost.param == {"SERVO12_FUNCTION": 82.0}
 
 
 def test_trim_is_given_in_grams():

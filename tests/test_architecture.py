@@ -15,7 +15,7 @@ def imports():
     for path in PACKAGE.rglob("*.py"):
         part = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("auv_torchrl."):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("auv_torchrl."):
                 found[part].add(node.module.split(".")[1])
     return {part: others - {part} for part, others in found.items() if part != "__init__"}
 

@@ -23,7 +23,8 @@ def train(monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", ["train.py", *arguments, *quiet])
         with pytest.raises(SystemExit) as ended:
             train.main()
-        return int(ended.value.code), capsys.readouterr().err
+        assert isinstance(ended.value.code, int)
+        return ended.value.code, capsys.readouterr().err
 
     return call
 

@@ -18,7 +18,7 @@ def test_property_tests_are_the_same_with_and_without_ci(ci):
     environment = {"CI": ci} if ci else {}
     done = subprocess.run([sys.executable, "-c", SHOW], capture_output=True, text=True, cwd=PROJECT, env=environment)
     assert done.stdout.strip() == repr(settings.get_profile("everybody")), done.stderr
-    assert settings.default.deadline is None
+    assert settings().deadline is None
 
 
 def test_no_test_asks_for_another_deadline():

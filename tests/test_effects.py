@@ -7,7 +7,7 @@ import torch
 
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.paths import config_names
-from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle import Vehicle, load_vehicle
 from tests.uneven import UNEVEN, load_any
 
 effects = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
@@ -53,7 +53,7 @@ def test_an_effect_changes_only_a_copy(effect, name):
 def test_batches_of_values_broadcast(effect, name):
     """Values (3, 1) on vehicles (2,) give vehicles (3, 2), each as if it were alone."""
     vehicle = load_any(name)
-    batch = torch.stack([vehicle, vehicle.clone()])
+    batch = Vehicle.stack([vehicle, vehicle.clone()])
     values = {
         name: torch.tensor([[share] for share in (0.0, 0.1, 0.2)], dtype=torch.float64) * (p.high - v) + v
         for (name, p), v in zip(

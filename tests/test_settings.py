@@ -3,7 +3,7 @@
 import math
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, get_args, get_type_hints
+from typing import Annotated, cast, get_args, get_type_hints
 
 import pytest
 import yaml
@@ -136,7 +136,7 @@ def changed(path: str, value) -> dict:
     """The default settings of a diagnosis with one entry changed or added."""
     content = OmegaConf.create(DIAGNOSIS)
     OmegaConf.update(content, path, value, merge=False, force_add=True)
-    return OmegaConf.to_container(content)
+    return cast(dict, OmegaConf.to_container(content))
 
 
 @pytest.mark.parametrize(

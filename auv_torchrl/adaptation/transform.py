@@ -9,7 +9,8 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from auv_torchrl.ddr.actuation import Actuation
-from auv_torchrl.ddr.transform import ACTION, EXPECTED, MEASURED, TIME, CommandMap
+from auv_torchrl.ddr.transform import ACTION, CommandMap
+from auv_torchrl.envs.expected import EXPECTED, MEASURED, TIME
 from auv_torchrl.envs.fleet import BODY
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target

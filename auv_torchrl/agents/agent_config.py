@@ -61,6 +61,10 @@ class AgentConfig(ABC):
         """Number of stretches of the whole training."""
         return -(-self.total_frames // self.stretch_frames)
 
+    def learning_rate_factor(self, frames: int) -> float:
+        """What learning rates are multiplied by after ``frames`` transitions: falls evenly to ``learning_rate_end``."""
+        return 1 + (self.learning_rate_end - 1) * (frames / (self.stretches * self.stretch_frames))
+
     def shaping(self) -> dict[str, Any]:
         """The settings that shape the policy, as plain values."""
         return {"name": self.name, **{key: value for key, value in asdict(self).items() if key not in REPORTING}}

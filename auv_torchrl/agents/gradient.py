@@ -5,7 +5,7 @@ remembers of a command.
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import torch
 from tensordict import TensorDictBase
@@ -15,7 +15,6 @@ from torchrl.envs.utils import step_mdp
 
 from auv_torchrl.agents.config import GradientConfig
 from auv_torchrl.agents.learner import Learner, Learnt
-from auv_torchrl.envs import TorchFleet
 
 
 class GradientLearner(Learner):
@@ -43,7 +42,7 @@ class GradientLearner(Learner):
 
     def _begin(self, fleet: EnvBase, state: TensorDictBase) -> TensorDictBase:
         """The vehicles as they are, without their past; some begin anew, and those whose episode is over."""
-        _below(fleet).simulator.cut_gradients()  # pyright: ignore[reportAttributeAccessIssue]
+        cast(Any, fleet).simulator.cut_gradients()  # transforms hand the attribute on
         state = state.detach()
         drawn = torch.rand(state.batch_size, device=self.device) < self.config.restart
         over = state["done"] | drawn[:, None]
@@ -62,9 +61,8 @@ class GradientLearner(Learner):
 
     def _climb(self, reward: Tensor, frames: int) -> dict[str, Tensor]:
         config = self.config
-        fraction = frames / (config.stretches * config.stretch_frames)
         for group in self.optimiser.param_groups:
-            group["lr"] = config.learning_rate * (1 + (config.learning_rate_end - 1) * fraction)
+            group["lr"] = config.learning_rate * config.learning_rate_factor(frames)
         self.optimiser.zero_grad(set_to_none=True)
         (-reward).backward()
         norm = torch.nn.utils.clip_grad_norm_(self._weights, config.gradient_norm)
@@ -86,8 +84,3 @@ class GradientLearner(Learner):
         super().load_state_dict(state)
         self.exploring.load_state_dict(state["policy"])
         self.optimiser.load_state_dict(state["optimiser"])
-
-
-def _below(env: Any) -> TorchFleet:
-    """The fleet below transforms."""
-    return env if isinstance(env, TorchFleet) else _below(env.base_env)

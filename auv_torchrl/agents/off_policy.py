@@ -45,8 +45,7 @@ class OffPolicyLearner(Learner):
             frames += data.numel()
             losses = None
             if frames > config.random_frames:
-                done = frames / (config.stretches * config.stretch_frames)
-                losses = self._update(done, actor=frames > critics_alone)
+                losses = self._update(frames, actor=frames > critics_alone)
             yield Learnt(data.numel(), data["next", "reward"].mean(), losses)
 
     def _collect(self, fleet: EnvBase, before: int) -> Iterator[TensorDict]:
@@ -66,18 +65,18 @@ class OffPolicyLearner(Learner):
         yield from collector
         collector.shutdown()
 
-    def _update(self, fraction: float, actor: bool) -> dict[str, Tensor]:
+    def _update(self, frames: int, actor: bool) -> dict[str, Tensor]:
         """The updates that are due after one batch of transitions.
 
         Args:
-            fraction: of the training that is done, which lowers the learning rate.
+            frames: transitions until now, which lower the learning rate.
             actor: update it too, not the critics alone.
 
         Returns:
             The means of their losses.
         """
         config = self.config
-        self.updater.scale_learning_rate(1 + (config.learning_rate_end - 1) * fraction)
+        self.updater.scale_learning_rate(config.learning_rate_factor(frames))
         losses = []
         for batch in self.buffer.sample().split(config.batch_size):
             losses.append(self.updater.step(batch, actor))

@@ -10,6 +10,8 @@ from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 
 from auv_torchrl.agents.feed_forward import FeedForward
+from auv_torchrl.envs.expected import EXPECTED, MEASURED, TIME, expected_along
+from auv_torchrl.envs.fleet import ALONG, BODY
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import euler_angles, matvec, rotation_matrix, wrap_angle
 from auv_torchrl.tasks import Task
@@ -49,13 +51,14 @@ class PID(TensorDictModuleBase):
         proportional: Sequence[float] = PROPORTIONAL,
         derivative: Sequence[float] = DERIVATIVE,
         integral: Sequence[float] | None = None,
-        state: str = "measured",
+        state: str = MEASURED,
         vehicle: Vehicle | None = None,
     ):
         super().__init__()
-        keys: list[Any] = [*((state, key) for key in ("position", "quaternion", "velocity")), "time", "along"]
-        if state == "expected":
-            keys.append((state, "time"))
+        keys: list[Any] = [*((state, key) for key in BODY), TIME, ALONG]
+        self._expects = state == EXPECTED
+        if self._expects:
+            keys.append((EXPECTED, TIME))
         self.in_keys = keys
         self.out_keys = ["action"]
         self.task = task
@@ -67,8 +70,8 @@ class PID(TensorDictModuleBase):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Write ``action``."""
-        position, quaternion, velocity, time, along, *then = (tensordict[key] for key in self.in_keys)
-        along = (along + (then[0] - time) if then else along)[..., 0]
+        position, quaternion, velocity, time, now = (tensordict[key] for key in self.in_keys[:5])
+        along = (expected_along(tensordict) if self._expects else now)[..., 0]
         reference = self.task.reference(along)
         to_body = rotation_matrix(quaternion).mT
         away = matvec(to_body, reference.position - position)

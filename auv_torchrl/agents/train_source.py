@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from tensordict import TensorDict
 from torchrl.envs import EnvBase, TransformedEnv
 
 from auv_torchrl.agents.config import AgentConfig
@@ -15,6 +14,7 @@ from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.storage import storing
 from auv_torchrl.agents.trainer import CHECKPOINT, Trainer
 from auv_torchrl.envs import RandomizeVehicle, make_fleet
+from auv_torchrl.evaluation import draw_starts
 from auv_torchrl.files import locked
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
@@ -197,9 +197,6 @@ def make_examiner(
     """The vehicle, with ``around`` put around its fleet, from the starts by which the best policy is chosen."""
     exam = task.for_evaluation(agent_config.evaluation_box_m)
     count = agent_config.evaluation_starts
-    position, quaternion, velocity = exam.draw_starts(count, torch.Generator().manual_seed(EVALUATION_SEED))
-    starts = TensorDict(
-        {"position": position, "quaternion": quaternion, "velocity": velocity}, batch_size=[count]
-    ).float()
+    starts = draw_starts(exam, count, EVALUATION_SEED).float()
     fleet = around(make_fleet(backend, vehicle, exam, count, seed=0, device=device))
     return Examiner(fleet, starts, exam.steps, exam.control_dt)

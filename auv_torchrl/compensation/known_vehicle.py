@@ -15,8 +15,9 @@ from auv_torchrl.adaptation.config import load_adaptation_config
 from auv_torchrl.adaptation.transform import ThrusterTransform, array, measured_state, set_expected
 from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.ddr.allocation import Allocation
-from auv_torchrl.ddr.transform import ACTION, EXPECTED, TIME, expected_spec
+from auv_torchrl.ddr.transform import ACTION
 from auv_torchrl.effects.effect import changed
+from auv_torchrl.envs.expected import EXPECTED, TIME, expected_spec
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix

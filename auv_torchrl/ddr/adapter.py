@@ -13,7 +13,8 @@ from auv_torchrl.ddr.dither import Dither
 from auv_torchrl.ddr.learner import MapLearner
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.network import NetworkMap
-from auv_torchrl.ddr.transform import ACTION, MEASURED, CommandMap
+from auv_torchrl.ddr.transform import ACTION, CommandMap
+from auv_torchrl.envs.expected import MEASURED
 
 
 class DDRAdapter(CommandMap):

@@ -6,16 +6,15 @@ from typing import Any, cast
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
-from torchrl.data import Bounded, Composite, TensorSpec, Unbounded
+from torchrl.data import Bounded, Composite, TensorSpec
 from torchrl.envs.transforms import Compose, Transform
 
-from auv_torchrl.envs.fleet import ALONG, BODY
+from auv_torchrl.envs.expected import EXPECTED, expected_along
+from auv_torchrl.envs.fleet import BODY
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED
 
-ACTION, APPLIED, OBSERVATION, TIME = "action", "applied_action", "observation", "time"
-MEASURED = "measured"  # the fleet's report of position, quaternion and velocity
-EXPECTED = "expected"  # by a map that predicts: the same when the next command acts, and ``time`` then
+ACTION, APPLIED, OBSERVATION = "action", "applied_action", "observation"
 
 
 class CommandMap(Transform):
@@ -105,27 +104,10 @@ class Observe(Transform):
         return self._call(tensordict_reset)
 
 
-def expected_along(tensordict: TensorDictBase) -> Tensor:
-    """How far along the task (N, 1) vehicles will be when the next command acts, s."""
-    return tensordict.get(ALONG) + (tensordict.get((EXPECTED, TIME)) - tensordict.get(TIME))
-
-
 def observing(adapter: CommandMap, task: Task) -> Compose:
     """A map that predicts, and behind it the observation of what it expects, for a policy."""
     parts: list[Transform] = [adapter, Observe(task)]
     return Compose(parts)
-
-
-def expected_spec(observation_spec: Composite) -> Composite:
-    """Spec of what a map that predicts reports under ``expected``."""
-    lengths = {**BODY, TIME: 1}
-    like: Any = observation_spec[MEASURED, "position"]
-    shape = like.shape[:-1]
-    entries = {
-        key: Unbounded(torch.Size((*shape, length)), dtype=like.dtype, device=like.device)
-        for key, length in lengths.items()
-    }
-    return Composite(entries, shape=shape, device=like.device)
 
 
 def _commands(like: TensorSpec, size: int) -> Bounded:

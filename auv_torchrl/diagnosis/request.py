@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -32,9 +33,9 @@ class Request:
     healthy: tuple[FlightLog, ...] = field(default=())
     test: tuple[FlightLog, ...] = field(default=())
 
-    @property
+    @cached_property
     def log(self) -> FlightLog:
-        """All of them as one."""
+        """All of them as one, joined once."""
         return join(self.logs)
 
 

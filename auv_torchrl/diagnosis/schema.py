@@ -8,19 +8,26 @@ from omegaconf import MISSING
 
 
 @dataclass
-class DiagnoseSchema:
-    """Types of ``conf/diagnose.yaml``; the comments are there."""
+class LogsSchema:
+    """Types of what both commands read logs and a vehicle by."""
 
-    log: Any = MISSING
     vehicle: dict[str, Any] = MISSING
     diagnosis: dict[str, Any] = MISSING
     healthy: Any = MISSING
-    test: Any = MISSING
     extra: Any = MISSING
     modes: Any = MISSING
     params: Any = MISSING
     system: Any = MISSING
     trust_log: bool = MISSING
+    output: str = MISSING
+
+
+@dataclass
+class DiagnoseSchema(LogsSchema):
+    """Types of ``conf/diagnose.yaml``; the comments are there."""
+
+    log: Any = MISSING
+    test: Any = MISSING
     dives: bool = MISSING
     alike: bool = MISSING
     reference: int = MISSING
@@ -28,23 +35,13 @@ class DiagnoseSchema:
     dives_per_false_alarm: float = MISSING
     jobs: int = MISSING
     store: str = MISSING
-    output: str = MISSING
 
 
 @dataclass
-class CalibrateSchema:
+class CalibrateSchema(LogsSchema):
     """Types of ``conf/calibrate.yaml``; the comments are there."""
 
-    healthy: Any = MISSING
-    vehicle: dict[str, Any] = MISSING
-    diagnosis: dict[str, Any] = MISSING
-    extra: Any = MISSING
-    modes: Any = MISSING
-    params: Any = MISSING
-    system: Any = MISSING
-    trust_log: bool = MISSING
     replace: bool = MISSING
-    output: str = MISSING
 
 
 def register() -> None:

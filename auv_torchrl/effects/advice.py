@@ -5,9 +5,10 @@ tells them. An effect of one's own declares such a function as its ``advice``.
 """
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+
+from auv_torchrl.autopilot import function_of, is_function
 
 Values = Mapping[str, float]
 
@@ -16,8 +17,6 @@ LEAD = 1.1  # kg of lead for each kg in water: 11,340 kg/m^3 against 1,025 kg/m^
 DEAD = 0.1  # of the thrust, below which a thruster is said to give nothing
 REVERSED = -0.5  # times the thrust, beyond which it is the direction alone that is wrong
 SOUND = 1.0
-FIRST_MOTOR = 33  # value of SERVOk_FUNCTION for motor 1, up to 40 for motor 8
-_IS_FUNCTION = re.compile(r"SERVO\d+_FUNCTION")
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
 
 def _function(to: str, by: str, autopilot: Values) -> dict[str, float]:
     """The output that thruster ``to`` is plugged into, which has the function of ``by``, and what to set it to."""
-    wanted, had = (float(FIRST_MOTOR - 1 + int(number)) for number in (to, by))
-    return {name: wanted for name, value in autopilot.items() if _IS_FUNCTION.fullmatch(name) and value == had}
+    wanted, had = (float(function_of(int(number))) for number in (to, by))
+    return {name: wanted for name, value in autopilot.items() if is_function(name) and value == had}
 
 
 def thruster_misalignment(values: Values, autopilot: Values) -> tuple[Advice, ...]:

@@ -84,58 +84,29 @@ def _linear(vehicle: Vehicle, scale: Tensor) -> Vehicle:
     return changed(vehicle, linear_drag=per_dof(scale)[..., :, None] * vehicle.linear_drag)
 
 
-linear_drag = Effect(
-    name="linear_drag",
-    origin=Origin.FLOW,
-    meaning="linear drag per degree of freedom times its scale",
-    source="Lu et al. 2023, Eq. 14 and Table 1",
-    parameters=(
-        Parameter(
-            "scale",
-            "1",
-            1.0,
-            0.0,
-            10.0,
-            "the linear drag in {which} is {value:.2f} times the nominal one",
-            PER_DOF,
-            guessed=0.4,  # published drags of one vehicle differ by that
-        ),
-    ),
-    change=_linear,
-    wears={"scale": 1},
-    advice=advice.said(_LOOK),
-    scans={"scale": Scan((1.5,), linear=True, all=True)},
-    slack={"scale": 0.03},
-)
-
-
 def _quadratic(vehicle: Vehicle, scale: Tensor) -> Vehicle:
     return changed(vehicle, quadratic_drag=per_dof(scale) * vehicle.quadratic_drag)
 
 
-quadratic_drag = Effect(
-    name="quadratic_drag",
-    origin=Origin.FLOW,
-    meaning="quadratic drag per degree of freedom times its scale",
-    source="Lu et al. 2023, Eq. 14 and Table 1",
-    parameters=(
-        Parameter(
-            "scale",
-            "1",
-            1.0,
-            0.0,
-            10.0,
-            "the quadratic drag in {which} is {value:.2f} times the nominal one",
-            PER_DOF,
-            guessed=0.4,  # published drags of one vehicle differ by that
-        ),
-    ),
-    change=_quadratic,
-    wears={"scale": 1},
-    advice=advice.said(_LOOK),
-    scans={"scale": Scan((1.5,), linear=True, all=True)},
-    slack={"scale": 0.03},
-)
+def _drag(order: str, change: Callable[[Vehicle, Tensor], Vehicle]) -> Effect:
+    """Drag that grows with the speed, or with its square, per degree of freedom."""
+    told = f"the {order} drag in {{which}} is {{value:.2f}} times the nominal one"
+    published = 0.4  # published drags of one vehicle differ by that
+    return Effect(
+        name=f"{order}_drag",
+        origin=Origin.FLOW,
+        meaning=f"{order} drag per degree of freedom times its scale",
+        source="Lu et al. 2023, Eq. 14 and Table 1",
+        parameters=(Parameter("scale", "1", 1.0, 0.0, 10.0, told, PER_DOF, guessed=published),),
+        change=change,
+        wears={"scale": 1},
+        advice=advice.said(_LOOK),
+        scans={"scale": Scan((1.5,), linear=True, all=True)},
+        slack={"scale": 0.03},
+    )
+
+
+linear_drag, quadratic_drag = _drag("linear", _linear), _drag("quadratic", _quadratic)
 
 COUPLINGS = tuple(f"{to}_from_{by}" for to in PER_DOF for by in PER_DOF if to != by)
 

@@ -149,7 +149,7 @@ class FleetEnv(EnvBase):
         start = {key: self._tensor(value, self.state_dtype) for key, value in self._start.items()}
         return TensorDict(
             {
-                **self._report(),
+                **self._report(self._along),
                 "done": no,
                 "terminated": no.clone(),
                 "truncated": no.clone(),
@@ -179,7 +179,7 @@ class FleetEnv(EnvBase):
         truncated = self._tensor(self._state.time[:, None] > self.task.episode_s - self.task.control_dt / 2, torch.bool)
         return TensorDict(
             {
-                **self._report(),
+                **self._report(time),
                 "reward": self._tensor(reward[:, None], torch.float32),
                 "done": terminated | truncated,
                 "terminated": terminated,
@@ -189,13 +189,14 @@ class FleetEnv(EnvBase):
             device=self.device,
         )
 
-    def _report(self) -> dict[str, Tensor | TensorDict]:
+    def _report(self, along: Array) -> dict[str, Tensor | TensorDict]:
         state, dtype = self._state, self.state_dtype
         report = self.simulator.report()
-        skipped = self.task.skipped(*report, self._along)
+        skipped = self.task.skipped(*report, along)
         if skipped is not None:
             self._ahead = self._ahead + skipped
-        observation = self.task.observe(*report, self._along)
+            along = self._along
+        observation = self.task.observe(*report, along)
         measured = {key: self._tensor(part, dtype) for key, part in zip(BODY, report, strict=True)}
         return {
             "observation": self._tensor(observation, torch.float32),
@@ -206,7 +207,7 @@ class FleetEnv(EnvBase):
             "thrust": self._tensor(self.simulator.thrust, dtype),
             "command": self._tensor(state.commands[:, 0], dtype),
             "time": self._tensor(state.time[:, None], dtype),
-            ALONG: self._tensor(self._along[:, None], dtype),
+            ALONG: self._tensor(along[:, None], dtype),
         }
 
 

@@ -19,6 +19,11 @@ PUBLISHED = ("paper", StationKeeping.name)  # vehicle and task of the paper's ta
 COLUMNS = ("mean m", "std m", "p95 m", "worst m", "settling s", "settled", "heading rad")
 
 
+def with_task(task: str, scenario: str) -> str:
+    """What was flown, in words; station keeping goes without saying."""
+    return scenario if task == StationKeeping.name else f"{task}, {scenario}"
+
+
 @dataclass(frozen=True)
 class Results:
     """What a run found out; times in s, None where there was nothing to do."""
@@ -74,7 +79,7 @@ class Results:
     def table(self) -> str:
         """Markdown: the paper's row beside ours, then what it took."""
         flown = f"{self.scenario}, vehicle {self.vehicle}, {self.starts} starts within ±{self.box_m:g} m"
-        rows = [flown if self.task == StationKeeping.name else f"{self.task}, {flown}", ""]
+        rows = [with_task(self.task, flown), ""]
         rows += ["| | " + " | ".join(COLUMNS) + " |", "|---|" + "---:|" * len(COLUMNS)]
         published = TABLE_2.get(self.scenario, {}) if (self.vehicle, self.task) == PUBLISHED else {}
         rows += [_row(f"paper, {name}", {"mean_m": published[name]}) for name in ("u_s", "u_t") if name in published]

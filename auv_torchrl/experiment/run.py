@@ -24,11 +24,10 @@ from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.figures import DPI, save_figures
 from auv_torchrl.experiment.flight_figure import flight_figure
 from auv_torchrl.experiment.in_flight import InFlight, fly_in_flight
-from auv_torchrl.experiment.results import Results
+from auv_torchrl.experiment.results import Results, with_task
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.recording import ControlMap, record_run
-from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import CONTROLLED
 
 STORE = (CheckpointError, PolicyError, StorageError)  # files that a user can mend or move away
@@ -55,20 +54,19 @@ def run(experiment: Experiment, folder: Path) -> Results:
     """
     stages = Stages(7 + stages_of(experiment))
     outcome = perform(experiment, stages)
-    results, flights, scenario = outcome.results, outcome.flights, experiment.scenario.name
+    results, flights = outcome.results, outcome.flights
+    flown = with_task(experiment.task.name, experiment.scenario.name)
     with stages("Results, figures and recording"):
         log.info("\n%s\n", results.table())
         results.save(folder)
         if outcome.closing is not None:
             outcome.closing.save(folder, experiment)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
-        if experiment.task.name != StationKeeping.name:
-            scenario = f"{experiment.task.name}, {scenario}"
-        save_figures(folder, flights, vehicles, scenario)
+        save_figures(folder, flights, vehicles, flown)
         one_flight = None
         if outcome.in_flight is not None:
             one_flight = outcome.in_flight.one_flight(experiment.vehicle)
-            title = f"{scenario} in flight: start {outcome.in_flight.shown + 1} of {results.starts}"
+            title = f"{flown} in flight: start {outcome.in_flight.shown + 1} of {results.starts}"
             flight_figure(one_flight, title).savefig(folder / "flight.png", dpi=DPI)
         control_map = linear_map(outcome.adaptation.adapter) if outcome.adaptation is not None else None
         record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map, one_flight, replace=True)

@@ -14,7 +14,7 @@ from omegaconf import DictConfig
 
 from auv_torchrl.experiment.figures import DPI
 from auv_torchrl.experiment.paper import TABLE_2
-from auv_torchrl.experiment.results import read_results
+from auv_torchrl.experiment.results import read_results, with_task
 from auv_torchrl.palette import CONTROLLER, LABEL
 from auv_torchrl.tasks import StationKeeping
 
@@ -46,8 +46,7 @@ def groups(runs: Runs) -> dict[tuple[str, str, float], list[Mapping[str, Any]]]:
     """Runs by vehicle, box and scenario, each in the order of their seeds; other tasks stand before the scenario."""
     grouped: dict[tuple[str, str, float], list[Mapping[str, Any]]] = {}
     for run in sorted(runs, key=lambda run: (run["vehicle"], run["box_m"])):
-        task = run.get("task", StationKeeping.name)
-        name = run["scenario"] if task == StationKeeping.name else f"{task}, {run['scenario']}"
+        name = with_task(run.get("task", StationKeeping.name), run["scenario"])
         grouped.setdefault((name, run["vehicle"], run["box_m"]), []).append(run)
     return {key: sorted(members, key=lambda run: run["seed"]) for key, members in grouped.items()}
 

@@ -63,20 +63,30 @@ def rotation_and_rate(quaternion: Array, angular_velocity: Array) -> tuple[Array
 
     The quaternion ``(..., 4)`` may have any length; the angular velocity ``(..., 3)`` is in rad/s, in the body frame.
     """
-    xp, batch = array_namespace(quaternion, angular_velocity), quaternion.shape[:-1]
     if isinstance(quaternion, np.ndarray):  # calls BLAS for each of many small products, see matvec
+        batch = quaternion.shape[:-1]
         numbers = np.concat((quaternion, angular_velocity), axis=-1).reshape(-1, 7).T
         sums = _SUMS.astype(numbers.dtype, copy=False) @ (numbers[_ONE] * numbers[_OTHER])
         square = sums[9]
         return (sums[:9] / square).T.reshape(*batch, 3, 3), (sums[10:] / np.sqrt(square)).T.reshape(*batch, 4)
-    factors = normalise(quaternion) @ xp.asarray(_FACTORS, dtype=quaternion.dtype, device=quaternion.device)
-    e, g = (factors.reshape(*batch, 2, 3, 4)[..., k, :, :] for k in (0, 1))
+    e, g = _factors(quaternion)
     return e @ g.mT, 0.5 * matvec(g.mT, angular_velocity)
+
+
+def _factors(quaternion: Array) -> tuple[Array, Array]:
+    """E and G ``(..., 3, 4)``."""
+    xp, batch = array_namespace(quaternion), quaternion.shape[:-1]
+    factors = normalise(quaternion) @ xp.asarray(_FACTORS, dtype=quaternion.dtype, device=quaternion.device)
+    factors = factors.reshape(*batch, 2, 3, 4)
+    return factors[..., 0, :, :], factors[..., 1, :, :]
 
 
 def rotation_matrix(quaternion: Array) -> Array:
     """Rotation from body to earth, ``(..., 3, 3)``, of quaternions ``(..., 4)`` of any length."""
-    return rotation_and_rate(quaternion, quaternion[..., 1:])[0]
+    if isinstance(quaternion, np.ndarray):
+        return rotation_and_rate(quaternion, quaternion[..., 1:])[0]
+    e, g = _factors(quaternion)
+    return e @ g.mT
 
 
 def quaternion_product(a: Array, b: Array) -> Array:
@@ -120,8 +130,13 @@ def euler_angles(quaternion: Array) -> tuple[Array, Array, Array]:
     w, x, y, z = (quaternion[..., i] for i in range(4))
     roll = xp.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = xp.asin(xp.clip(2 * (w * y - x * z), -1.0, 1.0))
-    yaw = xp.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return roll, pitch, yaw
+    return roll, pitch, heading_of(quaternion)
+
+
+def heading_of(quaternion: Array) -> Array:
+    """Yaw (ZYX) in rad alone, in (-pi, pi]."""
+    w, x, y, z = (quaternion[..., i] for i in range(4))
+    return array_namespace(quaternion).atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def wrap_angle(angle: Array) -> Array:

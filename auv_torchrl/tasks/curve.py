@@ -93,7 +93,7 @@ def flown(
         ValueError: for a path that goes nowhere.
     """
     path = np.asarray(path, dtype=float)
-    corners = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
+    corners = travelled(path)
     length = float(corners[-1])
     if not length > GRID_M:
         raise ValueError(f"the path is {length:g} m long: give one that goes somewhere")
@@ -109,6 +109,11 @@ def flown(
     if along:
         pose[:, 5] = course(path, corners, where, closed)
     return Curve(pose, passed[-1] / steps, closed)
+
+
+def travelled(path: Floats) -> Floats:
+    """How far (k,) m along a line each of its corners (k, 3) is."""
+    return np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
 
 
 def course(path: Floats, corners: Floats, where: Floats, closed: bool) -> Floats:

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from array_api_compat import array_namespace
 
-from auv_torchrl.physics.kinematics import least_turn, matvec, quaternion_from_euler, rotation_matrix
+from auv_torchrl.physics.kinematics import (
+    heading_of,
+    least_turn,
+    matvec,
+    quaternion_from_euler,
+    rotation_matrix,
+)
 from auv_torchrl.settings import In, check_fields
 from auv_torchrl.tasks.task import Reference, Task
 
@@ -86,10 +92,10 @@ class Following(Task):
             off = to_body @ rotation_matrix(reference.quaternion)
             heading, down = xp.atan2(off[..., 1, 0], off[..., 0, 0]), off[..., :2, 2]
         else:
-            heading = _yaw(reference.quaternion) - xp.atan2(to_body[..., 0, 1], to_body[..., 0, 0])
+            heading = reference.yaw - xp.atan2(to_body[..., 0, 1], to_body[..., 0, 0])
             down = to_body[..., :2, 2]
         error = matvec(to_body, reference.position - position)
-        relative = velocity - reference.moving(to_body)
+        relative = velocity if reference.velocity is None else velocity - reference.moving(to_body)
         parts = [
             relative[..., :3],
             relative[..., 5:],
@@ -109,7 +115,7 @@ class Following(Task):
         seconds = xp.asarray(self.ahead_s, dtype=time.dtype, device=time.device)
         then = self.reference(time[..., None] + seconds)
         moved = (then.position - reference.position[..., None, :]) @ to_body.mT
-        turned = least_turn(_yaw(then.quaternion) - _yaw(reference.quaternion)[..., None])
+        turned = least_turn(then.yaw - reference.yaw[..., None])
         speeds = xp.concat((moved, turned[..., None]), axis=-1) / seconds[:, None]
         return xp.reshape(speeds, (*time.shape, -1))
 
@@ -122,7 +128,7 @@ class Following(Task):
             relative = velocity - reference.moving(rotation_matrix(quaternion).mT)
         speed = xp.sqrt(xp.sum(relative[..., :3] ** 2, axis=-1) + relative[..., 5] ** 2)
         error = position - reference.position
-        heading = xp.abs(least_turn(_yaw(quaternion) - _yaw(reference.quaternion)))
+        heading = xp.abs(least_turn(heading_of(quaternion) - reference.yaw))
         if self.follows_attitude:
             off = rotation_matrix(quaternion).mT @ rotation_matrix(reference.quaternion)
             down = off[..., :2, 2]
@@ -155,8 +161,3 @@ class Following(Task):
         scale = torch.tensor((*(self.start_speed,) * 3, 0.0, 0.0, self.start_yaw_rate))
         around = self.reference(torch.zeros(count, dtype=torch.float64) if along is None else along).position
         return around + position, quaternion_from_euler(roll, pitch, yaw), scale * uniform(6)
-
-
-def _yaw(quaternion: Array) -> Array:
-    w, x, y, z = (quaternion[..., i] for i in range(4))
-    return array_namespace(quaternion).atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

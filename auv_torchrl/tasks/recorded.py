@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.paths import CONF
-from auv_torchrl.tasks.curve import GRID_S, Curve
+from auv_torchrl.tasks.curve import GRID_S, Curve, travelled
 from auv_torchrl.tasks.tracking import Tracking
 
 Floats = Any  # numpy, float64
@@ -82,8 +82,7 @@ class Recorded(Tracking):
         if not named:
             return curve
         pose = curve.rows[:, :6].copy()
-        corners = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
-        passed = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(pose[:, :3], axis=0), axis=1))))
+        corners, passed = travelled(path), travelled(pose[:, :3])
         for name in named:
             pose[:, 3 + _ANGLES.index(name)] = np.interp(passed, corners, np.unwrap(columns[name]))
         return Curve(pose, curve.step, closed=False)

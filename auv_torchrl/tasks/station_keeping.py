@@ -20,5 +20,4 @@ class StationKeeping(Following):
     def reference(self, time: Array) -> Reference:
         """The origin, level, heading north, at rest, at all times (...)."""
         xp = array_namespace(time)
-        zero = xp.zeros_like(time)
-        return Reference(xp.stack((zero, zero, zero), axis=-1), xp.stack((zero + 1.0, zero, zero, zero), axis=-1))
+        return Reference.resting(xp.zeros((*time.shape, 3), dtype=time.dtype, device=time.device))

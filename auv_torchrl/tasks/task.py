@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 from array_api_compat import array_namespace
 
-from auv_torchrl.physics.kinematics import matvec
+from auv_torchrl.physics.kinematics import heading_of, matvec
 from auv_torchrl.physics.pace import CONTROL_DT
 from auv_torchrl.settings import In
 
@@ -26,6 +26,20 @@ class Reference(NamedTuple):
     position: Array  # (..., 3) m
     quaternion: Array  # (..., 4) w x y z, body to earth
     velocity: Array = None  # (..., 6) m/s and rad/s, along the axes of the earth; None for one that rests
+    heading: Array = None  # (...) rad, where it is known without the quaternion
+
+    @classmethod
+    def resting(cls, position: Array) -> Self:
+        """At positions (..., 3) m, level, heading north, at rest."""
+        xp = array_namespace(position)
+        level = xp.zeros((*position.shape[:-1], 4), dtype=position.dtype, device=position.device)
+        level[..., 0] = 1.0
+        return cls(position, level, heading=xp.zeros_like(level[..., 0]))
+
+    @property
+    def yaw(self) -> Array:
+        """Its heading (...) in rad."""
+        return heading_of(self.quaternion) if self.heading is None else self.heading
 
     def moving(self, to_body: Array) -> Array:
         """Its velocity (..., 6) along axes that ``to_body`` (..., 3, 3) turns those of the earth to; 0 if it rests."""

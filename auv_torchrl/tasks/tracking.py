@@ -1,17 +1,17 @@
 """Tracking: follow a reference that moves along a curve, at a speed, with the curve's heading or north ahead."""
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from auv_torchrl.settings import Entries, In, OneOf
 from auv_torchrl.tasks.curve import Curve, flown
-from auv_torchrl.tasks.following import Following
 from auv_torchrl.tasks.shapes import helix, lemniscate, parallel_lanes, rounded
 from auv_torchrl.tasks.task import Reference
+from auv_torchrl.tasks.travelling import Travelling
 
 if TYPE_CHECKING:
     import torch
@@ -25,7 +25,7 @@ Speed = Annotated[float, In("[0.001, 10]")]
 
 
 @dataclass(frozen=True)
-class Tracking(Following):
+class Tracking(Travelling):
     """A curve in time as the reference; a subclass says which."""
 
     speed: Speed = 0.3  # m/s along the curve
@@ -39,7 +39,6 @@ class Tracking(Following):
         0.5,
         1.0,
     )  # s, what is seen ahead
-    anywhere: bool = True  # training episodes begin anywhere along the curve, not only where it begins
 
     def __post_init__(self) -> None:
         """Refuse values that no episode can have, and a curve that cannot be flown."""
@@ -92,16 +91,10 @@ class Tracking(Following):
         """The curve at times (...)."""
         return self.curve.at(time)
 
-    def for_evaluation(self, box_m: float | None) -> Self:
-        """The same task from the beginning of the curve, with all starts uniform in a cube around it."""
-        return replace(super().for_evaluation(box_m), anywhere=False)
-
-    def draw_along(self, count: int, generator: "torch.Generator") -> "Tensor":
-        """How far along the curve episodes begin, (count,) s, float64."""
+    def draw_anywhere(self, count: int, generator: "torch.Generator") -> "Tensor":
+        """Where on the curve episodes begin, (count,) s, float64."""
         import torch  # here, because the command line asks for the settings above
 
-        if not self.anywhere:
-            return super().draw_along(count, generator)
         return self.curve.duration * torch.rand(count, generator=generator, dtype=torch.float64)
 
 

@@ -1,14 +1,14 @@
 """Waypoints: from point to point, on to the next within a radius of one, as autopilots do."""
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from array_api_compat import array_namespace
 
 from auv_torchrl.settings import Entries, In
-from auv_torchrl.tasks.following import Following
 from auv_torchrl.tasks.task import Reference
+from auv_torchrl.tasks.travelling import Travelling
 
 if TYPE_CHECKING:
     import torch
@@ -21,7 +21,7 @@ _BEYOND_S = 1e-3  # s, how far into the time of the next point one goes, so that
 
 
 @dataclass(frozen=True)
-class Waypoints(Following):
+class Waypoints(Travelling):
     """Follow a reference that rests at one point after the other, heading north.
 
     Each point has ``patience_s`` of the task's time: who is within the radius before skips the rest of it, who is
@@ -34,7 +34,6 @@ class Waypoints(Following):
     down_m: Coordinates = (0.0, 0.0, 0.5, 0.5)  # m
     radius_m: Annotated[float, In("[0.001, 1000]")] = 0.2  # m, that is near enough to go on
     patience_s: Annotated[float, In("[1, 3600]")] = 15.0  # s, after which one goes on from a point not reached
-    anywhere: bool = True  # training episodes begin at any of the points, not only at the first
 
     def __post_init__(self) -> None:
         """Refuse values that no episode can have."""
@@ -60,9 +59,7 @@ class Waypoints(Following):
         """The point whose time it is, level, heading north, at rest."""
         xp = array_namespace(time)
         points = xp.asarray(self.points, dtype=time.dtype, device=time.device)
-        zero = xp.zeros_like(time)
-        level = xp.stack((zero + 1.0, zero, zero, zero), axis=-1)
-        return Reference(points[self._number(time)], level)
+        return Reference.resting(points[self._number(time)])
 
     def skipped(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
         """The rest of the time of a point that is reached, (...) s."""
@@ -72,16 +69,10 @@ class Waypoints(Following):
         rest = (xp.astype(number, time.dtype) + 1) * self.patience_s + _BEYOND_S - time
         return xp.where(near & (number < len(self.north_m) - 1), rest, xp.zeros_like(time))
 
-    def for_evaluation(self, box_m: float | None) -> Self:
-        """The same task from the first point, with all starts uniform in a cube around it."""
-        return replace(super().for_evaluation(box_m), anywhere=False)
-
-    def draw_along(self, count: int, generator: "torch.Generator") -> "Tensor":
+    def draw_anywhere(self, count: int, generator: "torch.Generator") -> "Tensor":
         """At which point episodes begin, (count,) s, float64."""
         import torch  # here, because the command line asks for the settings above
 
-        if not self.anywhere:
-            return super().draw_along(count, generator)
         number = torch.randint(len(self.north_m), (count,), generator=generator)
         return self.patience_s * number.double() + _BEYOND_S
 

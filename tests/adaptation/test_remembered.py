@@ -12,6 +12,10 @@ from auv_torchrl.adaptation.memory import Memory
 class Counter(Memory):
     """Remembers one array of each type."""
 
+    sums: np.ndarray
+    times: np.ndarray
+    seen: np.ndarray
+
     def __init__(self, count):
         super().__init__()
         self.remember(sums=np.zeros(count), times=np.zeros(count, dtype=np.int64), seen=np.zeros(count, dtype=bool))
@@ -20,6 +24,7 @@ class Counter(Memory):
 def test_remembered_arrays_are_numpy_and_stay_as_they_are_when_a_module_is_moved():
     """They are changed in place or replaced, and keep their type in a module of halves."""
     counter = torch.nn.Sequential(Counter(3)).half()[0]
+    assert isinstance(counter, Counter)
     counter.sums[1] = 0.1
     counter.times = counter.times + 2
     counter.seen[:] = True

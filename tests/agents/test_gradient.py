@@ -4,7 +4,7 @@ import pytest
 import torch
 from tiny_training import RANDOMIZATION, TASK, train_tiny
 
-from auv_torchrl.agents.config import load_agent_config
+from auv_torchrl.agents.config import GradientConfig, load_agent_config
 from auv_torchrl.agents.gradient import GradientLearner
 from auv_torchrl.agents.policy import load_policy
 from auv_torchrl.agents.train_source import make_trainer
@@ -48,22 +48,28 @@ def test_a_policy_is_learnt_from_a_few_hundred_control_steps(tmp_path):
     assert trainer.curve[-1]["best_m"] < 0.05
 
 
+def settings_of(**changes) -> GradientConfig:
+    config = load_agent_config("gradient", changes)
+    assert isinstance(config, GradientConfig)
+    return config
+
+
 @pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
 def test_gradients_flow_through_every_task(task):
     """From one horizon to the next, with vehicles that begin anew between, and into the policy."""
     settings = {"num_envs": 4, "steps_per_batch": 4, "stretch_steps": 12, "restart": 0.3}
-    config = load_agent_config("gradient", settings)
+    config = settings_of(**settings)
     torch.manual_seed(0)
     fleet = config.make_fleet("mujoco", load_vehicle("paper"), task(), 0, "cpu")
     learner = GradientLearner(len(task().observation_names), 4, config, torch.device("cpu"))
     learnt = [each.losses for each in learner.learn(fleet, 0, 0)]
     assert len(learnt) == 3
-    assert all(losses["loss_actor"].isfinite() and losses["gradient_norm"] > 0 for losses in learnt)
+    assert all(losses and losses["loss_actor"].isfinite() and losses["gradient_norm"] > 0 for losses in learnt)
 
 
 def test_only_what_belongs_to_an_episode_counts():
     """Rewards after the end of an episode, which lasts half a horizon here, do not move the policy."""
-    config = load_agent_config("gradient", {"num_envs": 3, "steps_per_batch": 40, "stretch_steps": 40, "restart": 0.0})
+    config = settings_of(num_envs=3, steps_per_batch=40, stretch_steps=40, restart=0.0)
     fleet = config.make_fleet("mujoco", load_vehicle("paper"), TASK, 0, "cpu")
     learner = GradientLearner(16, 4, config, torch.device("cpu"))
     state, _, flown = learner._fly(fleet, fleet.reset())
@@ -74,7 +80,7 @@ def test_only_what_belongs_to_an_episode_counts():
 
 def test_the_past_is_cut_off_and_the_flight_goes_on():
     """A horizon begins where the last one ended, with no gradient into it."""
-    config = load_agent_config("gradient", {"num_envs": 3, "steps_per_batch": 5, "stretch_steps": 5, "restart": 0.0})
+    config = settings_of(num_envs=3, steps_per_batch=5, stretch_steps=5, restart=0.0)
     fleet = config.make_fleet("mujoco", load_vehicle("paper"), TASK, 0, "cpu")
     learner = GradientLearner(16, 4, config, torch.device("cpu"))
     state, _, _ = learner._fly(fleet, fleet.reset())
@@ -86,7 +92,7 @@ def test_the_past_is_cut_off_and_the_flight_goes_on():
 
 def test_delays_and_currents_are_drawn_beside_a_randomization():
     """Unless the randomization names them itself, or there is none."""
-    config = load_agent_config("gradient", {"delay_s": 0.2, "current": 0.3})
+    config = settings_of(delay_s=0.2, current=0.3)
     assert config.ranges({}) == {}
     drawn = config.ranges({**RANDOMIZATION, "pose_delay": {"delay": [0.0, 0.4]}})
     assert drawn == {

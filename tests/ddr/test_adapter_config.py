@@ -1,5 +1,7 @@
 """The settings of the adapter and their files."""
 
+from typing import Any, cast
+
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
@@ -12,7 +14,7 @@ from auv_torchrl.paths import CONF, config_names
 def test_every_file_is_a_complete_valid_config(name):
     """Each entry of conf/adapter gives every setting, and the affine one the defaults of the code."""
     with initialize_config_dir(str(CONF / "adapter"), version_base="1.3"):
-        values = OmegaConf.to_container(compose(name))
+        values = cast(dict[str, Any], OmegaConf.to_container(compose(name)))
     config = AdapterConfig(**values)
     assert set(values) == set(AdapterConfig.__dataclass_fields__)
     if name == "affine":

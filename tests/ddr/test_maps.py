@@ -16,7 +16,7 @@ def draw(*shape, seed=0):
     return 2 * torch.rand(*shape, generator=torch.Generator().manual_seed(seed)) - 1
 
 
-def pairs_of(weight, bias=0.0, count=40, noise=0.0, seed=0):
+def pairs_of(weight, bias: float | torch.Tensor = 0.0, count=40, noise=0.0, seed=0):
     control = draw(1, count, weight.shape[1], seed=seed)
     source = control @ weight.mT + bias + noise * draw(1, count, 4, seed=seed + 1)
     return Pairs(torch.zeros(1, count, 4), control, source, torch.ones(1, count, dtype=torch.bool))

@@ -68,7 +68,7 @@ def fly(
     names = ("x", "y", "z", "roll", "pitch", "yaw")
     hidden = np.array([name not in axes for name in names])
     logged[..., hidden] = np.nan
-    t = np.arange(steps) * DT
+    t = np.arange(steps, dtype=float) * DT
     nothing = np.full((steps, 6), np.nan)
     rates = nothing if "u" not in axes else None
     return FlightLog(

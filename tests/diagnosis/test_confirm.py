@@ -41,10 +41,11 @@ def test_mujoco_confirms_the_effect_that_was_flown(effect):
     vehicles = [HELD, apply_values(HELD, change)]
     predictions = predict(log, vehicles, SETTINGS, NOISE, FORCE)
     confirmed = confirm(predictions, vehicles)
-    plain = errors_by_kind(predictions)["position_m"]
-    assert confirmed.position_m.after == pytest.approx(plain.after, abs=0.003)
-    assert confirmed.position_m.before == pytest.approx(plain.before, rel=0.02, abs=0.003)
-    assert np.all(np.array(confirmed.position_m.after) < 2 * np.array(confirmed.position_m.floor))
+    plain, found = errors_by_kind(predictions)["position_m"], confirmed.position_m
+    assert found is not None and confirmed.closed is not None
+    assert found.after == pytest.approx(plain.after, abs=0.003)
+    assert found.before == pytest.approx(plain.before, rel=0.02, abs=0.003)
+    assert np.all(np.array(found.after) < 2 * np.array(found.floor))
     assert confirmed.closed > 0.9
 
 
@@ -59,14 +60,16 @@ def test_mujoco_flies_commands_that_change_within_a_grid_step():
     pose = np.concatenate([rows[:, :3], np.stack(euler_angles(rows[:, 3:7]), -1)], -1)
     pose[:, 3:5] = np.nan
     parts = fast.reshape(-1, 5, 6)
-    t = 0.05 * np.arange(len(rows))
+    t = 0.05 * np.arange(len(rows), dtype=float)
     episode = Episode(0, t, pose, np.full_like(pose, np.nan), parts.mean(1), parts=parts)
     log = FlightLog("fast", (episode,), AXES)
     means = replace(log, episodes=(replace(episode, parts=None),))
     after = {}
     for name, given in {"parts": log, "means": means}.items():
         predictions = predict(given, [HELD, HELD], SETTINGS, NOISE, FORCE)
-        again = confirm(predictions, [HELD, HELD]).position_m.after[-1]
+        found = confirm(predictions, [HELD, HELD]).position_m
+        assert found is not None
+        again = found.after[-1]
         assert again == pytest.approx(errors_by_kind(predictions)["position_m"].after[-1], abs=0.003)
         after[name] = again
     assert after["parts"] < 0.002
@@ -79,8 +82,8 @@ def test_late_poses_and_immediate_velocities_are_both_reported():
     log = fly(HELD, change, seed=6, episodes=1, seconds=12.0, axes=(*AXES, "u", "v", "w", "r"))
     vehicles = [HELD, apply_values(HELD, change)]
     noise = {**NOISE, "u": 0.01, "v": 0.01, "w": 0.01, "r": 0.01}
-    confirmed = confirm(predict(log, vehicles, SETTINGS, noise, FORCE), vehicles)
-    assert max(confirmed.velocity.after) < 0.03
+    velocity = confirm(predict(log, vehicles, SETTINGS, noise, FORCE), vehicles).velocity
+    assert velocity is not None and max(velocity.after) < 0.03
 
 
 def test_a_vehicle_that_diverges_does_not_take_the_others_along():

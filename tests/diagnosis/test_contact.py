@@ -45,7 +45,7 @@ def dive(
     flown = record(Pushed(simulator, push), pilot, count, DT, jitter)
     pose = flown.measured[0]
     pose[:, 3:5] = np.nan
-    t = DT * np.arange(count)
+    t = DT * np.arange(count, dtype=float)
     return FlightLog("dive", (Episode(0, t, pose, np.full_like(pose, np.nan), flown.commands[0]),), AXES)
 
 

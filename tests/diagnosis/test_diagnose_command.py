@@ -71,7 +71,7 @@ def test_the_shipped_log_is_explained(folder):
     gain = diagnosis.effects[0].parameters["gain_4"]
     assert gain.value == pytest.approx(0.55, abs=0.03)
     assert gain.low < 0.55 < gain.high
-    assert diagnosis.gap.closed > 0.9
+    assert diagnosis.gap.closed is not None and diagnosis.gap.closed > 0.9
     assert diagnosis.summary in run.stdout
     wanted = {"report.html", "diagnosis.json", "scenario.yaml", "predictions.parquet", "diagnosis.rrd", "config.yaml"}
     assert {path.name for path in out.iterdir()} >= wanted

@@ -124,7 +124,7 @@ def check(example, folder):
     assert from_json(json.loads(json.dumps(content, allow_nan=False))).verdict is diagnosis.verdict
     told = [*diagnosis.candidates, *diagnosis.effects]
     assert all(0.0 <= entry.probability <= 1.0 for entry in told)
-    assert not {effect.name for effect in diagnosis.effects} & set(how.ignored)
+    assert not {effect.name for effect in diagnosis.effects} & set(how.ignored or ())
     assert all(path.exists() for path in write_files(diagnosis, PAPER, folder / "diagnosis"))
 
 

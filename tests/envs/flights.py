@@ -1,12 +1,14 @@
 """Flights of a fleet, for tests."""
 
+from typing import Any
+
 import torch
 from tensordict import TensorDict
 
 from auv_torchrl.envs.fleet import BODY
 
 
-def fly(fleet, actions, start=None):
+def fly(fleet, actions, start=None) -> Any:
     """All reports of a flight, stacked over time, from given starts or drawn ones."""
     now = (
         fleet.reset() if start is None else fleet.reset(TensorDict({"start": start}, fleet.batch_size), set_state=True)
@@ -15,7 +17,7 @@ def fly(fleet, actions, start=None):
     for action in actions:
         now = fleet.step(TensorDict({"action": action}, fleet.batch_size))["next"]
         reports.append(now)
-    return torch.stack([report.select("observation", *BODY, "thrust", "command", "time") for report in reports])
+    return TensorDict.stack([report.select("observation", *BODY, "thrust", "command", "time") for report in reports])
 
 
 def held_actions(count, steps, seed=0, hold=10):

@@ -32,7 +32,7 @@ def test_specs_hold(backend, name):
     check_env_specs(make_fleet(backend, vehicle, StationKeeping(tilt=True), 3, seed=0))
     randomize = RandomizeVehicle(vehicle, {"added_mass": {"scale": [0.8, 1.2]}})
     transformed = TransformedEnv(
-        make_fleet(backend, vehicle, SHORT, 3, seed=0), Compose(randomize, StepCounter(), RewardSum())
+        make_fleet(backend, vehicle, SHORT, 3, seed=0), Compose([randomize, StepCounter(), RewardSum()])
     )
     check_env_specs(transformed)
 
@@ -328,7 +328,8 @@ def test_what_the_sensors_say_has_keys_of_its_own(backend):
         now = fleet.reset()
         for _ in range(5):
             now = fleet.step(now.set("action", torch.ones(3, 4)))["next"]
-        measured = [now["measured", key] for key in BODY]
-        torch.testing.assert_close(now["observation"], SHORT.observe(*measured, now["time"][:, 0]), atol=1e-5, rtol=0)
+        position, quaternion, velocity = (now["measured", key] for key in BODY)
+        seen = SHORT.observe(position, quaternion, velocity, now["time"][:, 0])
+        torch.testing.assert_close(now["observation"], seen, atol=1e-5, rtol=0)
         apart = (now["measured", "position"] - now["position"]).abs().max()
         assert (apart > 0.01) == noisy and (noisy or torch.equal(now["measured", "quaternion"], now["quaternion"]))

@@ -6,7 +6,7 @@ import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.effects import EFFECTS
-from auv_torchrl.envs import BACKENDS, RandomizeVehicle, make_fleet
+from auv_torchrl.envs import BACKENDS, FleetEnv, RandomizeVehicle, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.tasks import StationKeeping
@@ -23,6 +23,10 @@ def ranges_of(name):
 def randomized(ranges, count=4, seed=0, backend="torch", own_seed=None):
     fleet = make_fleet(backend, PAPER, StationKeeping(episode_s=0.5), count, seed=seed)
     return TransformedEnv(fleet, RandomizeVehicle(PAPER, ranges, own_seed))
+
+
+def fleet_of(env) -> FleetEnv:
+    return env.base_env
 
 
 @pytest.mark.parametrize("name", config_names("vehicle"))
@@ -44,10 +48,10 @@ def test_three_resets_are_as_wide_as_one(name):
     """Draws start from the nominal: after many resets, no parameter lies farther away than the first range allows."""
     env = randomized(ranges_of(name), count=256)
     env.reset()
-    once = env.base_env.vehicle
+    once = fleet_of(env).vehicle
     for _ in range(3):
         env.reset()
-    often = env.base_env.vehicle
+    often = fleet_of(env).vehicle
     for key, value in PAPER.items():
         first, last = ((getattr(drawn, key) - value).abs().amax(0) for drawn in (once, often))
         assert (last <= 1.3 * first + 1e-12).all(), key
@@ -60,10 +64,10 @@ def test_a_partial_reset_redraws_its_rows_alone(backend):
     """The other vehicles keep their parameters and what the physics reads of them."""
     env = randomized({"thruster_gain": {"gain": [0.5, 1.5]}}, backend=backend)
     now = env.reset()
-    before, read = env.base_env.vehicle, torch.as_tensor(env.base_env.simulator.coefficients.allocation).clone()
+    before, read = fleet_of(env).vehicle, torch.as_tensor(fleet_of(env).simulator.coefficients.allocation).clone()
     mask = torch.tensor([[False], [True], [True], [False]])
     env.reset(now.set("_reset", mask.clone()), set_state=False)
-    after, reads = env.base_env.vehicle, torch.as_tensor(env.base_env.simulator.coefficients.allocation)
+    after, reads = fleet_of(env).vehicle, torch.as_tensor(fleet_of(env).simulator.coefficients.allocation)
     redrawn = mask[:, 0]
     assert torch.equal(after.gain[~redrawn], before.gain[~redrawn])
     assert (after.gain[redrawn] != before.gain[redrawn]).all()
@@ -78,7 +82,7 @@ def test_a_seed_of_its_own_is_independent_of_the_starts():
     for seed in (1, 2):
         env = randomized(ranges, seed=seed, own_seed=7)
         env.reset()
-        drawn.append(env.base_env.vehicle.linear_drag)
+        drawn.append(fleet_of(env).vehicle.linear_drag)
     assert torch.equal(*drawn)
 
 

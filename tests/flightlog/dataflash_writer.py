@@ -49,7 +49,7 @@ def parameters(values: dict[str, float], t: float = 0.0) -> bytes:
     return b"".join(record("PARM", t, name, float(value)) for name, value in values.items())
 
 
-def dive(seconds=20.0, begin=5.0, given=ALL, armed=True, also=None) -> bytes:
+def dive(seconds=20.0, begin=5.0, given=ALL, armed: bool | None = True, also=None) -> bytes:
     """A Heavy of ArduSub that turns slowly and sinks, motor 3 on at 1700 us from the middle on.
 
     ``given`` are its parameters; without ``armed`` it tells that it was disarmed at once, with None nothing; ``also``

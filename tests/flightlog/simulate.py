@@ -1,14 +1,13 @@
 """Flight logs made with the project's physics, so that what is in them is known."""
 
 import numpy as np
-import torch
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
-from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
 
 POSE_ONLY = ("x", "y", "z", "yaw")
 
@@ -29,7 +28,7 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
         for effect, values in change.items():
             vehicle = get_effect(effect).apply(vehicle, values)
         rows += [vehicle] * episodes
-    vehicles = torch.stack([
+    vehicles = Vehicle.stack([
         changed(v, position_noise=v.position_noise + noise[0], attitude_noise=v.attitude_noise + noise[1]) for v in rows
     ])  # fmt: skip
     rng = np.random.default_rng(seed)
@@ -43,7 +42,7 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     flown = record(
         Noisy(simulator, rng, noise[0]), lambda time, _: commands[:, round(time / CONTROL_DT)], steps, CONTROL_DT
     )
-    t = np.arange(steps) * CONTROL_DT
+    t = np.arange(steps, dtype=float) * CONTROL_DT
     axes = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
     flown = [Episode(row % episodes, t, flown.pose[row], flown.velocity[row], commands[row]) for row in range(batch)]
     return [FlightLog(f"log {k}", tuple(flown[k * episodes : (k + 1) * episodes]), axes) for k in range(len(changes))]

@@ -310,7 +310,7 @@ def test_a_fast_log_is_averaged_without_delay(paper, tmp_path):
     """At 100 Hz the log is thinned to 20 Hz; a steady motion keeps its phase and its noise shrinks."""
     n, noise = 6000, 0.01
     rng = np.random.default_rng(0)
-    t = np.arange(n) * 0.01
+    t = np.arange(n, dtype=float) * 0.01
     pose = np.zeros((n, 6))
     pose[:, 0] = 0.2 * t
     pose[:, 5] = np.angle(np.exp(0.5j * t))
@@ -325,6 +325,7 @@ def test_a_fast_log_is_averaged_without_delay(paper, tmp_path):
     assert abs((episode.pose[:, 0] - 0.2 * episode.t).mean()) < 1e-3
     np.testing.assert_allclose(np.cos(episode.pose[:, 5] - 0.5 * episode.t), 1, atol=1e-6)
     np.testing.assert_allclose(episode.commands[3], commands[15:20].mean(axis=0), atol=1e-6)
+    assert episode.parts is not None
     np.testing.assert_allclose(episode.parts[:-1], commands[:-5].reshape(-1, 5, 6), atol=1e-6)
     held = replace(fast, episodes=(replace(fast.episodes[0], commands=np.repeat(commands[::5], 5, axis=0)),))
     path = write_flightlog(held, tmp_path / "held.csv")

@@ -4,12 +4,12 @@ import pytest
 
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.command import main
-from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.streams import tabulate
 from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration, to_set
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.dataflash_writer import ALL, dive, record
 from tests.flightlog.shared_data import shared
+from tests.flightlog.vehicle_log import streams_of
 
 HEAVY = load_vehicle("bluerov2_heavy")
 PULSES = {f"SERVO{n}_{way}": us for n in range(1, 9) for way, us in (("MIN", 1100), ("MAX", 1900), ("TRIM", 1500))}
@@ -23,7 +23,7 @@ def written(tmp_path, given, **dived):
 
 def found(tmp_path, **changed):
     given = {**ALL, **PULSES, **changed}
-    streams = read_streams(written(tmp_path, given))
+    streams = streams_of(written(tmp_path, given))
     return {finding.code: finding for finding in check_configuration(streams, streams.vehicle.parameters)}
 
 
@@ -47,7 +47,7 @@ def test_one_motor_on_two_outputs_leaves_another_on_none(tmp_path):
     several = found(tmp_path, SERVO5_FUNCTION=35)
     assert "motor 3 is on outputs 3 and 5" in several["motor_on_two_outputs"].sentence
     assert several["motor_on_no_output"].param == (("SERVO5_FUNCTION", 37.0),)
-    columns = tabulate(read_streams(tmp_path / "00000001.BIN")).columns
+    columns = tabulate(streams_of(tmp_path / "00000001.BIN")).columns
     assert columns["cmd_3"].max() == pytest.approx(0.5) and not columns["cmd_5"].any()
 
 
@@ -73,7 +73,7 @@ def test_a_vehicle_that_seems_to_lie_on_its_back_has_its_autopilot_turned(tmp_pa
     )
     path = tmp_path / "00000001.BIN"
     path.write_bytes(data)
-    streams = read_streams(path)
+    streams = streams_of(path)
     (finding,) = check_configuration(streams, streams.vehicle.parameters)
     assert finding.code == "upside_down" and finding.limits and "AHRS_ORIENTATION" in finding.remedy
 
@@ -100,7 +100,7 @@ def test_what_differs_from_a_healthy_flight_is_set_back():
 def test_a_parameter_that_is_set_in_flight_is_told_with_its_moment(tmp_path):
     """One value is read for all of the log, so that what it says is in doubt."""
     path = written(tmp_path, ALL, also={15.0: record("PARM", 15.0, "MOT_3_DIRECTION", -1.0)})
-    (finding,) = (f for f in read_streams(path).findings if f.code == "set_in_flight")
+    (finding,) = (f for f in streams_of(path).findings if f.code == "set_in_flight")
     assert finding.limits and "MOT_3_DIRECTION was set from 1 to -1 at 10.0 s" in finding.sentence
 
 
@@ -125,7 +125,7 @@ def test_functions_that_a_telemetry_link_lost_are_asked_for(tmp_path):
 
 def test_the_firmwares_own_flight_with_a_wrong_direction_is_named():
     """Beside a flight of the same simulated vehicle with the direction right."""
-    wrong, sound = (read_streams(shared(f"ardusub_sitl/{name}.BIN")) for name in ("motdir1_minus", "healthy_a"))
+    wrong, sound = (streams_of(shared(f"ardusub_sitl/{name}.BIN")) for name in ("motdir1_minus", "healthy_a"))
     (finding,) = compare_configuration(wrong.vehicle.parameters, [sound.vehicle.parameters])
     assert finding.param == (("MOT_1_DIRECTION", 1.0),)
     assert not check_configuration(sound, sound.vehicle.parameters)

@@ -15,7 +15,7 @@ from auv_torchrl.flightlog.command import main
 from auv_torchrl.flightlog.readers import READERS, Reader, choose_reader
 from auv_torchrl.flightlog.streams.grid import row_times, sampled
 from auv_torchrl.flightlog.streams.options import read_options
-from auv_torchrl.flightlog.streams.stream import Sampling, stream
+from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Streams, stream
 from auv_torchrl.paths import EXAMPLE_LOG, PROJECT
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.dataflash_writer import dive
@@ -90,7 +90,11 @@ def test_every_reader_stands_in_the_documents_and_takes_other_files_for_none():
 
 def test_a_package_brings_a_reader_by_an_entry_point(monkeypatch, tmp_path):
     """It takes the files that it recognizes; one whose name is taken is refused."""
-    mine = Reader("my log", (".mine",), lambda head: head.startswith(b"MINE"), lambda path, options: None)
+
+    def read(path: Path, options: ReadOptions) -> Streams:
+        raise AssertionError("it is chosen, and not read")
+
+    mine = Reader("my log", (".mine",), lambda head: head.startswith(b"MINE"), read)
     entry = importlib.metadata.EntryPoint("mine", "tests.nowhere:READER", READERS.group)
     monkeypatch.setattr(type(entry), "load", lambda self: mine)
     monkeypatch.setattr(registry, "entry_points", lambda group: [entry])

@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.flightlog import FlightLogError
-from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.streams import tabulate
 from tests.flightlog.dataflash_writer import ALL
+from tests.flightlog.vehicle_log import streams_of
 
 LEVEL_NORTH_ENU = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # w x y z of a body that looks north: 90 degrees from east
 
@@ -52,7 +52,7 @@ def test_a_px4_log_is_read(tmp_path):
     pytest.importorskip("pyulog")
     path = tmp_path / "flight.ulg"
     path.write_bytes(ulog_file())
-    streams = read_streams(path)
+    streams = streams_of(path)
     assert streams.armed == ((pytest.approx(1.0), pytest.approx(9.95)),) and streams.modes == ((0.0, "MANUAL"),)
     columns = tabulate(streams).columns
     assert set(columns) == {"t", "episode", "z", "roll", "pitch", "yaw", "cmd_1", "cmd_2"}
@@ -71,7 +71,7 @@ def test_no_damage_of_a_px4_log_ends_in_a_traceback(tmp_path, data):
     path = tmp_path / "flight.ulg"
     path.write_bytes(bytes(content[:end]))
     try:
-        tabulate(read_streams(path))
+        tabulate(streams_of(path))
     except FlightLogError as error:
         assert "\n" not in str(error)
 
@@ -113,7 +113,8 @@ def mcap_file(path, system: str = "1"):
 
 def test_mavlink_in_mcap_is_read_as_blueos_writes_it(tmp_path):
     """The same streams as from telemetry."""
-    streams = read_streams(mcap_file(tmp_path / "recorder.mcap"))
+    streams = streams_of(mcap_file(tmp_path / "recorder.mcap"))
+    assert streams.armed is not None
     assert streams.vehicle.frame == "vectored_6dof" and streams.armed[0][0] == pytest.approx(1.0, abs=0.01)
     columns = tabulate(streams).columns
     assert columns["cmd_2"] == pytest.approx(0.25) and columns["x"] == pytest.approx(1.0)
@@ -127,7 +128,7 @@ def test_an_mcap_that_was_cut_is_read_as_far_as_it_goes(tmp_path):
     for share in (0.99, 0.5, 0.1, 0.01):
         path.write_bytes(whole[: int(share * len(whole))])
         try:
-            assert "damaged_file" in {finding.code for finding in read_streams(path).findings}
+            assert "damaged_file" in {finding.code for finding in streams_of(path).findings}
         except FlightLogError as error:
             assert "cut.mcap" in str(error)
 
@@ -195,7 +196,7 @@ def ros_bag(folder, version: int, storage: str = "sqlite3"):
 def test_ros_bags_are_read_in_ned_and_frd(tmp_path, version, storage):
     """North, east, down and forward, right, down out of ENU and FLU; rates from the IMU, which has no attitude."""
     path = ros_bag(tmp_path / ("flight.bag" if version == 1 else "flight"), version, storage)
-    columns = tabulate(read_streams(path)).columns
+    columns = tabulate(streams_of(path)).columns
     assert columns["x"][10] == pytest.approx(columns["t"][10], abs=1e-3)
     assert columns["y"] == pytest.approx(1.0) and columns["z"] == pytest.approx(3.0)
     for angle in ("roll", "pitch", "yaw"):
@@ -210,4 +211,4 @@ def test_a_bag_that_was_cut_is_a_sentence(tmp_path):
     path = ros_bag(tmp_path / "flight.bag", 1)
     path.write_bytes(path.read_bytes()[:5000])
     with pytest.raises(FlightLogError, match="flight.bag cannot be read as a ROS bag"):
-        read_streams(path)
+        streams_of(path)

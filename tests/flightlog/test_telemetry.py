@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
-from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.dataflash_writer import ALL
 from tests.flightlog.shared_data import EXCERPTS, shared
+from tests.flightlog.vehicle_log import streams_of
 
 EXCERPT = EXCERPTS / "ardusub.tlog"
 dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
@@ -52,7 +52,7 @@ def written(tmp_path, data: bytes):
 
 def test_the_excerpt_of_the_firmware_is_read():
     """Fourteen seconds of what ArduSub 4.7 sent of its simulated flight."""
-    streams = read_streams(EXCERPT)
+    streams = streams_of(EXCERPT)
     assert streams.vehicle.frame == "vectored_6dof" and streams.streams["depth"].source == "SCALED_PRESSURE"
     log = read_flightlog(EXCERPT, load_vehicle("bluerov2_heavy"))
     assert {"x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r"} == set(log.axes) and log.duration > 13
@@ -60,14 +60,14 @@ def test_the_excerpt_of_the_firmware_is_read():
 
 def test_times_are_those_of_the_vehicle_and_not_of_the_link(tmp_path):
     """Every other packet 80 ms late leaves the attitude at even times, and roll where it was then."""
-    told = read_streams(written(tmp_path, telemetry(late=0.08))).streams["attitude"]
+    told = streams_of(written(tmp_path, telemetry(late=0.08))).streams["attitude"]
     assert np.diff(told.t) == pytest.approx(0.1, abs=1e-6)
     assert np.diff(told.values[:, 0]) == pytest.approx(1e-3, abs=1e-6)
 
 
 def test_arming_and_mode_are_those_of_the_heartbeats(tmp_path):
     """Disarmed at first, which is no end of having been armed."""
-    streams = read_streams(written(tmp_path, telemetry()))
+    streams = streams_of(written(tmp_path, telemetry()))
     assert streams.armed == ((pytest.approx(5.0), pytest.approx(19.9)),) and streams.modes[0][1] == "MANUAL"
 
 
@@ -77,10 +77,10 @@ def test_of_several_vehicles_one_is_chosen(tmp_path):
     data = telemetry(1) + telemetry(4) + sent(link, 30, heartbeat(False, autopilot=8))
     path = written(tmp_path, data)
     with pytest.raises(FlightLogError, match="several vehicles, 1, 4: choose one, such as system=1"):
-        read_streams(path)
+        streams_of(path)
     with pytest.raises(FlightLogError, match="no vehicle 9: there are 1, 4"):
-        read_streams(path, ReadOptions(system=9))
-    assert len(read_streams(path, ReadOptions(system=4)).streams["attitude"]) == 200
+        streams_of(path, ReadOptions(system=9))
+    assert len(streams_of(path, ReadOptions(system=4)).streams["attitude"]) == 200
 
 
 def test_what_telemetry_lacks_is_asked_for_by_name(tmp_path):
@@ -92,18 +92,18 @@ def test_what_telemetry_lacks_is_asked_for_by_name(tmp_path):
     )
     path = written(tmp_path, telemetry() + pulses)
     with pytest.raises(FlightLogError, match=r"lacks FRAME_CONFIG, SERVO1_FUNCTION to SERVO8_FUNCTION, .*params="):
-        tabulate(read_streams(path))
+        tabulate(streams_of(path))
     still = b"".join(sent(link, k, heartbeat(False)) + sent(link, k, attitude(k + 100)) for k in range(20))
     path = written(tmp_path, still + pulses)
     with pytest.raises(FlightLogError, match="not armed while commands were logged"):
-        tabulate(read_streams(path), ReadOptions(parameters=ALL))
+        tabulate(streams_of(path), ReadOptions(parameters=ALL))
 
 
 def test_a_vehicle_that_starts_again_is_put_behind(tmp_path):
     """Its clock begins anew; the attitude goes on, where it was received."""
     link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     again = b"".join(sent(link, 60 + k / 10, attitude(k / 10)) for k in range(100))
-    told = read_streams(written(tmp_path, telemetry() + again)).streams["attitude"]
+    told = streams_of(written(tmp_path, telemetry() + again)).streams["attitude"]
     assert len(told) == 300 and told.gaps == ((pytest.approx(19.9), pytest.approx(60.0)),)
 
 
@@ -111,7 +111,7 @@ def test_a_missing_library_is_one_line(tmp_path, monkeypatch):
     """What to install."""
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.ardupilotmega", None)
     with pytest.raises(FlightLogError, match=r"pymavlink, which is not installed: pip install 'auv_torchrl\[logs\]'"):
-        read_streams(EXCERPT)
+        streams_of(EXCERPT)
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -124,14 +124,15 @@ def test_no_damage_ends_in_a_traceback(tmp_path, data):
         content[place] = data.draw(st.integers(0, 255))
     path = written(tmp_path, bytes(content[:end]))
     try:
-        tabulate(read_streams(path))
+        tabulate(streams_of(path))
     except FlightLogError as error:
         assert "\n" not in str(error)
 
 
 def test_the_real_telemetry_is_read():
     """A Heavy, armed for 16 s, with a companion, a camera and a ground station on the link."""
-    streams = read_streams(shared("ardusub_real/small.tlog"))
+    streams = streams_of(shared("ardusub_real/small.tlog"))
     assert streams.streams["depth"].source == "SCALED_PRESSURE2"
+    assert streams.armed is not None
     assert sum(end - begin for begin, end in streams.armed) == pytest.approx(16, abs=1)
     assert streams.vehicle.parameters["MOT_5_DIRECTION"] == -1

@@ -32,7 +32,7 @@ def flight(c, rng, dtype=torch.float64):
 def outcome(advance, c, terms, body, thrust, targets, time, weights):
     """What a way to step leads to, and the gradients of a weighted sum of it."""
     later = advance(c, terms, body, thrust, targets, time, H)
-    loss = sum((part * weight).sum() for part, weight in zip(later, weights, strict=True))
+    loss = sum(((part * weight).sum() for part, weight in zip(later, weights, strict=True)), torch.zeros(()))
     return later, torch.autograd.grad(loss, (body, thrust, *targets), materialize_grads=True)
 
 
@@ -93,6 +93,6 @@ def test_an_operation_without_a_derivative_is_named():
     """A new operation of the physics that has no rule in reverse.py ends in an error that tells where it goes."""
     tape = Tape()
     speed = tape.inputs("speed", ())
-    odd = Symbols(np.asarray(tape._record(type(tape.operations[0])("cosine", (speed.numbers[()].place,))), object))
+    odd = Symbols(np.asarray(tape._record(type(tape.operations[0])("cosine", (speed.numbers.item().place,))), object))
     with pytest.raises(ValueError, match="cosine"):
         pulled_back(tape, [odd], [tape.inputs("weight", ())], [speed])

@@ -4,6 +4,7 @@ import logging
 import os
 import subprocess
 import sys
+from typing import cast
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from auv_torchrl.physics.kernel.symbols import Tape
 from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.simulator import PlainSimulator, TorchArrays
 from auv_torchrl.simulator.rows import lengthened
+from auv_torchrl.vehicle import Vehicle
 from tests.uneven import UNEVEN, load_any
 
 H = 0.001  # s; the strongest drag of the registry on the lightest hull diverges above 0.002
@@ -240,7 +242,8 @@ def test_a_simulator_goes_where_the_written_physics_goes(dtype, close, name, see
     simulator.state, expected = state, state
     for step in range(6):
         if step == 3:
-            simulator.replace(torch.tensor([1, 4]), vehicles[1][torch.tensor([1, 4])])
+            rows = torch.tensor([1, 4])
+            simulator.replace(rows, cast(Vehicle, vehicles[1][rows]))
         command = simulator.arrays.native(torch.as_tensor(rng.uniform(-1, 1, (5, simulator.thrusters))))
         longer = simulator.state.commands.shape[-2]
         expected = expected._replace(commands=lengthened(expected.commands, longer))

@@ -1,6 +1,7 @@
 """Laws of mechanics that the model must obey for every vehicle, state and time."""
 
 import math
+from typing import cast
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from auv_torchrl.physics.kinematics import (
     wrap_angle,
 )
 from auv_torchrl.physics.step import runge_kutta_step
-from auv_torchrl.vehicle import GRAVITY, load_vehicle
+from auv_torchrl.vehicle import GRAVITY, Vehicle, load_vehicle
 
 VEHICLES = config_names("vehicle")
 seeds = st.integers(0, 2**31 - 1)
@@ -146,16 +147,16 @@ def test_a_batch_flies_like_its_vehicles_alone(name):
     vehicle = load_vehicle(name).expand(5).clone()
     generator = torch.Generator().manual_seed(3)
     for effect in EFFECTS.values():
-        nominal = effect.nominal(vehicle[0])
+        first = cast(Vehicle, vehicle[0])
+        nominal, declared = effect.nominal(first), effect.member_parameters(first)
         share = 0.05 * torch.rand(5, generator=generator, dtype=torch.float64)
-        declared = effect.member_parameters(vehicle[0])
         values = {k: v + share * (declared[k].high - v) for k, v in nominal.items() if not declared[k].discrete}
         vehicle = effect.apply(vehicle, values)
     state, command = random_state(vehicle, 5, 7, speed=0.5, tilt=0.3)
     state = state._replace(commands=torch.zeros(5, 4, vehicle.thrusters, dtype=torch.float64))
 
     def fly(rows):
-        c = prepare(vehicle[rows])
+        c = prepare(cast(Vehicle, vehicle[rows]))
         now = State(*(part[rows] for part in state))
         for _ in range(10):
             now = control_step(c, ActiveTerms.of(c), now, command[rows])

@@ -13,7 +13,7 @@ from torchrl.envs.utils import check_env_specs
 
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.paths import config_path
-from auv_torchrl.physics.kinematics import quaternion_from_euler, rotation_matrix
+from auv_torchrl.physics.kinematics import heading_of, quaternion_from_euler, rotation_matrix
 from auv_torchrl.tasks import TASKS, StationKeeping, read_task
 from auv_torchrl.vehicle import load_vehicle
 
@@ -65,6 +65,13 @@ def test_an_observation_has_the_names_that_it_says_on_both_array_libraries(task)
     assert seen.shape == (5, len(task.observation_names))
     np.testing.assert_allclose(task.observe(*map(torch.from_numpy, state)).numpy(), seen, atol=1e-12)
     assert array_namespace(seen).all(task.terminated(*state) == False)  # noqa: E712
+
+
+@pytest.mark.parametrize("task", DEFAULTS, ids=lambda task: task.name)
+def test_a_heading_that_a_reference_knows_is_that_of_its_quaternion(task):
+    """To the bit, at all times."""
+    reference = task.reference(np.linspace(0.0, 40.0, 9))
+    np.testing.assert_array_equal(reference.yaw, heading_of(reference.quaternion))
 
 
 def test_a_task_may_end_episodes():

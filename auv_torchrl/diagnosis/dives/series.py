@@ -8,8 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.dives.told import Dive, Normal, Number
 from auv_torchrl.diagnosis.motion.windows import Floats
 
-NOISE_SPREAD = 0.05  # of the logarithm of a channel's noise from dive to dive: what third differences scatter by ...
-NOISE_DIVES = 4.0  # ... which counts as much as that many dives
+NOISE_SPREAD = 0.05  # of the logarithm of a channel's noise from dive to dive: what third differences scatter by
 ALIKE = 0.98  # correlation of what two numbers do, from which no dive tells them apart
 LEAST_INFORMATION = 1e-12
 # Dives of a sound vehicle that scatter more than was learnt of few of them must not become alarms. Second differences

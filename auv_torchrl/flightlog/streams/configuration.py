@@ -10,8 +10,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from auv_torchrl.autopilot import function_of, is_function, motor_of
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.streams.motors import function_of, motor_of, outputs_of
+from auv_torchrl.flightlog.streams.motors import outputs_of
 from auv_torchrl.flightlog.streams.stream import Streams
 
 Values = Mapping[str, float]
@@ -143,7 +144,7 @@ def _upside_down(streams: Streams, parameters: Values) -> Iterator[Finding]:
 
 def _exchanged(differ: Values, sound: Values) -> Iterator[Finding]:
     """Outputs whose motors were dealt out anew."""
-    functions = {n: v for n, v in differ.items() if re.fullmatch(r"SERVO\d+_FUNCTION", n)}
+    functions = {n: v for n, v in differ.items() if is_function(n)}
     now, before = (sorted(map(motor_of, values)) for values in (functions.values(), (sound[n] for n in functions)))
     if len(functions) < 2 or now != before or not all(now):
         return

@@ -1,8 +1,8 @@
 """From the pulses of the outputs to the commands of the thrusters, by the parameters of the vehicle.
 
 ArduSub sends a motor ``1500 + command * MOT_n_DIRECTION * 400`` µs (with the usual limits) through the output whose
-SERVOk_FUNCTION is 32 + n. What it wanted of the motor, along the direction that the frame gives it, is the command:
-a wrong MOT_n_DIRECTION then shows as a thruster that pushes backwards, which is what it makes of the vehicle.
+SERVOk_FUNCTION is that of motor n. What it wanted of the motor, along the direction that the frame gives it, is the
+command: a wrong MOT_n_DIRECTION then shows as a thruster that pushes backwards, which is what it makes of the vehicle.
 """
 
 from collections.abc import Mapping
@@ -10,12 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_torchrl.autopilot import motor_of
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.streams.stream import Stream, Streams, stream
 
 NEUTRAL = 1500.0  # us, at which a motor stands; fixed in ArduSub
-_FIRST_MOTOR = 33  # value of SERVOk_FUNCTION for motor 1, up to 40 for motor 8
-_NINTH_MOTOR = 82  # for motor 9, up to 85 for motor 12
 _OUTPUTS = 32
 
 
@@ -104,18 +103,6 @@ def listed(names: tuple[str, ...]) -> str:
     for name in names:
         kinds.setdefault("".join(c for c in name if not c.isdigit()), []).append(name)
     return ", ".join(group[0] if len(group) == 1 else f"{group[0]} to {group[-1]}" for group in kinds.values())
-
-
-def motor_of(function: float) -> int:
-    """The motor that an output of this function drives; 0 for none."""
-    if _FIRST_MOTOR <= function < _FIRST_MOTOR + 8:
-        return int(function) - _FIRST_MOTOR + 1
-    return int(function) - _NINTH_MOTOR + 9 if _NINTH_MOTOR <= function < _NINTH_MOTOR + 4 else 0
-
-
-def function_of(motor: int) -> int:
-    """The function of the output that drives this motor."""
-    return _FIRST_MOTOR + motor - 1 if motor <= 8 else _NINTH_MOTOR + motor - 9
 
 
 def _limit(parameters: Mapping[str, float], end: str) -> float | None:

@@ -9,12 +9,12 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.coefficients import ActiveTerms
 from auv_torchrl.physics.kernel.assembly import assembly
 from auv_torchrl.physics.kernel.native import LANES, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
 from auv_torchrl.physics.kernel.reverse import pulled_back
-from auv_torchrl.physics.kernel.steps import Shapes, Steps, coefficient_sizes
+from auv_torchrl.physics.kernel.steps import Shapes, Steps, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.step import runge_kutta_step
@@ -120,8 +120,7 @@ def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
 def traced_adjoint(shapes: Shapes) -> Program:
     """The vector-Jacobian product of a Runge-Kutta step with all terms."""
     tape, layout = Tape(), _layout(shapes)
-    pairs = zip(Coefficients._fields, shapes, strict=True)
-    c = Coefficients(*(tape.inputs(name, shape) for name, shape in pairs))
+    c = recorded_coefficients(tape, shapes)
     sizes = layout.given | layout.carried
     body, thrust, target, *slopes = (
         tape.inputs(name, (sizes[name],)) for name in ("body", "thrust", "target", "body slope", "thrust slope")

@@ -11,7 +11,7 @@ from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kernel.assembly import assembly
 from auv_torchrl.physics.kernel.native import LANES, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.steps import Shapes, coefficient_sizes
+from auv_torchrl.physics.kernel.steps import Shapes, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.kinematics import rotation_matrix
@@ -80,8 +80,7 @@ def _function(shapes: Shapes) -> Callable[[int], None] | None:
 def traced_rate(shapes: Shapes) -> Program:
     """The acceleration with all terms, of vehicles whose coefficients have these shapes."""
     tape, layout = Tape(), _layout(shapes)
-    pairs = zip(Coefficients._fields, shapes, strict=True)
-    c = Coefficients(*(tape.inputs(name, shape) for name, shape in pairs))
+    c = recorded_coefficients(tape, shapes)
     state, thrust = (tape.inputs(name, (layout.given[name],)) for name in ("states", "thrust"))
     rate: Symbols = _rate(c, ActiveTerms.everything(), state, thrust, tape.inputs("time", ()))
     return program(tape, layout, {"rate": rate})

@@ -126,6 +126,11 @@ def coefficient_sizes(shapes: Shapes) -> dict[str, int]:
     return {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
 
 
+def recorded_coefficients(tape: Tape, shapes: Shapes) -> Coefficients:
+    """Coefficients of one vehicle as inputs of what a tape records."""
+    return Coefficients(*(tape.inputs(name, shape) for name, shape in zip(Coefficients._fields, shapes, strict=True)))
+
+
 def _layout(shapes: Shapes) -> Layout:
     sizes = coefficient_sizes(shapes)
     thrusters = sizes["full_thrust"]
@@ -146,8 +151,7 @@ def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
 def traced_step(shapes: Shapes) -> Program:
     """A Runge-Kutta step with all terms, of vehicles whose coefficients have these shapes."""
     tape, layout = Tape(), _layout(shapes)
-    pairs = zip(Coefficients._fields, shapes, strict=True)
-    c = Coefficients(*(tape.inputs(name, shape) for name, shape in pairs))
+    c = recorded_coefficients(tape, shapes)
     body, thrust, target, force = (
         tape.inputs(name, (size,)) for name, size in (layout.carried | layout.given).items() if name != "time"
     )
