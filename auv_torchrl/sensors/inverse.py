@@ -37,12 +37,13 @@ STEP = 1e-6  # m, rad, m/s, rad/s, of differences
 class Inverse:
     """How vehicles (R,) move where the same is reported of them, in logs that hold some channels."""
 
+    gain: Floats  # (R, 12) what is reported of each number of a motion, over what is true; 1 where others are mixed in
     slopes: Floats  # (R, 12, 12) what is reported of a motion, rows, per unit of each of its true numbers, columns
     offset: Floats  # (R, 12) what is reported of a vehicle at the origin that looks north
     speed: Floats  # (R, 3) true linear velocities over reported ones, in the earth frame, or the body's without x and y
     turn: Floats  # (R, 4) quaternion from the reported to the true heading
     by_position: bool  # whether a velocity is what positions change by
-    mixing: Mixing | None  # of velocities that are no more than what an instrument says, where one mixes them
+    mixing: Mixing | None  # of what is reported of velocities, where an instrument mixes them
 
     @staticmethod
     def of(c: Coefficients, channels: tuple[str, ...]) -> "Inverse":
@@ -52,7 +53,7 @@ class Inverse:
         offset = reports[:, 0]
         slopes = (reports[:, 1:] - offset[:, None]).swapaxes(1, 2)
         gain = np.einsum("rii->ri", slopes).copy()
-        gain[:, 6:9][linked(slopes)] = 1.0  # an axis that others are mixed into has no speed of its own
+        gain[:, 6:9][linked(slopes)] = 1.0
         speed = np.ones((len(gain), 3))
         for axis, (place, velocity) in enumerate(zip(MOTION[:3], MOTION[6:9], strict=True)):
             if place in channels or velocity in channels:
@@ -60,23 +61,17 @@ class Inverse:
         zero = np.zeros_like(offset[:, YAW])
         turn = quaternion_from_euler(zero, zero, -offset[:, YAW])
         by_position = {"x", "y"} <= set(channels)
-        return Inverse(
-            slopes, offset, speed, turn, by_position, None if by_position else Mixing.of(slopes, speed, channels)
-        )
-
-    @property
-    def gain(self) -> Floats:
-        """What is reported of each number of a motion, over what is true, (R, 12)."""
-        return np.einsum("...ii->...i", self.slopes)
+        return Inverse(gain, slopes, offset, speed, turn, by_position, Mixing.of(slopes, speed, channels))
 
     @property
     def is_true(self) -> bool:
         """Whether all vehicles move as reported, but for a shift of where they are."""
-        return self.mixing is None and bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
+        told = self.by_position or self.mixing is None
+        return told and bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
 
     def kinds(self) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of vehicles whose sensors do what those of most do, and of the others."""
-        mixed = [] if self.mixing is None else [self.mixing.rows.reshape(len(self.gain), -1)]
+        mixed = [] if self.by_position or self.mixing is None else [self.mixing.rows.reshape(len(self.gain), -1)]
         numbers = np.concatenate([self.gain, self.offset, self.speed, *mixed], axis=1)
         _, kind, count = np.unique(numbers, axis=0, return_inverse=True, return_counts=True)
         common = kind.reshape(-1) == np.argmax(count)
@@ -84,8 +79,7 @@ class Inverse:
 
     def shared(self) -> "Inverse":
         """One row for all where all vehicles have the same sensors."""
-        fields = [self.slopes, self.offset, self.speed, self.turn]
-        fields += [] if self.mixing is None else [self.mixing.rows]
+        fields = (self.slopes, self.offset, self.speed, self.turn)
         return _each(self, lambda field: field[:1]) if all((field == field[:1]).all() for field in fields) else self
 
     def by_step(self) -> "Inverse":
@@ -108,7 +102,7 @@ class Inverse:
             return _joined(position, states[..., 3:])
         quaternion = quaternion_product(self.turn * np.array([1.0, -1.0, -1.0, -1.0]), states[..., 3:7])
         linear = self._reported_linear(quaternion, states[..., 7:10])
-        if self.mixing is not None:
+        if self.mixing is not None and not self.by_position:
             linear = self.mixing.reported(states[..., 7:10], states[..., 10:], linear)
         return _joined(position, quaternion, linear, states[..., 10:])
 
@@ -120,6 +114,14 @@ class Inverse:
     def reported_start(self, states: Floats) -> Floats:
         """The inverse of :meth:`true_start`."""
         return motion_of(self.reported_state(states))
+
+    def as_reported(self, motion: Floats) -> Floats:
+        """Reported motions (..., 12) whose velocities are not yet what positions change by, but what was measured."""
+        if self.mixing is None or not self.by_position:
+            return motion
+        quaternion = quaternion_from_euler(motion[..., 3], motion[..., 4], motion[..., 5])
+        true = self.mixing.true(motion[..., 6:9], motion[..., 9:], motion[..., 6:9])
+        return _joined(motion[..., :6], self._reported_linear(quaternion, true), motion[..., 9:])
 
     def start_slopes(self, start: Floats, entries: np.ndarray) -> Floats:
         """What the true start moves by (W, n, n) per unit of each of ``n`` entries of reported starts (W, 12)."""
@@ -136,7 +138,7 @@ class Inverse:
         linear = self._reported_linear(reported[..., 3:7], inertial)
         turning = cross(*np.broadcast_arrays(reported[..., 10:], reported[..., 7:10]))
         linear = linear - turning
-        if self.mixing is not None:
+        if self.mixing is not None and not self.by_position:
             linear = self.mixing.reported(rate[..., :3], rate[..., 3:], linear)
         return _joined(linear, rate[..., 3:])
 
@@ -171,7 +173,7 @@ def _each(sensors: Inverse, change: Callable[[Floats], Floats]) -> Inverse:
     """The same of the fields that ``change`` makes of those of ``sensors``."""
     return replace(
         sensors,
-        **{name: change(getattr(sensors, name)) for name in ("slopes", "offset", "speed", "turn")},
+        **{name: change(getattr(sensors, name)) for name in ("gain", "slopes", "offset", "speed", "turn")},
         mixing=sensors.mixing and sensors.mixing.each(change),
     )
 
