@@ -90,7 +90,7 @@ def changed(log: FlightLog, change) -> FlightLog:
 @pytest.fixture(scope="module", params=["paper", "bluerov2_heavy"])
 def faulty(request):
     """A vehicle, and a log of it with each effect."""
-    logs = simulated_logs(request.param, [{name: values} for name, values in CLEAR.items()], seed=1)
+    logs = simulated_logs(request.param, [{name: values} for name, values in CLEAR.items()], seed=4, alike=True)
     return load_vehicle(request.param), dict(zip(CLEAR, logs, strict=True))
 
 
