@@ -72,6 +72,8 @@ class Vehicle(TensorClass):
     depth_scale: Tensor  # () and depths times this, too
     depth_bias: Tensor  # () m, reported depth minus true depth
     velocity_scale: Tensor  # () reported linear velocities are the true ones times this
+    dvl_position: Tensor  # (3,) m, where the Doppler log feels them
+    dvl_turn: Tensor  # () rad, about body z from the axes of the body to those of the Doppler log
     gyro_bias: Tensor  # (3,) rad/s, reported angular rates minus true ones
     compass_per_load: Tensor  # () rad that the measured yaw turns by while all thrusters give their full thrust
     position_noise: Tensor  # () m, standard deviation per axis
@@ -92,7 +94,7 @@ _VECTORS = {  # section -> key -> length; 0 is a scalar
 }
 _SENSORS = {  # what a vehicle's own sensors are off by, where that is known; the nominal values are those of true ones
     "heading_bias": 0.0, "pose_delay": 0.0, "position_scale": 1.0, "depth_scale": 1.0, "depth_bias": 0.0,
-    "velocity_scale": 1.0,
+    "velocity_scale": 1.0, "dvl_position": (0.0, 0.0, 0.0), "dvl_turn": 0.0,
 }  # fmt: skip
 _NOTHING = ("payload_mass", "payload_weight", "vertical_force", "tether_stiffness", "tether_slack", "battery_sag",
             "compass_per_load", "position_noise", "attitude_noise")  # fmt: skip
@@ -218,7 +220,7 @@ def _read_sensors(block: Any) -> dict[str, Any]:
     if unknown := set(block) - set(_SENSORS):
         odd = sorted(map(str, unknown))
         raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(_SENSORS))}")
-    found = {key: _numbers(f"sensors.{key}", block.get(key, value), ()) for key, value in _SENSORS.items()}
+    found = {key: _numbers(f"sensors.{key}", block.get(key, v), torch.tensor(v).shape) for key, v in _SENSORS.items()}
     if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in _SENSORS if key.endswith("_scale")):
         raise ValueError("vehicle: sensors has a delay below 0 or a scale of 0: give what the sensors report")
     return found

@@ -19,11 +19,13 @@ UNITS = {
     "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
     "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
     "reaction": "m, moment about its direction per newton of thrust", "volts": "V at which full_thrust holds",
+    "dvl_position": "m", "dvl_turn": "rad about body z, from the axes of the body to those of the Doppler log",
     "mixer": "columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
 }  # fmt: skip
 _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
 _WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
 _SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
+CAME_LATER = ("dvl_position", "dvl_turn")  # left out where 0: files say what they said, and what hashes keep is found
 
 
 def fold(vehicle: Vehicle) -> Vehicle:
@@ -67,6 +69,7 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
     """
     diagonal = bool((vehicle.linear_drag == vehicle.linear_drag.diagonal().diag()).all())
     told = [key for key in _WHERE_TOLD if bool((getattr(vehicle, key) != 0).any())]
+    later = [key for key in CAME_LATER if bool((getattr(vehicle, key) != 0).any())]
     alike = {key: getattr(vehicle, key) for key in (*_PER_THRUSTER, *told)}
     content = {
         "name": name,
@@ -89,10 +92,17 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
             "delay": numbers(vehicle.delay),
         },
         "mixer": numbers(vehicle.mixer),
-        "sensors": {key: numbers(getattr(vehicle, key)) for key in _SENSORS},
+        "sensors": {key: numbers(getattr(vehicle, key)) for key in (*_SENSORS, *later)},
     }
     _refuse_what_is_lost(vehicle, content)
     return content
+
+
+def described(vehicle: Vehicle) -> dict[str, Any]:
+    """Every parameter as plain values, as what is kept under hashes has them."""
+    return {
+        name: value.tolist() for name, value in vehicle.items() if name not in CAME_LATER or bool((value != 0).any())
+    }
 
 
 def numbers(values: Tensor) -> Any:

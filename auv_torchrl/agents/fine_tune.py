@@ -15,6 +15,7 @@ from auv_torchrl.agents.trainer import Trainer
 from auv_torchrl.envs import RandomizeVehicle
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_file import described
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def fine_tune(
         **describe(ground.base, task, agent, ground.ranges, seed, backend, device),
         "from": policy.metadata["hash"],
         "tuning": asdict(tuning),
-        "chosen_on": {name: value.tolist() for name, value in ground.vehicle.items()},
+        "chosen_on": described(ground.vehicle),
         "adapter": ground.adapter_name,
     }
 

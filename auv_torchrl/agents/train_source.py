@@ -18,6 +18,7 @@ from auv_torchrl.evaluation import draw_starts
 from auv_torchrl.files import locked
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_file import described
 
 log = logging.getLogger(__name__)
 
@@ -151,9 +152,9 @@ def describe(
 ) -> dict[str, Any]:
     """Everything that shapes a policy, as plain values."""
     kind = torch.device(device).type  # draws and rounds as others do not
-    shaping = {n: v for n, v in vehicle.items() if n != "volts" and (n not in _CAME_LATER or bool((v != 0).any()))}
+    nothing = {name for name in _CAME_LATER if not bool((getattr(vehicle, name) != 0).any())}
     return {
-        "vehicle": {name: value.tolist() for name, value in shaping.items()},
+        "vehicle": {name: value for name, value in described(vehicle).items() if name not in nothing | {"volts"}},
         "task": task.described(),
         "agent": agent_config.shaping(),
         "randomization": dict(randomization or {}),

@@ -18,6 +18,7 @@ from auv_torchrl.ddr.pretraining import PretrainingConfig, pretrain
 from auv_torchrl.files import write_whole
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_file import described
 
 log = logging.getLogger(__name__)
 
@@ -85,7 +86,7 @@ def ingredients(vehicle: Vehicle, task: Task, config: PretrainingConfig) -> Mapp
     """Everything that shapes F and R, as plain values."""
     return {
         "models_version": MODELS_VERSION,
-        "vehicle": {name: value.tolist() for name, value in vehicle.items()},
+        "vehicle": described(vehicle),
         "task": {key: getattr(task, key) for key in ("control_dt", "tilt", "start_speed", "start_yaw_rate")},
         "pretraining": asdict(config),
     }

@@ -72,6 +72,7 @@ HEIRS = 3  # rounds in which starts are handed on from window to window
 
 # Sensors that contradict each other
 LOOKED_AT = 5  # windows: contradicting sensors do so all the time
+AGREES_ALIKE = 1.25  # times the least misfit: as far off as values between those of a scan are, near the right one
 AGREES_BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must get below
 
 # Roll and pitch

@@ -1,6 +1,6 @@
 """Every effect, in one registry that scenarios, randomization, diagnosis and reports read."""
 
-from auv_torchrl.effects import actuation, body, external, flow, response, sensing
+from auv_torchrl.effects import actuation, body, external, flow, mounting, response, sensing
 from auv_torchrl.effects.effect import Effect, Origin, Parameter
 from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
@@ -8,7 +8,15 @@ from auv_torchrl.settings import choices
 EFFECTS = Registry(  # in the order in which they are applied
     "effects",
     Effect,
-    (*actuation.EFFECTS, *response.EFFECTS, *body.EFFECTS, *flow.EFFECTS, *external.EFFECTS, *sensing.EFFECTS),
+    (
+        *actuation.EFFECTS,
+        *response.EFFECTS,
+        *body.EFFECTS,
+        *flow.EFFECTS,
+        *external.EFFECTS,
+        *sensing.EFFECTS,
+        *mounting.EFFECTS,
+    ),  # fmt: skip
 )
 
 

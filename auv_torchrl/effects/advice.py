@@ -159,6 +159,19 @@ def heading_bias(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     return (Advice(f"calibrate the compass away from iron: it is off by {degrees}; turn a motion-capture frame back"),)
 
 
+def dvl_misalignment(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a Doppler log that is turned on its bracket."""
+    (angle,) = values.values()
+    turned = f"{-math.degrees(angle):+.0f}° about the vertical, clockwise from above positive"
+    return (Advice(f"turn the Doppler log by {turned}, or tell what reads it and the vehicle file (dvl_turn)"),)
+
+
+def dvl_lever_arm(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a Doppler log that sits elsewhere."""
+    moved = ", ".join(f"{arm:+.2f} m in {member.removeprefix('arm_')}" for member, arm in values.items())
+    return (Advice(f"measure where the Doppler log sits, and enter it in the vehicle file (dvl_position): {moved}"),)
+
+
 def depth_bias(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     """Of a pressure sensor that was not zeroed."""
     (offset,) = values.values()

@@ -6,9 +6,9 @@ d(position)/dt must equal R(attitude) v. Faults of a vehicle leave that law alon
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, with_axes
+from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, Floats, with_axes
 from auv_torchrl.flightlog.motion import Blocks, blocks, force_balance, rotations
-from auv_torchrl.physics.kinematics import matvec
+from auv_torchrl.physics.kinematics import cross, matvec
 from auv_torchrl.vehicle import Vehicle
 
 NEEDED = {"x", "y", "yaw", "u", "v"}
@@ -18,6 +18,7 @@ CLEARLY = 0.5  # ... as they do where a scale or a delay takes away this share o
 SCALED = 0.15  # relative, if the scale is at least so far from 1,
 LATE_S = np.arange(0.0, 1.05, 0.1)  # s
 LEAST_LATE_S = 0.2  # or the delay is at least so long
+MOUNTED = 0.8  # share of the motion that a Doppler log mounted otherwise must give for both to stay
 BALANCED = 0.3  # balance of forces from which a sensor is believed against another one
 
 
@@ -38,6 +39,12 @@ def reconcile(
     if own >= FAILS and not (explains and odd):
         return episodes, axes, []
     how = f"d(position)/dt and R(attitude) v agree to {max(own, 0):.0%} only"
+    turn, place, mounted = _mounting(b)
+    if mounted > MOUNTED and 1 - mounted < CLEARLY * (1 - max(own, best)):
+        at = ", ".join(f"{value:.2f}" for value in place)
+        sentence = f"{how}; to {mounted:.0%} of a Doppler log that is turned by {turn:+.2f} rad and sits at ({at}) m"
+        remedy = "Enter its mounting in the vehicle file (sensors: dvl_turn, dvl_position), if it is meant"
+        return episodes, axes, [Finding(Severity.WARNING, "dvl_mounting", sentence, remedy, ("u", "v"))]
     if explains and odd:
         what = [f"{scale:.2f} times the velocity"] if abs(scale - 1) > SCALED else []
         what += [f"{late:.1f} s before the velocity"] if late >= LEAST_LATE_S else []
@@ -66,6 +73,23 @@ def _agreement(b: Blocks, scale: float | None = None) -> tuple[float, float]:
     if scale is None:
         scale = float(given @ derived / max(derived @ derived, 1e-12))
     return 1 - float(((given - scale * derived) ** 2).sum() / max(given @ given, 1e-12)), scale
+
+
+def _mounting(b: Blocks) -> tuple[float, Floats, float]:
+    """Turn in rad and place (3,) in m at which a Doppler log agrees best, beyond those of the file, and how well."""
+    moved = matvec(rotations(b.attitude).mT, b.rate[:, :3])
+    u, v, w = np.nan_to_num(b.velocity[:, :3].T)
+    spinning = np.nan_to_num(b.velocity[:, 3:])
+    felt = -np.stack([cross(spinning, np.broadcast_to(axis, spinning.shape)) for axis in np.eye(3)], axis=-1)
+    seen = np.isfinite(moved) & np.isfinite(b.velocity[:, :3])
+    turned = np.stack([np.stack([u, v, 0 * w], -1), np.stack([-v, u, 0 * w], -1)], axis=-1)
+    rest = moved - np.stack([0 * w, 0 * w, w], -1)
+    cos, sin, *_ = np.linalg.lstsq(np.concatenate([turned, felt], axis=-1)[seen], rest[seen], rcond=None)[0]
+    angle = float(np.arctan2(sin, cos))
+    rest = rest - turned @ np.array([np.cos(angle), np.sin(angle)])
+    place = np.linalg.lstsq(felt[seen], rest[seen], rcond=None)[0]
+    left = (rest - felt @ place)[seen]
+    return angle, place, 1 - float(left @ left / max(moved[seen] @ moved[seen], 1e-12))
 
 
 def _less_believed(b: Blocks, axes: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -62,8 +62,11 @@ def _kinematics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
     columns = tuple(axis for axis in ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w") if axis in axes)
     disagree = f"d(position)/dt and R(attitude) v agree to {max(own, 0):.0%} only"
     if best == _HEADING:
-        sentence = f"{disagree}; they agree to {fits[best]:.0%} if yaw has a constant offset"
-        return [Finding(Severity.WARNING, "heading_offset", sentence, "Calibrate the compass", ("yaw",))]
+        sentence = (
+            f"{disagree}; they agree to {fits[best]:.0%} if yaw has a constant offset, or the Doppler log is turned"
+        )
+        remedy = "Calibrate the compass, or see how the Doppler log is mounted (sensors: dvl_turn of the vehicle file)"
+        return [Finding(Severity.WARNING, "heading_offset", sentence, remedy, ("yaw",))]
     sentence = f"{disagree}, but to {fits[best]:.0%} if {best}"
     return [Finding(Severity.ERROR, "wrong_frame", sentence, _NED, columns, limits=True)]
 

@@ -13,6 +13,7 @@ from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.physics.thrusters import body_wrench, thrust_target
+from auv_torchrl.sensors import MOTION, Inverse
 from auv_torchrl.vehicle import Vehicle
 
 BLOCK_S = 0.5
@@ -70,10 +71,21 @@ def _episode_blocks(episode: Episode, c: Coefficients, late: float) -> Blocks | 
     rate = np.diff(at_edges, axis=0)[:, [0, 1, 2, 5]] / block
     velocity = _mean_between(edges + late, t, episode.velocity)
     velocity[edges[1:] + late > t[-1]] = np.nan
+    velocity = _of_the_origin(velocity, c)
     thrust = thrust_target(c, ActiveTerms.of(c), episode.commands)
     between = _mean_between(np.concatenate((edges[:1], middle)), t, thrust, held=True)
     joined = np.arange(count) > 0
     return Blocks(attitude, rate, velocity, between, np.full(count, block), joined, c)
+
+
+def _of_the_origin(velocity: Floats, c: Coefficients) -> Floats:
+    """Velocities (B, 6) of the body, of those of a Doppler log that is mounted as the vehicle's file says."""
+    mixing = Inverse.of(c.rows(None), MOTION[6:]).mixing
+    if mixing is None:
+        return velocity
+    known = np.nan_to_num(velocity)
+    linear = mixing.true(known[:, :3], known[:, 3:], known[:, :3])
+    return np.where(np.isnan(velocity), np.nan, np.concatenate([linear, known[:, 3:]], axis=-1))
 
 
 def _interpolate(at: Floats, t: Floats, values: Floats) -> Floats:

@@ -42,6 +42,8 @@ class Coefficients(NamedTuple):
     depth_scale: Array  # ()
     depth_bias: Array  # ()
     velocity_scale: Array  # ()
+    dvl_position: Array  # (3,)
+    dvl_turn: Array  # ()
     gyro_bias: Array  # (3,)
     compass_per_load: Array  # ()
     position_noise: Array  # ()
@@ -114,7 +116,7 @@ class ActiveTerms(NamedTuple):
 
 def _sensors_are_true(c: Coefficients) -> bool:
     scales = (c.position_scale, c.depth_scale, c.velocity_scale)
-    offsets = (c.heading_bias, c.pose_delay, c.depth_bias, c.gyro_bias, c.compass_per_load)
+    offsets = (c.heading_bias, c.pose_delay, c.depth_bias, c.gyro_bias, c.compass_per_load, c.dvl_position, c.dvl_turn)
     return not any(bool((scale != 1).any()) for scale in scales) and not any(bool((o != 0).any()) for o in offsets)
 
 
@@ -147,8 +149,8 @@ def prepare(vehicle: Vehicle) -> Coefficients:
 _COPIED = (
     "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
     "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts", "heading_bias", "pose_delay",
-    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "gyro_bias", "compass_per_load",
-    "position_noise", "attitude_noise",
+    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "dvl_position", "dvl_turn", "gyro_bias",
+    "compass_per_load", "position_noise", "attitude_noise",
 )  # fmt: skip
 
 

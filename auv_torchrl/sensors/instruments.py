@@ -8,6 +8,7 @@ from typing import Any
 from array_api_compat import array_namespace
 
 from auv_torchrl.physics.coefficients import Coefficients
+from auv_torchrl.physics.kinematics import cross
 from auv_torchrl.registry import Registry
 from auv_torchrl.sensors.sensor import Sensor, at_once
 
@@ -39,7 +40,18 @@ def _turned(c: Coefficients, load: Array) -> Array:
 
 
 def _velocity(c: Coefficients, motion: Array) -> Array:
-    return c.velocity_scale[..., None] * motion[..., 6:9]
+    velocity = motion[..., 6:9]
+    if (c.dvl_position != 0).any() or (c.dvl_turn != 0).any():
+        velocity = _mounted(c, velocity, motion[..., 9:12])
+    return c.velocity_scale[..., None] * velocity
+
+
+def _mounted(c: Coefficients, velocity: Array, turning: Array) -> Array:
+    """Velocities (..., 3) of the place of a Doppler log along its own axes, of those of the origin of the body."""
+    xp = array_namespace(velocity)
+    local = velocity + cross(*xp.broadcast_arrays(turning, c.dvl_position))  # Fossen 2021, section 2.4
+    cos, sin, (u, v, w) = xp.cos(c.dvl_turn), xp.sin(c.dvl_turn), xp.moveaxis(local, -1, 0)
+    return xp.stack((cos * u + sin * v, cos * v - sin * u, w), axis=-1)
 
 
 def _rates(c: Coefficients, motion: Array) -> Array:

@@ -5,10 +5,12 @@ vehicle whose compass is off by half a turn begins there turned round, one whose
 and half the speed. What a sensor does is found by reading it, so that a new one needs no line here.
 
 A reported velocity is what reported positions change by, along the axes of the reported attitude. Where the log holds
-no x and y it is what velocities say, along the axes of the body.
+no x and y it is what velocities say, along the axes of the body; of an instrument that is turned or sits off the
+origin, along its own axes at its own place.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from auv_torchrl.physics.kinematics import (
     rotation_matrix,
 )
 from auv_torchrl.sensors.instruments import read
+from auv_torchrl.sensors.mixing import Mixing, linked
 from auv_torchrl.sensors.report import motion_of
 from auv_torchrl.sensors.sensor import MOTION
 
@@ -34,11 +37,13 @@ STEP = 1e-6  # m, rad, m/s, rad/s, of differences
 class Inverse:
     """How vehicles (R,) move where the same is reported of them, in logs that hold some channels."""
 
-    gain: Floats  # (R, 12) what is reported of each number of a motion, over what is true
+    gain: Floats  # (R, 12) what is reported of each number of a motion, over what is true; 1 where others are mixed in
+    slopes: Floats  # (R, 12, 12) what is reported of a motion, rows, per unit of each of its true numbers, columns
     offset: Floats  # (R, 12) what is reported of a vehicle at the origin that looks north
     speed: Floats  # (R, 3) true linear velocities over reported ones, in the earth frame, or the body's without x and y
     turn: Floats  # (R, 4) quaternion from the reported to the true heading
     by_position: bool  # whether a velocity is what positions change by
+    mixing: Mixing | None  # of what is reported of velocities, where an instrument mixes them
 
     @staticmethod
     def of(c: Coefficients, channels: tuple[str, ...]) -> "Inverse":
@@ -46,39 +51,40 @@ class Inverse:
         probes = np.concatenate([np.zeros((1, 12)), np.eye(12)])
         reports = read(c.rows((slice(None), None)), MOTION, np.broadcast_to(probes, (len(c.mass_matrix), 13, 12)))
         offset = reports[:, 0]
-        gain = np.einsum("rii->ri", reports[:, 1:]) - offset
+        slopes = (reports[:, 1:] - offset[:, None]).swapaxes(1, 2)
+        gain = np.einsum("rii->ri", slopes).copy()
+        gain[:, 6:9][linked(slopes)] = 1.0
         speed = np.ones((len(gain), 3))
         for axis, (place, velocity) in enumerate(zip(MOTION[:3], MOTION[6:9], strict=True)):
             if place in channels or velocity in channels:
                 speed[:, axis] = 1.0 / gain[:, MOTION.index(place if place in channels else velocity)]
         zero = np.zeros_like(offset[:, YAW])
         turn = quaternion_from_euler(zero, zero, -offset[:, YAW])
-        return Inverse(gain, offset, speed, turn, {"x", "y"} <= set(channels))
+        by_position = {"x", "y"} <= set(channels)
+        return Inverse(gain, slopes, offset, speed, turn, by_position, Mixing.of(slopes, speed, channels))
 
     @property
     def is_true(self) -> bool:
         """Whether all vehicles move as reported, but for a shift of where they are."""
-        return bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
+        told = self.by_position or self.mixing is None
+        return told and bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
 
     def kinds(self) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of vehicles whose sensors do what those of most do, and of the others."""
-        numbers = np.concatenate([self.gain, self.offset, self.speed], axis=1)
+        mixed = [] if self.by_position or self.mixing is None else [self.mixing.rows.reshape(len(self.gain), -1)]
+        numbers = np.concatenate([self.gain, self.offset, self.speed, *mixed], axis=1)
         _, kind, count = np.unique(numbers, axis=0, return_inverse=True, return_counts=True)
         common = kind.reshape(-1) == np.argmax(count)
         return np.flatnonzero(common), np.flatnonzero(~common)
 
     def shared(self) -> "Inverse":
         """One row for all where all vehicles have the same sensors."""
-        fields = (self.gain, self.offset, self.speed, self.turn)
-        if not all((field == field[:1]).all() for field in fields):
-            return self
-        gain, offset, speed, turn = (field[:1] for field in fields)
-        return Inverse(gain, offset, speed, turn, self.by_position)
+        fields = (self.slopes, self.offset, self.speed, self.turn)
+        return _each(self, lambda field: field[:1]) if all((field == field[:1]).all() for field in fields) else self
 
     def by_step(self) -> "Inverse":
         """The same for vehicles (R, 1), so that steps are a batch axis."""
-        gain, offset, speed, turn = (field[:, None] for field in (self.gain, self.offset, self.speed, self.turn))
-        return Inverse(gain, offset, speed, turn, self.by_position)
+        return _each(self, lambda field: field[:, None])
 
     def true_state(self, reported: Floats) -> Floats:
         """True states (..., 13) of reported ones (..., 13): position, quaternion, velocity."""
@@ -86,7 +92,7 @@ class Inverse:
         if self.is_true:
             return _joined(position, reported[..., 3:])
         quaternion = quaternion_product(self.turn, reported[..., 3:7])
-        linear = self._true_linear(reported[..., 3:7], reported[..., 7:10])
+        linear = self._true_linear(reported[..., 3:7], reported[..., 7:10], reported[..., 10:])
         return _joined(position, quaternion, linear, reported[..., 10:])
 
     def reported_state(self, states: Floats) -> Floats:
@@ -95,7 +101,10 @@ class Inverse:
         if self.is_true:
             return _joined(position, states[..., 3:])
         quaternion = quaternion_product(self.turn * np.array([1.0, -1.0, -1.0, -1.0]), states[..., 3:7])
-        return _joined(position, quaternion, self._reported_linear(quaternion, states[..., 7:10]), states[..., 10:])
+        linear = self._reported_linear(quaternion, states[..., 7:10])
+        if self.mixing is not None and not self.by_position:
+            linear = self.mixing.reported(states[..., 7:10], states[..., 10:], linear)
+        return _joined(position, quaternion, linear, states[..., 10:])
 
     def true_start(self, start: Floats) -> Floats:
         """True states (..., 13) of reported starts (..., 12): position, angles, velocity."""
@@ -105,6 +114,14 @@ class Inverse:
     def reported_start(self, states: Floats) -> Floats:
         """The inverse of :meth:`true_start`."""
         return motion_of(self.reported_state(states))
+
+    def as_reported(self, motion: Floats) -> Floats:
+        """Reported motions (..., 12) whose velocities are not yet what positions change by, but what was measured."""
+        if self.mixing is None or not self.by_position:
+            return motion
+        quaternion = quaternion_from_euler(motion[..., 3], motion[..., 4], motion[..., 5])
+        true = self.mixing.true(motion[..., 6:9], motion[..., 9:], motion[..., 6:9])
+        return _joined(motion[..., :6], self._reported_linear(quaternion, true), motion[..., 9:])
 
     def start_slopes(self, start: Floats, entries: np.ndarray) -> Floats:
         """What the true start moves by (W, n, n) per unit of each of ``n`` entries of reported starts (W, 12)."""
@@ -120,29 +137,45 @@ class Inverse:
         inertial = rate[..., :3] + cross(*np.broadcast_arrays(true[..., 10:], true[..., 7:10]))
         linear = self._reported_linear(reported[..., 3:7], inertial)
         turning = cross(*np.broadcast_arrays(reported[..., 10:], reported[..., 7:10]))
-        return _joined(linear - turning, rate[..., 3:])
+        linear = linear - turning
+        if self.mixing is not None and not self.by_position:
+            linear = self.mixing.reported(rate[..., :3], rate[..., 3:], linear)
+        return _joined(linear, rate[..., 3:])
 
     def true_rate(self, change: Floats, reported: Floats) -> Floats:
         """Changes of true accelerations (..., 6) along a motion, of reported ones at reported states (..., 13)."""
         if self.is_true:
             return change
-        return _joined(self._true_linear(reported[..., 3:7], change[..., :3]), change[..., 3:])
+        return _joined(self._true_linear(reported[..., 3:7], change[..., :3], change[..., 3:]), change[..., 3:])
 
-    def _true_linear(self, attitude: Floats, linear: Floats) -> Floats:
-        """Vectors (..., 3) along the true axes of the body, of vectors along the axes of a reported attitude."""
+    def _true_linear(self, attitude: Floats, linear: Floats, angular: Floats) -> Floats:
+        """Vectors (..., 3) along the true axes of the body, of vectors along the axes of a reported attitude.
+
+        ``angular`` is what goes with them: how the body turns, or how that changes.
+        """
         if not self.by_position:
-            return self.speed * linear
+            unmixed = self.speed * linear
+            return unmixed if self.mixing is None else self.mixing.true(linear, angular, unmixed)
         rotation = rotation_matrix(attitude)
         earth = self.speed * matvec(rotation, linear)
         return matvec(rotation.mT, matvec(rotation_matrix(self.turn).mT, earth))
 
     def _reported_linear(self, attitude: Floats, linear: Floats) -> Floats:
-        """The inverse of :meth:`_true_linear`."""
+        """The inverse of :meth:`_true_linear`, where nothing is mixed."""
         if not self.by_position:
             return linear / self.speed
         rotation = rotation_matrix(attitude)
         earth = matvec(rotation_matrix(self.turn), matvec(rotation, linear)) / self.speed
         return matvec(rotation.mT, earth)
+
+
+def _each(sensors: Inverse, change: Callable[[Floats], Floats]) -> Inverse:
+    """The same of the fields that ``change`` makes of those of ``sensors``."""
+    return replace(
+        sensors,
+        **{name: change(getattr(sensors, name)) for name in ("gain", "slopes", "offset", "speed", "turn")},
+        mixing=sensors.mixing and sensors.mixing.each(change),
+    )
 
 
 def _joined(*parts: Floats) -> Floats:

@@ -268,6 +268,7 @@ def test_what_a_vehicle_leaves_out_keeps_the_policies_that_it_had():
 
     plain = load_vehicle("paper")
     content = describe(plain, TASK, config, RANDOMIZATION, 0, "torch")["vehicle"]
-    assert not {"reaction", "volts", "compass_per_load"} & set(content)
+    assert not {"reaction", "volts", "compass_per_load", "dvl_turn", "dvl_position"} & set(content)
     assert key(changed(plain, volts=torch.tensor(16.0))) == key(plain)
     assert key(changed(plain, reaction=torch.full((6,), 0.016))) != key(plain)
+    assert key(changed(plain, dvl_turn=torch.tensor(0.1))) != key(plain)

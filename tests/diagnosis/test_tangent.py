@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import torch
 from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.vehicle import load_vehicle
 
 EFFECTS = {
@@ -23,15 +25,19 @@ EFFECTS = {
         "heading_bias": {"angle": 2.0},
         "compass_interference": {"angle": 0.4},
     },
+    "turned Doppler log off the origin": {"velocity_scale": {"factor": 0.9}},
 }
+MOUNTED = {"dvl_turn": torch.tensor(1.2), "dvl_position": torch.tensor([0.3, -0.2, 0.1])}
+LOGS = {"pose": AXES, "pose and velocity": (*AXES, "u", "v", "w", "r"), "no position": ("z", "yaw", "u", "v", "w", "r")}
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["level", "free"])
 @pytest.mark.parametrize("name", EFFECTS)
-@pytest.mark.parametrize("axes", [AXES, (*AXES, "u", "v", "w", "r")], ids=["pose", "pose and velocity"])
+@pytest.mark.parametrize("axes", LOGS.values(), ids=LOGS)
 def test_slopes_are_those_of_the_simulation(name, held, axes):
     """Moving the starts and forces of windows moves their samples as the tangent says, to second order."""
-    vehicle = hold(load_vehicle("paper")) if held else load_vehicle("paper")
+    vehicle = changed(load_vehicle("paper"), **(MOUNTED if "Doppler" in name else {}))
+    vehicle = hold(vehicle) if held else vehicle
     windows = cut_windows(fly(vehicle, EFFECTS[name], episodes=1, seconds=12.0, axes=axes), 2.0, 0.5, 0.2)
     layout = Layout.of(windows, vehicle, 0.2)
     one = batch(vehicle, [EFFECTS[name]])

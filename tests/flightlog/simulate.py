@@ -19,8 +19,11 @@ def waves(rng: np.random.Generator, steps: int, channels: int, size: float = 0.3
     return size * np.sin(2 * np.pi * t / period + phase).sum(-1)
 
 
-def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0):
-    """One log per entry of ``changes`` (a list of {effect: values}), pose and velocity, flown as one batch."""
+def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0, alike=False):
+    """One log per entry of ``changes`` (a list of {effect: values}), pose and velocity, flown as one batch.
+
+    Where they are ``alike``, all have the same commands, starts and noise, however many there are.
+    """
     nominal = load_vehicle(name)
     rows = []
     for change in changes:
@@ -31,10 +34,13 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     vehicles = Vehicle.stack([
         changed(v, position_noise=v.position_noise + noise[0], attitude_noise=v.attitude_noise + noise[1]) for v in rows
     ])  # fmt: skip
-    rng = np.random.default_rng(seed)
+    rng = Repeated(seed, len(changes)) if alike else np.random.default_rng(seed)
     batch, steps = len(rows), round(seconds / CONTROL_DT)
     demand = np.zeros((batch, steps, 6))
-    demand[..., CONTROLLED_INDEX] = [waves(rng, steps, 4) for _ in range(batch)]
+    if alike:
+        demand[..., CONTROLLED_INDEX] = [waves(rng.rng, steps, 4) for _ in range(episodes)] * len(changes)
+    else:
+        demand[..., CONTROLLED_INDEX] = [waves(rng, steps, 4) for _ in range(batch)]
     commands = np.clip(demand @ nominal.mixer.numpy().T, -1, 1)
     yaw = rng.uniform(-np.pi, np.pi, batch)
     simulator = PlainSimulator(vehicles, CONTROL_DT)
@@ -46,6 +52,21 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     axes = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
     flown = [Episode(row % episodes, t, flown.pose[row], flown.velocity[row], commands[row]) for row in range(batch)]
     return [FlightLog(f"log {k}", tuple(flown[k * episodes : (k + 1) * episodes]), axes) for k in range(len(changes))]
+
+
+class Repeated:
+    """A generator that draws for the rows of one log, and has those of all the others do the same."""
+
+    def __init__(self, seed, times):
+        self.rng, self.times = np.random.default_rng(seed), times
+
+    def normal(self, size):
+        """Standard normal draws, rows first."""
+        return np.tile(self.rng.normal(size=(size[0] // self.times, *size[1:])), (self.times, *[1] * (len(size) - 1)))
+
+    def uniform(self, low, high, rows):
+        """Uniform draws."""
+        return np.tile(self.rng.uniform(low, high, rows // self.times), self.times)
 
 
 class Noisy:

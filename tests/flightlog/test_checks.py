@@ -42,6 +42,8 @@ CLEAR = {  # one clear value per effect, harsh enough to look like something els
     "depth_bias": {"offset": 0.5},
     "velocity_scale": {"factor": 0.7},
     "gyro_bias": {"bias_r": 0.05},
+    "dvl_misalignment": {"angle": 1.57},
+    "dvl_lever_arm": {"arm_x": 0.5, "arm_z": 0.3},
     "sensor_noise": {"position": 0.05, "attitude": 0.05},
     "reaction_torque": {"arm_5": 0.05, "arm_6": 0.05},
     "compass_interference": {"angle": 0.5},
@@ -51,6 +53,8 @@ TRUE_OF = {  # findings that are right about a log with this effect
     "pose_delay": {"pose_velocity_disagree"},
     "position_scale": {"pose_velocity_disagree"},
     "velocity_scale": {"pose_velocity_disagree"},
+    "dvl_misalignment": {"heading_offset", "dvl_mounting"},
+    "dvl_lever_arm": {"dvl_mounting"},
 }
 
 
@@ -86,7 +90,7 @@ def changed(log: FlightLog, change) -> FlightLog:
 @pytest.fixture(scope="module", params=["paper", "bluerov2_heavy"])
 def faulty(request):
     """A vehicle, and a log of it with each effect."""
-    logs = simulated_logs(request.param, [{name: values} for name, values in CLEAR.items()])
+    logs = simulated_logs(request.param, [{name: values} for name, values in CLEAR.items()], seed=4, alike=True)
     return load_vehicle(request.param), dict(zip(CLEAR, logs, strict=True))
 
 

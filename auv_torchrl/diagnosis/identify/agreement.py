@@ -16,7 +16,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Atom, batch
 from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.smooth import misfit
-from auv_torchrl.diagnosis.thresholds import AGREES_BETTER, LOOKED_AT, MOSTLY_LOST
+from auv_torchrl.diagnosis.thresholds import AGREES_ALIKE, AGREES_BETTER, LOOKED_AT, MOSTLY_LOST
 from auv_torchrl.effects import EFFECTS, Origin
 
 
@@ -34,17 +34,28 @@ def follow_agreeing(problem: Problem) -> tuple[Problem, Base]:
 
 
 def agreeing_sensor(problem: Problem) -> Explanation | None:
-    """The change of one sensor under which windows are followed best; None where none helps much."""
+    """The change of one sensor under which windows are followed best; None where none helps much.
+
+    A compass that is turned to port and a Doppler log that is turned to starboard agree alike with positions. Thrusters
+    tell which it is: under the other one a force is missing.
+    """
     rows = np.unique(np.linspace(0, len(problem.windows) - 1, LOOKED_AT).astype(int))
     some = problem.windows.subset(rows)
     atoms = [atom for atom in problem.atoms if EFFECTS[atom.effect].origin is Origin.SENSING]
 
-    def badness(atom: Atom | None) -> float:
+    def followed(atom: Atom | None) -> tuple[float, float]:
         vehicle = batch(problem.vehicle, [{atom.effect: atom.values} if atom else {}])
-        return float(np.median(misfit(some, follow_freely(problem, some, vehicle).residual, problem.sigma)))
+        state = follow_freely(problem, some, vehicle)
+        missing = np.median(((state.bins / problem.floor) ** 2).mean((1, 2)))
+        return float(np.median(misfit(some, state.residual, problem.sigma))), float(np.nan_to_num(missing, nan=np.inf))
 
-    tried = [(badness(atom), atom) for atom in atoms]
-    least, best = min(tried, key=lambda entry: entry[0], default=(np.inf, None))
-    if best is None or not least < AGREES_BETTER * badness(None):
+    best: dict[str, tuple[float, float, Atom]] = {}
+    for atom in atoms:
+        tried = (*followed(atom), atom)
+        if atom.effect not in best or tried[0] < best[atom.effect][0]:
+            best[atom.effect] = tried
+    least = min((badness for badness, *_ in best.values()), default=np.inf)
+    if not least < AGREES_BETTER * followed(None)[0]:
         return None
-    return Explanation().with_atom(best, problem.vehicle)
+    alike = [tried for tried in best.values() if tried[0] <= AGREES_ALIKE * least]
+    return Explanation().with_atom(min(alike, key=lambda tried: tried[1])[-1], problem.vehicle)

@@ -67,7 +67,7 @@ def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smo
     unknown = unknown_force(windows, vehicle)[..., moves].reshape(len(windows), 1, -1)
     unit = np.eye(windows.steps * len(moves)).reshape(1, windows.steps, len(moves), -1)
     c = prepare(vehicle).numpy()
-    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).gain[0])
+    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).slopes[0])
     nothing = np.zeros((1, len(layout.start), unit.shape[-1]))
     return unknown * respond(windows, layout.start, tangent, nothing, unit, ahead(windows, c)[0])
 

@@ -80,7 +80,7 @@ def marks(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, fo
     moves = layout.start[: len(layout.start) // 2]
     pushed = forces[..., moves].transpose(0, 2, 3, 1)
     nothing = np.zeros((1, len(layout.start), forces.shape[1]))
-    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).gain[0])
+    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).slopes[0])
     return respond(windows, layout.start, tangent, nothing, pushed, ahead(windows, c)[0])
 
 

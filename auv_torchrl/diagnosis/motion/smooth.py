@@ -188,7 +188,7 @@ def follow(
     short = replace(layout, bins=PIECE_BINS)
     parts = len(pieces) // len(windows)
     held = np.setdiff1d(np.arange(12), layout.start)
-    guess = pieces.guess.copy()
+    guess = Inverse.of(prepare(vehicle).numpy(), windows.channels).as_reported(pieces.guess).copy()
     guess[:, held] = 0.0
     near = smooth(
         pieces, vehicle, short, sigma, force_prior, (guess, begin.reshape(len(pieces), PIECE_BINS, -1)), rounds=2

@@ -29,7 +29,7 @@ class Tangent:
 
     transition: Floats  # (W, S, n, n) of a step in the state before it
     push: Floats  # (W, S, n, n / 2) of a step in a force on the vehicle during it, per N and N m
-    gain: Floats  # (12,) what sensors report of each number of the motion, over what is true
+    slopes: Floats  # (12, 12) what sensors report, rows, per unit of each number of the motion, columns
 
 
 @DIVERGING
@@ -64,7 +64,7 @@ def linearise(
         sample(windows, everything, actuation.c, states, actuation.load(everything, states.shape[2]))
     )[:, 0]
     return residual.reshape(len(windows), -1), Tangent(
-        transition, push, Inverse.of(actuation.c, windows.channels).gain[0]
+        transition, push, Inverse.of(actuation.c, windows.channels).slopes[0]
     )
 
 
@@ -103,15 +103,14 @@ def _respond(
     here = np.arange(len(windows))[:, None]
     change = np.zeros((*windows.measured.shape, moved.shape[-1]))
     for column, name in enumerate(windows.channels):
-        entry = np.flatnonzero(entries == CHANNELS.index(name))
-        if not len(entry):
-            continue  # held
+        slopes = tangent.slopes[CHANNELS.index(name), entries]
         at = windows.index + windows.fraction + later[column]
         whole = np.minimum(np.floor(at + 1e-9).astype(int), steps)
         part = np.where(windows.present, at - whole, 0.0)[..., None]
-        values = history[:, :, entry[0]]
-        ahead = values[here, np.minimum(whole + 1, steps)]
-        change[:, :, column] = tangent.gain[CHANNELS.index(name)] * ((1 - part) * values[here, whole] + part * ahead)
+        for entry in np.flatnonzero(slopes):  # none of what is held
+            values = history[:, :, entry]
+            ahead = values[here, np.minimum(whole + 1, steps)]
+            change[:, :, column] += slopes[entry] * ((1 - part) * values[here, whole] + part * ahead)
     change *= windows.trust[..., None]
     return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
 
