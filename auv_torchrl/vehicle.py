@@ -73,6 +73,8 @@ class Vehicle(TensorClass):
     depth_bias: Tensor  # () m, reported depth minus true depth
     velocity_scale: Tensor  # () reported linear velocities are the true ones times this
     gyro_bias: Tensor  # (3,) rad/s, reported angular rates minus true ones
+    accelerometer_bias: Tensor  # (3,) m/s^2, reported specific force minus the true one
+    accelerometer_position: Tensor  # (3,) m, where it is felt
     compass_per_load: Tensor  # () rad that the measured yaw turns by while all thrusters give their full thrust
     position_noise: Tensor  # () m, standard deviation per axis
     attitude_noise: Tensor  # () rad, standard deviation per axis
@@ -96,6 +98,7 @@ _SENSORS = {  # what a vehicle's own sensors are off by, where that is known; th
 }  # fmt: skip
 _NOTHING = ("payload_mass", "payload_weight", "vertical_force", "tether_stiffness", "tether_slack", "battery_sag",
             "compass_per_load", "position_noise", "attitude_noise")  # fmt: skip
+_BY_AXIS = ("accelerometer_position", "accelerometer_bias")  # of sensors: 0 where a file says nothing
 _NOWHERE = ("payload_position", "current", "tether_anchor", "gyro_bias")
 _PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay", "volts"}  # one number for all, or one each
 _POSITIVE = {"mass", "inertia", "buoyancy", "mass_scale", "full_thrust", "exponent", "limit"}
@@ -170,8 +173,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     vehicle = {"mass_scale": [1.0] * 6, **vehicle}
     known = {"rigid_body", "thrusters", "mixer", "sensors", *_SAID_OF_IT, *_VECTORS[""]}
-    if unknown := set(vehicle) - known:
-        odd = sorted(map(str, unknown))
+    if odd := sorted(map(str, set(vehicle) - known)):
         raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
     fields = {}
     for section, keys in _VECTORS.items():
@@ -213,15 +215,15 @@ def _drag_matrix(value: Any) -> Tensor:
 
 
 def _read_sensors(block: Any) -> dict[str, Any]:
+    known = (*_SENSORS, *_BY_AXIS)
     if not isinstance(block, Mapping):
-        raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(_SENSORS)}")
-    if unknown := set(block) - set(_SENSORS):
-        odd = sorted(map(str, unknown))
-        raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(_SENSORS))}")
+        raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(known)}")
+    if odd := sorted(map(str, set(block) - set(known))):
+        raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(known))}")
     found = {key: _numbers(f"sensors.{key}", block.get(key, value), ()) for key, value in _SENSORS.items()}
     if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in _SENSORS if key.endswith("_scale")):
         raise ValueError("vehicle: sensors has a delay below 0 or a scale of 0: give what the sensors report")
-    return found
+    return found | {key: _numbers(f"sensors.{key}", block.get(key, [0.0] * 3), (3,)) for key in _BY_AXIS}
 
 
 def _each_thruster(label: str, values: Any, position: Any) -> Tensor:

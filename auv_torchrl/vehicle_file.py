@@ -24,6 +24,7 @@ UNITS = {
 _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
 _WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
 _SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
+_PLACED_SENSORS = ("accelerometer_position", "accelerometer_bias")  # left out where they are 0
 
 
 def fold(vehicle: Vehicle) -> Vehicle:
@@ -89,7 +90,10 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
             "delay": numbers(vehicle.delay),
         },
         "mixer": numbers(vehicle.mixer),
-        "sensors": {key: numbers(getattr(vehicle, key)) for key in _SENSORS},
+        "sensors": {
+            key: numbers(getattr(vehicle, key))
+            for key in (*_SENSORS, *(key for key in _PLACED_SENSORS if bool(getattr(vehicle, key).any())))
+        },
     }
     _refuse_what_is_lost(vehicle, content)
     return content

@@ -43,6 +43,8 @@ class Coefficients(NamedTuple):
     depth_bias: Array  # ()
     velocity_scale: Array  # ()
     gyro_bias: Array  # (3,)
+    accelerometer_bias: Array  # (3,)
+    accelerometer_position: Array  # (3,)
     compass_per_load: Array  # ()
     position_noise: Array  # ()
     attitude_noise: Array  # ()
@@ -147,8 +149,8 @@ def prepare(vehicle: Vehicle) -> Coefficients:
 _COPIED = (
     "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
     "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts", "heading_bias", "pose_delay",
-    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "gyro_bias", "compass_per_load",
-    "position_noise", "attitude_noise",
+    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "gyro_bias",
+    "accelerometer_bias", "accelerometer_position", "compass_per_load", "position_noise", "attitude_noise",
 )  # fmt: skip
 
 

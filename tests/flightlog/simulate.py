@@ -7,6 +7,7 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.sensors import FELT, felt_at_rows, motion_of
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
 
@@ -20,8 +21,11 @@ def waves(rng: np.random.Generator, steps: int, channels: int, size: float = 0.3
     return size * np.sin(2 * np.pi * t / period + phase).sum(-1)
 
 
-def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0):
-    """One log per entry of ``changes`` (a list of {effect: values}), pose and velocity, flown as one batch."""
+def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0, felt=None):
+    """One log per entry of ``changes`` (a list of {effect: values}), pose and velocity, flown as one batch.
+
+    ``felt`` is the noise of an accelerometer in m/s^2; None for logs without one.
+    """
     nominal = load_vehicle(name)
     rows = []
     for change in changes:
@@ -40,12 +44,20 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     yaw = rng.uniform(-np.pi, np.pi, batch)
     simulator = PlainSimulator(vehicles, CONTROL_DT)
     simulator.resume(at_rest(rng.normal(size=(batch, 3)), yaw, nominal.thrusters))
-    flown = record(
-        Noisy(simulator, rng, noise[0]), lambda time, _: commands[:, round(time / CONTROL_DT)], steps, CONTROL_DT
-    )
+    noisy = Noisy(simulator, rng, noise[0])
+    flown = record(noisy, lambda time, _: commands[:, round(time / CONTROL_DT)], steps, CONTROL_DT)
     t = np.arange(steps) * CONTROL_DT
     axes = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
-    flown = [Episode(row % episodes, t, flown.pose[row], flown.velocity[row], commands[row]) for row in range(batch)]
+    acceleration = [None] * batch
+    if felt is not None:
+        by_step = simulator.coefficients.rows((slice(None), None))
+        acceleration = felt_at_rows(by_step, FELT, np.stack(noisy.passed, axis=1), CONTROL_DT)
+        acceleration = acceleration + felt * rng.normal(size=acceleration.shape)
+        axes += FELT
+    flown = [
+        Episode(row % episodes, t, flown.pose[row], flown.velocity[row], commands[row], acceleration=acceleration[row])
+        for row in range(batch)
+    ]
     return [FlightLog(f"log {k}", tuple(flown[k * episodes : (k + 1) * episodes]), axes) for k in range(len(changes))]
 
 
@@ -54,10 +66,11 @@ class Noisy:
 
     def __init__(self, simulator, rng, velocity_noise):
         self.simulator, self.rng, self.velocity_noise = simulator, rng, velocity_noise
-        self.step = simulator.step
+        self.step, self.passed = simulator.step, []
 
     def report(self):
         """Two draws: of the pose, then of the velocity."""
         shape = (self.simulator.count, 6)
+        self.passed.append(motion_of(np.concatenate(self.simulator.state[:3], axis=-1)))
         report = self.simulator.report(self.rng.normal(size=shape))
         return report._replace(velocity=report.velocity + self.velocity_noise * self.rng.normal(size=shape))

@@ -13,12 +13,12 @@ from auv_torchrl.diagnosis.motion.actuation import Actuation
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import LEAST_FREEDOM, LEAST_NOISE, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import Inverse
+from auv_torchrl.sensors import CHANNELS, FELT, MOTION, Inverse
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
@@ -48,13 +48,13 @@ class Layout:
 
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
-        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured.
+        """The layout for the degrees of freedom in which the vehicle moves, with forces in those measured or felt.
 
         Raises:
             FlightLogError: if the log measures none of them.
         """
         moves = np.flatnonzero(vehicle.free.numpy() > 0)
-        seen = [CHANNELS[d] in windows.channels or CHANNELS[d + 6] in windows.channels for d in moves]
+        seen = [bool({MOTION[d], MOTION[d + 6], *FELT[d : d + 1]} & set(windows.channels)) for d in moves]
         if not any(seen):
             raise FlightLogError(
                 f"the log measures {', '.join(windows.channels)} alone, in which the vehicle is held or does not move: "
@@ -82,6 +82,7 @@ class Smoothed:
     slope: Floats  # (W, K, L) of the prediction in the L free numbers
     transition: Floats  # (W, S, n, n), of the tangent that the slope comes from
     push: Floats  # (W, S, n, n / 2), likewise
+    feel: Floats  # (W, S + 1, k, n), likewise
 
 
 def loose_start(vehicle: Vehicle) -> Floats:
@@ -115,7 +116,7 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
         forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
     slope = respond(windows, layout.start, tangent, starts, forces, ahead(windows, c)[0])
-    return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push)
+    return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push, tangent.feel)
 
 
 @DIVERGING
@@ -174,7 +175,7 @@ def flown(actuation: Actuation, layout: Layout, start: Floats, bins: Floats) -> 
 
 def fields(state: Smoothed) -> tuple[Floats, ...]:
     """The arrays of a smoothed state, in order."""
-    return state.start, state.bins, state.residual, state.slope, state.transition, state.push
+    return state.start, state.bins, state.residual, state.slope, state.transition, state.push, state.feel
 
 
 def follow(

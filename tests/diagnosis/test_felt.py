@@ -1,0 +1,54 @@
+"""An accelerometer among the sensors of a log: simulated and linearised as it is logged, and what it then shows."""
+
+import numpy as np
+import pytest
+import torch
+
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.rollout import fly, simulate
+from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.simulate import simulated_logs
+
+STOCK = ("z", "roll", "pitch", "yaw", "p", "q", "r")
+FELT = ("ax", "ay", "az")
+HEAVY = load_vehicle("bluerov2_heavy")
+PLACED = changed(HEAVY, accelerometer_position=torch.tensor([0.2, -0.1, 0.05], dtype=torch.float64))
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"pose_delay": {"delay": 0.12}, "accelerometer_bias": {"bias_ax": 0.4}},
+        {"thruster_lag": {"time_constant": 0.1}},
+    ],
+    ids=["nominal", "late poses and a bias", "lag"],
+)
+def test_slopes_of_what_is_felt_are_those_of_the_simulation(values):
+    """Moving starts and forces of windows moves what is felt as the tangent says, with a lever arm."""
+    (log,) = simulated_logs("bluerov2_heavy", [values], episodes=1, seconds=12.0, felt=0.0)
+    windows = cut_windows(log, 2.0, 0.5, 0.2)
+    layout, one, rng = Layout.of(windows, PLACED, 0.2), batch(PLACED, [values]), np.random.default_rng(0)
+    bins = rng.normal(0, 1, (len(windows), layout.bins, len(layout.dof)))
+    state = local_slopes(windows, one, layout, windows.guess, bins)
+    move = 1e-4 * rng.normal(size=(len(windows), layout.size))
+    start, n = windows.guess.copy(), len(layout.start)
+    start[:, layout.start] += move[:, :n]
+    force = layout.force((bins + move[:, n:].reshape(bins.shape))[:, None], windows.steps)
+    simulated = windows.residual(simulate(windows, one, start[:, None], force))[:, 0].reshape(len(windows), -1)
+    np.testing.assert_allclose(simulated, state.residual - (state.slope @ move[..., None])[..., 0], atol=1e-5)
+
+
+def test_the_engine_predicts_what_a_simulator_logs():
+    """Along the very motion of a log without noise, what is felt is as logged."""
+    (log,) = simulated_logs("bluerov2_heavy", [{}], episodes=1, seconds=12.0, noise=(0.0, 0.0), felt=0.0)
+    windows = cut_windows(log, 2.0, 0.5, 0.2)
+    one = batch(HEAVY, [{}])
+    predicted, _ = fly(actuate(windows, one), log.episodes[0].values[np.newaxis, windows.start, :12].swapaxes(0, 1))
+    left = windows.residual(predicted)[:, 0][..., windows.felt]
+    seen = windows.trust[..., windows.felt] > 0
+    assert np.abs(left[seen]).max() < 2e-3  # m/s^2, of 9.8 and of accelerations up to 1
