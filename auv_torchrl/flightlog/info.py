@@ -106,7 +106,9 @@ def _diagnosable(streams: Streams, options: ReadOptions) -> Iterator[str]:
     sources = choose(streams)
     yield f"diagnosis  {len(table.row)} rows of {' '.join(axes)}"
     horizontal = {"x", "y"} <= set(axes) or {"u", "v"} <= set(axes)
-    if not horizontal:
+    if not horizontal and {"ax", "ay"} <= set(axes):
+        yield "           no position and no velocity: of surge and sway only what changes them is felt; no current"
+    elif not horizontal:
         yield "           no position and no velocity: surge, sway and currents cannot be seen; horizontal thrusters"
         yield "           only by the turning that they make"
     if "z" not in axes and "w" not in axes:

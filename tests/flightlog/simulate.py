@@ -21,10 +21,11 @@ def waves(rng: np.random.Generator, steps: int, channels: int, size: float = 0.3
     return size * np.sin(2 * np.pi * t / period + phase).sum(-1)
 
 
-def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0, felt=None):
+def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0, felt=None, demand=None):
     """One log per entry of ``changes`` (a list of {effect: values}), pose and velocity, flown as one batch.
 
-    ``felt`` is the noise of an accelerometer in m/s^2; None for logs without one.
+    ``felt`` is the noise of an accelerometer in m/s^2; None for logs without one. ``demand`` (rows, steps, 6) is what is
+    asked of the degrees of freedom; None for waves.
     """
     nominal = load_vehicle(name)
     rows = []
@@ -38,8 +39,9 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     ])  # fmt: skip
     rng = np.random.default_rng(seed)
     batch, steps = len(rows), round(seconds / CONTROL_DT)
-    demand = np.zeros((batch, steps, 6))
-    demand[..., CONTROLLED_INDEX] = [waves(rng, steps, 4) for _ in range(batch)]
+    if demand is None:
+        demand = np.zeros((batch, steps, 6))
+        demand[..., CONTROLLED_INDEX] = [waves(rng, steps, 4) for _ in range(batch)]
     commands = np.clip(demand @ nominal.mixer.numpy().T, -1, 1)
     yaw = rng.uniform(-np.pi, np.pi, batch)
     simulator = PlainSimulator(vehicles, CONTROL_DT)

@@ -65,14 +65,14 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
         problem = replace(problem, windows=whiten(problem.given, vehicle, problem.layout, problem.sigma, begin))
     problem, state = _weigh_outliers(problem, vehicle, follow_freely(problem, problem.windows, vehicle))
     while (
-        np.median(misfit(problem.windows, state.residual, problem.sigma)) > FOLLOWED
+        np.median(misfit(problem.windows, _beside_offsets(problem.windows, state.residual), problem.sigma)) > FOLLOWED
         and problem.layout.steps_per_bin > 2
     ):
         steps = problem.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
         finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
         problem = replace(problem, layout=Layout.of(problem.windows, problem.vehicle, finer * problem.windows.dt))
         state = follow_freely(problem, problem.windows, vehicle)
-    followed = misfit(problem.windows, state.residual, problem.sigma) < LOST
+    followed = misfit(problem.windows, _beside_offsets(problem.windows, state.residual), problem.sigma) < LOST
     sigma = problem.sigma
     if problem.windows.whitening is None:
         measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
@@ -108,7 +108,7 @@ def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tupl
 
 
 def _beside_offsets(windows: Windows, residual: Floats) -> Floats:
-    """What is left (W, K), less what a channel that is felt is off by throughout: that makes no outlier of each."""
+    """What is left (W, K), less what a channel that is felt is off by throughout: that is no motion, and no outlier."""
     if not windows.felt.any():
         return residual
     left = residual.reshape(windows.trust.shape).copy()

@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, mak
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import KNOB_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
+from auv_torchrl.diagnosis.thresholds import FELT_ALONE, KNOB_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
 from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
@@ -135,7 +135,7 @@ class Problem:
             layout=layout,
             floor=floor[layout.dof],
             reach=reach,
-            wide=reach[layout.dof],
+            wide=reach[layout.dof] * np.where(layout.felt, FELT_ALONE, 1.0),
             atoms=atoms,
             slack=slack,
             slack_covariance=covariance,

@@ -22,6 +22,7 @@ from auv_torchrl.physics.thrusters import thrust_after
 from auv_torchrl.sensors import Inverse, motion_of, read
 
 CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
+READ_AT_ONCE = 300  # windows of vehicles: their arrays stay in the cache of a laptop
 PROBED = 3  # windows in which is looked which vehicles report something else
 SAME = 1e-9  # m, rad, m/s, rad/s: rounding
 
@@ -105,8 +106,10 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
     if not len(other):
         return None
     shown = np.zeros((*windows.measured.shape, len(after.lag)))
-    for row in other:
-        shown[..., row] = beyond(after.rows(slice(row, row + 1)), slice(None))[:, 0]
+    few = max(1, READ_AT_ONCE // len(windows)) if windows.felt.any() else 1
+    for first in range(0, len(other), few):
+        some = other[first : first + few]
+        shown[..., some] = np.moveaxis(beyond(after.rows(some), slice(None)), 1, -1)
     shown *= windows.trust[..., None]
     return windows.whitened(shown.reshape(len(windows), -1, shown.shape[-1]))
 
@@ -114,7 +117,8 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
     """What vehicles (R,) report (W, R, m, C) at the times of samples, moving as ``seen`` (W, 1, S + 1, 13)."""
     true = Inverse.of(c, windows.channels).by_step().true_state(seen)
-    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2])
+    felt = c.compass_per_load.any()  # what thrusters give is worked out where some sensor feels it
+    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2]) if felt else None
     by_step, motion = c.rows((slice(None), None)), motion_of(true)
     reports = read(by_step, windows.channels, motion, load)
     reports[..., windows.angular] = np.unwrap(reports[..., windows.angular], axis=2)

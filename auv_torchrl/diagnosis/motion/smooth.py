@@ -23,6 +23,7 @@ from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
+USUAL_SPEED = 0.5  # m/s, prior of a speed where what changes it is felt and nothing tells the speed itself
 ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
 
 
@@ -35,6 +36,7 @@ class Layout:
     bins: int
     steps_per_bin: int
     loose: Floats  # (len(start),) standard deviations of the prior of a start about the first guess
+    felt: np.ndarray  # (len(dof),) True where a force is felt and no motion measured
 
     @property
     def size(self) -> int:
@@ -53,9 +55,10 @@ class Layout:
         Raises:
             FlightLogError: if the log measures none of them.
         """
-        moves = np.flatnonzero(vehicle.free.numpy() > 0)
-        seen = [bool({MOTION[d], MOTION[d + 6], *FELT[d : d + 1]} & set(windows.channels)) for d in moves]
-        if not any(seen):
+        moves, here = np.flatnonzero(vehicle.free.numpy() > 0), set(windows.channels)
+        followed = np.array([bool({MOTION[d], MOTION[d + 6]} & here) for d in moves])
+        seen = followed | np.array([bool(here & set(FELT[d : d + 1])) for d in moves])
+        if not seen.any():
             raise FlightLogError(
                 f"the log measures {', '.join(windows.channels)} alone, in which the vehicle is held or does not move: "
                 "log x, y and yaw, z, or body velocities too"
@@ -63,7 +66,8 @@ class Layout:
         per_bin = max(1, round(bin_s / windows.dt))
         start = np.concatenate([moves, moves + 6])
         loose = loose_start(vehicle)[start]
-        return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose)
+        loose[len(moves) :][seen & ~followed] = USUAL_SPEED
+        return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose, ~followed[seen])
 
     def force(self, bins: Floats, steps: int) -> Floats:
         """Force (..., steps, 6) of bins (..., B, D)."""
@@ -187,14 +191,12 @@ def follow(
     """
     pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
     short = replace(layout, bins=PIECE_BINS)
-    parts = len(pieces) // len(windows)
-    held = np.setdiff1d(np.arange(12), layout.start)
     guess = pieces.guess.copy()
-    guess[:, held] = 0.0
+    guess[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
     near = smooth(
         pieces, vehicle, short, sigma, force_prior, (guess, begin.reshape(len(pieces), PIECE_BINS, -1)), rounds=2
     )
-    start = near.start.reshape(len(windows), parts, 12)[:, 0]
+    start = near.start.reshape(len(windows), -1, 12)[:, 0]
     bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
     return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins), rounds=3)
 
@@ -215,8 +217,7 @@ def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], for
     weight = 1.0 / noise_per_sample(windows, sigma)
     slope = state.slope * weight[:, None]
     starts = slope.shape[-1] - state.bins[0].size
-    loose = np.full(starts, 1e-6)
-    precision = np.concatenate([loose, np.tile(force_prior**-2, state.bins.shape[1])])
+    precision = np.concatenate([np.full(starts, 1e-6), np.tile(force_prior**-2, state.bins.shape[1])])
     gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
     leverage = np.einsum("wkl,wlk->wk", slope, np.linalg.solve(gram, slope.swapaxes(1, 2)))
     left = state.residual.reshape(windows.measured.shape)
