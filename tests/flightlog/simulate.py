@@ -24,8 +24,8 @@ def waves(rng: np.random.Generator, steps: int, channels: int, size: float = 0.3
 def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0, felt=None, demand=None):
     """One log per entry of ``changes`` (a list of {effect: values}), pose and velocity, flown as one batch.
 
-    ``felt`` is the noise of an accelerometer in m/s^2; None for logs without one. ``demand`` (rows, steps, 6) is what is
-    asked of the degrees of freedom; None for waves.
+    ``felt`` is the noise of an accelerometer in m/s^2; None for logs without one. ``demand`` (rows, steps, 6) is what
+    is asked of the degrees of freedom; None for waves.
     """
     nominal = load_vehicle(name)
     rows = []
