@@ -75,6 +75,8 @@ class Vehicle(TensorClass):
     dvl_position: Tensor  # (3,) m, where the Doppler log feels them
     dvl_turn: Tensor  # () rad, about body z from the axes of the body to those of the Doppler log
     gyro_bias: Tensor  # (3,) rad/s, reported angular rates minus true ones
+    accelerometer_bias: Tensor  # (3,) m/s^2, reported specific force minus the true one
+    accelerometer_position: Tensor  # (3,) m, where it is felt
     compass_per_load: Tensor  # () rad that the measured yaw turns by while all thrusters give their full thrust
     position_noise: Tensor  # () m, standard deviation per axis
     attitude_noise: Tensor  # () rad, standard deviation per axis
@@ -94,7 +96,8 @@ _VECTORS = {  # section -> key -> length; 0 is a scalar
 }
 _SENSORS = {  # what a vehicle's own sensors are off by, where that is known; the nominal values are those of true ones
     "heading_bias": 0.0, "pose_delay": 0.0, "position_scale": 1.0, "depth_scale": 1.0, "depth_bias": 0.0,
-    "velocity_scale": 1.0, "dvl_position": (0.0, 0.0, 0.0), "dvl_turn": 0.0,
+    "velocity_scale": 1.0, "dvl_position": (0.0,) * 3, "dvl_turn": 0.0,
+    "accelerometer_position": (0.0,) * 3, "accelerometer_bias": (0.0,) * 3,
 }  # fmt: skip
 _NOTHING = ("payload_mass", "payload_weight", "vertical_force", "tether_stiffness", "tether_slack", "battery_sag",
             "compass_per_load", "position_noise", "attitude_noise")  # fmt: skip
@@ -148,8 +151,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
             f"vehicle: thrusters.position has {n} rows, thrusters.direction {len(direction)}, mixer {len(mixer)}: "
             "give one row per thruster in each"
         )
-    length = direction.norm(dim=-1, keepdim=True)
-    if (length < 1e-9).any():
+    if ((length := direction.norm(dim=-1, keepdim=True)) < 1e-9).any():
         raise ValueError("vehicle: a row of thrusters.direction is zero: give the direction of its force")
     per_thruster: dict[str, Any] = {key: fields.pop(key).expand(n) for key in _PER_THRUSTER}
     zero, one = torch.tensor([0.0, 1.0], dtype=torch.float64)
@@ -172,8 +174,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     vehicle = {"mass_scale": [1.0] * 6, **vehicle}
     known = {"rigid_body", "thrusters", "mixer", "sensors", *_SAID_OF_IT, *_VECTORS[""]}
-    if unknown := set(vehicle) - known:
-        odd = sorted(map(str, unknown))
+    if odd := sorted(map(str, set(vehicle) - known)):
         raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
     fields = {}
     for section, keys in _VECTORS.items():
@@ -217,8 +218,7 @@ def _drag_matrix(value: Any) -> Tensor:
 def _read_sensors(block: Any) -> dict[str, Any]:
     if not isinstance(block, Mapping):
         raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(_SENSORS)}")
-    if unknown := set(block) - set(_SENSORS):
-        odd = sorted(map(str, unknown))
+    if odd := sorted(map(str, set(block) - set(_SENSORS))):
         raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(_SENSORS))}")
     found = {key: _numbers(f"sensors.{key}", block.get(key, v), torch.tensor(v).shape) for key, v in _SENSORS.items()}
     if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in _SENSORS if key.endswith("_scale")):

@@ -25,7 +25,8 @@ UNITS = {
 _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
 _WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
 _SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
-CAME_LATER = ("dvl_position", "dvl_turn")  # left out where 0: files say what they said, and what hashes keep is found
+# left out where 0: files say what they said, and what hashes keep is found
+CAME_LATER = ("dvl_position", "dvl_turn", "accelerometer_position", "accelerometer_bias")
 
 
 def fold(vehicle: Vehicle) -> Vehicle:

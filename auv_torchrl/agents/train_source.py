@@ -25,6 +25,7 @@ log = logging.getLogger(__name__)
 EVALUATION_SEED = 314_159  # the starts that choose the best policy; reported results use others
 
 _CAME_LATER = ("reaction", "compass_per_load")  # of a vehicle; left out where 0, so that policies kept before are found
+_UNSEEN = {"volts", "accelerometer_bias", "accelerometer_position"}  # of a vehicle; no policy is told of them
 
 
 def train_source(
@@ -152,9 +153,9 @@ def describe(
 ) -> dict[str, Any]:
     """Everything that shapes a policy, as plain values."""
     kind = torch.device(device).type  # draws and rounds as others do not
-    nothing = {name for name in _CAME_LATER if not bool((getattr(vehicle, name) != 0).any())}
+    nothing = {name for name in _CAME_LATER if not bool((getattr(vehicle, name) != 0).any())} | _UNSEEN
     return {
-        "vehicle": {name: value for name, value in described(vehicle).items() if name not in nothing | {"volts"}},
+        "vehicle": {name: value for name, value in described(vehicle).items() if name not in nothing},
         "task": task.described(),
         "agent": agent_config.shaping(),
         "randomization": dict(randomization or {}),

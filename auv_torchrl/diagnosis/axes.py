@@ -6,8 +6,8 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.thresholds import STEEP
-from auv_torchrl.flightlog import POSE, VELOCITY, Finding, FlightLog, FlightLogError, Severity
-from auv_torchrl.flightlog.log import with_axes
+from auv_torchrl.flightlog import POSE, Finding, FlightLog, FlightLogError, Severity
+from auv_torchrl.flightlog.log import ACCELERATION, AXES, with_axes
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
@@ -23,6 +23,7 @@ def followable(log: FlightLog) -> FlightLog:
     Raises:
         FlightLogError: if no axis is left.
     """
+    log = _with_felt_upright(log)
     lost = tuple(axis for axis in ("x", "y") if axis in log.axes and not set(TOGETHER) <= set(log.axes))
     if not lost:
         return log
@@ -36,13 +37,28 @@ def followable(log: FlightLog) -> FlightLog:
     return restricted(replace(log, findings=(*log.findings, finding)), axes)
 
 
+def _with_felt_upright(log: FlightLog) -> FlightLog:
+    """The log without accelerations where roll and pitch are missing: a degree of tilt is 0.17 m/s^2."""
+    felt = tuple(axis for axis in ACCELERATION if axis in log.axes)
+    if not felt or {"roll", "pitch"} <= set(log.axes):
+        return log
+    axes = tuple(axis for axis in log.axes if axis not in felt)
+    sentence = (
+        f"{', '.join(felt)} cannot be used without roll and pitch: nothing tells along which of them the weight is"
+    )
+    if not axes:
+        raise FlightLogError(f"{log.name}: {sentence}, and nothing else is measured. Log roll and pitch too")
+    finding = Finding(Severity.WARNING, "axes_not_followed", f"{sentence}; left out", "Log roll and pitch too", felt)
+    return restricted(replace(log, findings=(*log.findings, finding)), axes)
+
+
 def restricted(log: FlightLog, axes: tuple[str, ...]) -> FlightLog:
     """The log with those of its axes alone.
 
     Raises:
         FlightLogError: if it has none of them.
     """
-    kept = tuple(axis for axis in POSE + VELOCITY if axis in axes and axis in log.axes)
+    kept = tuple(axis for axis in AXES if axis in axes and axis in log.axes)
     if not kept:
         raise FlightLogError(f"{log.name} measures {', '.join(log.axes)}, the log to explain {', '.join(axes)}: "
                              "give logs with axes in common")  # fmt: skip

@@ -12,10 +12,10 @@ from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES
 
 STATED = 1.3  # times the noise that the vehicle file states, from which the sensors are worse than that
-LEAST_BELIEVED = 1e-5  # m, rad, m/s, rad/s: a hundredth of what the best sensors of this kind scatter by
+LEAST_BELIEVED = 1e-5  # m, rad, m/s, rad/s, m/s^2: a hundredth of what the best sensors of this kind scatter by
 OUTLYING = 3e-4  # share of the samples from which outliers are worth a word; noise makes one in a million
 UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad", "u": "m/s", "v": "m/s", "w": "m/s",
-         "p": "rad/s", "q": "rad/s", "r": "rad/s"}  # fmt: skip
+         "p": "rad/s", "q": "rad/s", "r": "rad/s", "ax": "m/s^2", "ay": "m/s^2", "az": "m/s^2"}  # fmt: skip
 
 
 def noise_finding(problem: Problem) -> Finding:

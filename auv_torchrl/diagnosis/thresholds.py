@@ -8,6 +8,7 @@ from scipy.special import chdtri
 
 # What the simulator and the sensors may be wrong by
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
+FELT_ALONE = 0.1  # of that prior, where a force is felt and no motion measured: a wider one lets the speed be anything
 NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
 REPEATS = 0.003  # relative, how well a sound vehicle repeats itself from day to day
 MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover

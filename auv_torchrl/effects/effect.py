@@ -1,6 +1,6 @@
 """An effect is a named, bounded change of a vehicle; its nominal values are the identity."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -40,6 +40,8 @@ class Parameter:
     discrete: bool = False
     guessed: float | Callable[[Vehicle, str], float] = 0.0  # standard deviation where a vehicle's file is a guess
     ordinary: float = 0.0  # what clocks and filters of a sound vehicle are off by: no finding beside a fault
+    loose: float = 0.0  # standard deviation of sound sensors ...
+    beside: tuple[str, ...] = ()  # ... in logs that hold some of these channels, beside which it shows; empty: in all
     varies: float = 0.0  # standard deviation from flight to flight of a sound vehicle, members of a family together
 
     def members(self, vehicle: Vehicle) -> tuple[str, ...]:
@@ -50,9 +52,8 @@ class Parameter:
 
     def which(self, vehicle: Vehicle) -> tuple[str, ...]:
         """What the members stand for: thruster numbers or names of degrees of freedom."""
-        if self.over == "thruster":
-            return tuple(str(i + 1) for i in range(vehicle.thrusters))
-        return tuple(self.over or ())
+        numbers = (str(i + 1) for i in range(vehicle.thrusters))
+        return tuple(numbers if self.over == "thruster" else self.over or ())
 
     def nominal_value(self, vehicle: Vehicle, member: str) -> float:
         """The value at which the effect does nothing."""
@@ -66,6 +67,10 @@ class Parameter:
     def said(self, member: str, value: float) -> str:
         """The sentence of a report about a member that has a value."""
         return self.sentence.format(value=value, which=member.removeprefix(f"{self.name}_").replace("_", " "))
+
+    def loose_in(self, channels: Collection[str]) -> float:
+        """Standard deviation by which sound sensors are off in a log with these channels."""
+        return self.loose if not self.beside or set(self.beside) & set(channels) else 0.0
 
     @property
     def is_absolute(self) -> bool:
@@ -112,6 +117,7 @@ class Effect:
     scans: Mapping[str, Scan] = field(default_factory=dict)  # by parameter, what the diagnosis tries; else its bounds
     slack: Mapping[str, float] = field(default_factory=dict)  # by parameter, relative: how far sound vehicles are off
     together: tuple[Mapping[str, float], ...] = ()  # values that the diagnosis tries, of several parameters at once
+    shown_by: tuple[str, ...] = ()  # channels without all of which nothing shows it, and it is not looked for
     unfiltered: tuple[str, ...] = ()  # channels that show it if a sensor measured them, and not as a filter has them
     is_rough: bool = False  # its values switch single samples, so that near by ones are tried instead of slopes
     is_searched: bool = True  # whether the diagnosis looks for it; not for what other effects say in fewer numbers
@@ -124,6 +130,10 @@ class Effect:
         for key, given in (("scans", self.scans), ("slack", self.slack)):
             if odd := set(given) - set(known):
                 raise ValueError(f"effect {self.name}: {key} of {', '.join(sorted(odd))}: {choices(odd, known)}")
+
+    def is_asked(self, channels: Collection[str]) -> bool:
+        """Whether a log with these channels is asked for it at all."""
+        return not self.shown_by or any(channel in channels for channel in self.shown_by)
 
     def shows_in(self, filtered: Mapping[str, float]) -> bool:
         """Whether a log shows it of which a filter estimated some channels, by name how fast those go astray."""

@@ -9,6 +9,8 @@ from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, 
 from auv_torchrl.effects.scan import DELAYS, TIMES, TURNED_TIMES, Scan
 from auv_torchrl.vehicle import Vehicle
 
+_FELT = ("ax", "ay", "az")  # channels of the accelerometer
+
 
 def _heading_bias(vehicle: Vehicle, angle: Tensor) -> Vehicle:
     return changed(vehicle, heading_bias=vehicle.heading_bias + angle)
@@ -63,7 +65,16 @@ position_scale = Effect(
     source="a speed of sound, baseline or camera calibration that is off; feet for metres",
     odds=1e-3,  # a positioning system is calibrated as a whole; thrusters wear one by one
     parameters=(
-        Parameter("factor", "1", own("position_scale"), 0.2, 5.0, "positions are reported {value:.2f} times as large"),
+        Parameter(
+            "factor",
+            "1",
+            own("position_scale"),
+            0.2,
+            5.0,
+            "positions are reported {value:.2f} times as large",
+            loose=0.02,  # filters cut quick motions short: ArduSub's to 98 % of what accelerometer and speeds say
+            beside=_FELT,
+        ),
     ),
     change=sets(factor="position_scale"),
     advice=advice.said(
@@ -146,6 +157,35 @@ gyro_bias = Effect(
 )
 
 
+def _accelerometer_bias(vehicle: Vehicle, bias: Tensor) -> Vehicle:
+    return changed(vehicle, accelerometer_bias=vehicle.accelerometer_bias + bias)
+
+
+accelerometer_bias = Effect(
+    name="accelerometer_bias",
+    origin=Origin.SENSING,
+    meaning="reported specific force minus the true one",
+    source="zero-g offset of a MEMS accelerometer, 0.5 m/s^2 and more as sold, where nothing calibrates it; a tilt of "
+    "its mounting is one too, 0.17 m/s^2 for each degree",
+    parameters=(
+        Parameter(
+            "bias",
+            "m/s^2",
+            0.0,
+            -3.0,
+            3.0,
+            "the accelerometer reads {value:+.3f} m/s^2 too much in {which}",
+            _FELT,
+            loose=0.05,  # what a calibration leaves: half a hundredth of the weight, or 0.3 degree of mounting
+        ),
+    ),
+    change=_accelerometer_bias,
+    scans={"bias": Scan((0.1,), linear=True)},
+    shown_by=_FELT,
+    advice=advice.said("calibrate the accelerometer level and on all six sides, and look at how it is mounted"),
+)
+
+
 sensor_noise = Effect(
     name="sensor_noise",
     origin=Origin.SENSING,
@@ -161,5 +201,5 @@ sensor_noise = Effect(
 
 EFFECTS = (
     heading_bias, compass_interference, pose_delay, position_scale, depth_scale, depth_bias, velocity_scale, gyro_bias,
-    sensor_noise,
+    accelerometer_bias, sensor_noise,
 )  # fmt: skip

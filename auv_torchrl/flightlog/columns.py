@@ -6,17 +6,17 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.log import POSE, VELOCITY
+from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
 DEMANDS = tuple(f"cmd_{name}" for name in DEGREES_OF_FREEDOM)  # through the vehicle's mixer
-KNOWN = ("t", "episode", *POSE, *VELOCITY, *DEMANDS, "battery")
+KNOWN = ("t", "episode", *AXES, *DEMANDS, "battery")
 
 
 class Columns(NamedTuple):
     """The columns to use."""
 
-    axes: tuple[str, ...]  # measured, out of POSE and VELOCITY
+    axes: tuple[str, ...]  # measured, out of AXES
     commands: tuple[str, ...]  # cmd_1 to cmd_n, or some of DEMANDS
     battery: bool
     episode: bool
@@ -48,8 +48,8 @@ def choose_columns(name: str, found: Iterable[str], thrusters: int, extra: Itera
             f"{name} has {', '.join(numbered)}, the vehicle has {thrusters} thrusters: give cmd_1 to cmd_{thrusters}, "
             "or the vehicle that was flown"
         )
-    axes = tuple(axis for axis in POSE + VELOCITY if axis in used)
-    if not axes:
+    axes = tuple(axis for axis in AXES if axis in used)
+    if not set(axes) - set(ACCELERATION):
         raise FlightLogError(f"{name} measures nothing: give some of {', '.join(POSE)} or of {', '.join(VELOCITY)}")
     return Columns(axes, tuple(numbered) or demands, "battery" in used, "episode" in used)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.log import POSE, VELOCITY
+from auv_torchrl.flightlog.log import AXES
 from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration
 from auv_torchrl.flightlog.streams.grid import choose, tabulate
 from auv_torchrl.flightlog.streams.motors import commands_of, listed, motors_of
@@ -102,11 +102,13 @@ def _diagnosable(streams: Streams, options: ReadOptions) -> Iterator[str]:
     except FlightLogError as error:
         yield f"diagnosis  not yet: {error}"
         return
-    axes = [axis for axis in POSE + VELOCITY if axis in table.columns]
+    axes = [axis for axis in AXES if axis in table.columns]
     sources = choose(streams)
     yield f"diagnosis  {len(table.row)} rows of {' '.join(axes)}"
     horizontal = {"x", "y"} <= set(axes) or {"u", "v"} <= set(axes)
-    if not horizontal:
+    if not horizontal and {"ax", "ay"} <= set(axes):
+        yield "           no position and no velocity: of surge and sway only what changes them is felt; no current"
+    elif not horizontal:
         yield "           no position and no velocity: surge, sway and currents cannot be seen; horizontal thrusters"
         yield "           only by the turning that they make"
     if "z" not in axes and "w" not in axes:

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.sensors import MOTION
+from auv_torchrl.sensors import FELT, MOTION
 
 POSE = MOTION[:6]  # m, rad
 VELOCITY = MOTION[6:]  # m/s, rad/s, body
+ACCELERATION = FELT  # m/s^2, body: specific force, on the mean over the time around a row
+AXES = POSE + VELOCITY + ACCELERATION
 ANGLES = ("roll", "pitch", "yaw")
 
 Floats = NDArray[np.float64]
@@ -54,8 +56,9 @@ class Episode:
     commands: Floats  # (T, n) thruster commands in [-1, 1], after mixer and clip
     battery: Floats | None = None  # (T,) V
     source: str = ""  # file and episode in it, for people
-    filled: Floats | None = None  # (T, 12) 1 where a pose or velocity is filled in, not measured; None is nowhere
+    filled: Floats | None = None  # (T, 12), or 15 with accelerations: 1 where filled in, not measured; None: nowhere
     parts: Floats | None = None  # (T, P, n) commands in P equal parts of the time to the next row; None: they are held
+    acceleration: Floats | None = None  # (T, 3) ax ay az; a column of NaN, or None for all of them, where not measured
 
     def __len__(self) -> int:
         return len(self.t)
@@ -65,20 +68,22 @@ class Episode:
         """Seconds from the first to the last sample."""
         return float(self.t[-1] - self.t[0])
 
+    @property
+    def values(self) -> Floats:
+        """All axes (T, 15) side by side; a column of NaN where not measured."""
+        felt = np.full((len(self), len(ACCELERATION)), np.nan) if self.acceleration is None else self.acceleration
+        return np.concatenate([self.pose, self.velocity, felt], axis=1)
+
     def rows(self, start: int, stop: int) -> "Episode":
         """The samples ``start`` to ``stop - 1`` as an episode of its own."""
-        battery = None if self.battery is None else self.battery[start:stop]
-        filled = None if self.filled is None else self.filled[start:stop]
-        parts = None if self.parts is None else self.parts[start:stop]
+        some = {name: getattr(self, name) for name in ("battery", "filled", "parts", "acceleration")}
         return replace(
             self,
             t=self.t[start:stop],
             pose=self.pose[start:stop],
             velocity=self.velocity[start:stop],
             commands=self.commands[start:stop],
-            battery=battery,
-            filled=filled,
-            parts=parts,
+            **{name: None if whole is None else whole[start:stop] for name, whole in some.items()},
         )
 
 
@@ -88,7 +93,7 @@ class FlightLog:
 
     name: str
     episodes: tuple[Episode, ...]
-    axes: tuple[str, ...]  # measured, out of POSE and VELOCITY
+    axes: tuple[str, ...]  # measured, out of AXES
     findings: tuple[Finding, ...] = field(default=())
     resolution: dict[str, float] = field(default_factory=dict[str, float])  # step in which an axis is written, if known
     errors: SampleErrors = SampleErrors()
@@ -129,14 +134,14 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
     counts = {log.name: log.thrusters for log in logs}
     if len(set(counts.values())) > 1:
         raise FlightLogError(f"the logs command different numbers of thrusters {counts}: give logs of one vehicle")
-    axes = tuple(axis for axis in POSE + VELOCITY if all(axis in log.axes for log in logs))
+    axes = tuple(axis for axis in AXES if all(axis in log.axes for log in logs))
     if not axes:
         raise FlightLogError(f"the logs {', '.join(counts)} measure no axis in common: diagnose them one by one")
     findings = [
         replace(f, sentence=f"{log.name}: {f.sentence}") for log in logs for f in log.findings if f.code != ALONE
     ]
     if lost := {axis for log in logs for axis in log.axes} - set(axes):
-        names = tuple(axis for axis in POSE + VELOCITY if axis in lost)
+        names = tuple(axis for axis in AXES if axis in lost)
         sentence = f"{', '.join(names)} are left out because not every log measures them"
         findings.append(Finding(Severity.WARNING, "axes_left_out", sentence, columns=names))
     episodes = [episode for log in logs for episode in log.episodes]
@@ -152,4 +157,7 @@ def with_axes(episode: Episode, axes: tuple[str, ...]) -> Episode:
     """The episode with all other axes unmeasured."""
     pose = np.where([axis in axes for axis in POSE], episode.pose, np.nan)
     velocity = np.where([axis in axes for axis in VELOCITY], episode.velocity, np.nan)
-    return replace(episode, pose=pose, velocity=velocity)
+    felt = None
+    if episode.acceleration is not None and set(axes) & set(ACCELERATION):
+        felt = np.where([axis in axes for axis in ACCELERATION], episode.acceleration, np.nan)
+    return replace(episode, pose=pose, velocity=velocity, acceleration=felt)

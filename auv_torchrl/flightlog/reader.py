@@ -12,8 +12,9 @@ from auv_torchrl.flightlog.contact import leave_out_contact
 from auv_torchrl.flightlog.excitation import check_excitation
 from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
 from auv_torchrl.flightlog.frames import check_frames
+from auv_torchrl.flightlog.gravity import check_gravity
 from auv_torchrl.flightlog.information import Checked, check_information
-from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, FlightLog, Floats
+from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY, Episode, FlightLog, Floats
 from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
@@ -74,6 +75,8 @@ def read_flightlog(
     if seconds:
         episodes, axes, more = check_frames(episodes, axes, vehicle, table.units_known)
         findings += more
+    episodes, axes, more = check_gravity(episodes, axes, table.units_known)
+    findings += more
     if "z" in axes:
         episodes, more = leave_out_contact(episodes, vehicle)
         findings += more
@@ -125,14 +128,16 @@ def _episode(
     def share(name: str) -> Floats:
         return doubt[name][stretch.around].all(axis=-1).astype(float) if name in axes else np.zeros(len(stretch.t))
 
+    felt = bool(set(axes) & set(ACCELERATION))
     some = any(mask[stretch.around].any() for mask in doubt.values())
-    shares = np.stack([share(name) for name in POSE + VELOCITY], axis=-1) if some else None
+    shares = np.stack([share(name) for name in (AXES if felt else POSE + VELOCITY)], axis=-1) if some else None
 
     battery = stretch.mean(table.columns["battery"]) if "battery" in table.columns else None
     source = f"{table.name}, rows {table.row[stretch.rows[0]]} to {table.row[stretch.rows[-1]]}"
     return Episode(
-        number, stretch.t, measured(POSE), measured(VELOCITY), stretch.commands, battery, source, shares, stretch.parts
-    )
+        number, stretch.t, measured(POSE), measured(VELOCITY), stretch.commands, battery, source, shares, stretch.parts,
+        measured(ACCELERATION) if felt else None,
+    )  # fmt: skip
 
 
 def _wrapped(episode: Episode) -> Episode:

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from auv_torchrl.flightlog.log import POSE, VELOCITY, FlightLog
+from auv_torchrl.flightlog.log import AXES, FlightLog
 
 _DIGITS = 6  # micrometres and microradians
 
@@ -50,9 +50,8 @@ def raw_columns(log: FlightLog) -> dict[str, np.ndarray]:
         "episode": np.concatenate([np.full(len(e), e.number, dtype=np.int64) for e in episodes])
     }
     columns["t"] = np.concatenate([e.t for e in episodes])
-    for names, field in ((POSE, "pose"), (VELOCITY, "velocity")):
-        values = np.concatenate([getattr(e, field) for e in episodes])
-        columns.update({axis: values[:, i] for i, axis in enumerate(names) if axis in log.axes})
+    values = np.concatenate([e.values for e in episodes])
+    columns.update({axis: values[:, i] for i, axis in enumerate(AXES) if axis in log.axes})
     commands = np.concatenate([e.commands for e in episodes])
     columns.update({f"cmd_{i + 1}": commands[:, i] for i in range(commands.shape[1])})
     if all(e.battery is not None for e in episodes):

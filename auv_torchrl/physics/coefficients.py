@@ -45,6 +45,8 @@ class Coefficients(NamedTuple):
     dvl_position: Array  # (3,)
     dvl_turn: Array  # ()
     gyro_bias: Array  # (3,)
+    accelerometer_bias: Array  # (3,)
+    accelerometer_position: Array  # (3,)
     compass_per_load: Array  # ()
     position_noise: Array  # ()
     attitude_noise: Array  # ()
@@ -150,7 +152,7 @@ _COPIED = (
     "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
     "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts", "heading_bias", "pose_delay",
     "position_scale", "depth_scale", "depth_bias", "velocity_scale", "dvl_position", "dvl_turn", "gyro_bias",
-    "compass_per_load", "position_noise", "attitude_noise",
+    "accelerometer_bias", "accelerometer_position", "compass_per_load", "position_noise", "attitude_noise",
 )  # fmt: skip
 
 

@@ -2,10 +2,11 @@
 
 from auv_torchrl.sensors.instruments import SENSORS, ages, read, sensor_of
 from auv_torchrl.sensors.inverse import Inverse
+from auv_torchrl.sensors.path import felt_along, felt_at_rows, is_felt, moving
 from auv_torchrl.sensors.report import measured_pose, measured_velocity, motion_of
-from auv_torchrl.sensors.sensor import MOTION, Sensor, at_once
+from auv_torchrl.sensors.sensor import CHANNELS, FELT, MOTION, Sensor, at_once
 
 __all__ = [
-    "MOTION", "SENSORS", "Inverse", "Sensor", "ages", "at_once", "measured_pose", "measured_velocity", "motion_of",
-    "read", "sensor_of",
+    "CHANNELS", "FELT", "MOTION", "SENSORS", "Inverse", "Sensor", "ages", "at_once", "felt_along",
+    "felt_at_rows", "is_felt", "measured_pose", "measured_velocity", "motion_of", "moving", "read", "sensor_of",
 ]  # fmt: skip

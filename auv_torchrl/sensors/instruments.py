@@ -10,7 +10,8 @@ from array_api_compat import array_namespace
 from auv_torchrl.physics.coefficients import Coefficients
 from auv_torchrl.physics.kinematics import cross
 from auv_torchrl.registry import Registry
-from auv_torchrl.sensors.sensor import Sensor, at_once
+from auv_torchrl.sensors.sensor import FELT, Sensor, at_once
+from auv_torchrl.vehicle import GRAVITY
 
 Array = Any
 
@@ -58,6 +59,19 @@ def _rates(c: Coefficients, motion: Array) -> Array:
     return motion[..., 9:12] + c.gyro_bias
 
 
+def _specific_force(c: Coefficients, motion: Array) -> Array:
+    """Of a motion that goes on as it is: weight, and what turning makes of the velocity and of the lever arm."""
+    xp = array_namespace(motion)
+    roll, pitch, velocity, turning = motion[..., 3], motion[..., 4], motion[..., 6:9], motion[..., 9:12]
+    down = xp.stack((-xp.sin(pitch), xp.sin(roll) * xp.cos(pitch), xp.cos(roll) * xp.cos(pitch)), axis=-1)
+    carried = velocity + cross(turning, c.accelerometer_position)
+    return cross(turning, carried) - GRAVITY * down + c.accelerometer_bias
+
+
+def _accelerating(c: Coefficients, rate: Array) -> Array:
+    return rate[..., 6:9] + cross(rate[..., 9:12], c.accelerometer_position)
+
+
 INSTRUMENTS = (
     Sensor("position", ("x", "y"), "motion capture, or an acoustic positioning system", _position, _with_pose),
     Sensor("depth", ("z",), "a pressure gauge, or the positioning system", _depth, _with_pose),
@@ -67,6 +81,14 @@ INSTRUMENTS = (
         "velocity", ("u", "v", "w"), "a Doppler log that is fixed to the body: no compass turns it", _velocity, at_once
     ),
     Sensor("gyro", ("p", "q", "r"), "angular rates, fixed to the body", _rates, at_once),
+    Sensor(
+        "accelerometer",
+        FELT,
+        "specific force where it sits in the body",
+        _specific_force,
+        at_once,
+        moving=_accelerating,
+    ),
 )
 SENSORS = Registry("sensors", Sensor, INSTRUMENTS)
 

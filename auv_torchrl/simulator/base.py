@@ -17,7 +17,7 @@ from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.step import memory_length, push
 from auv_torchrl.physics.thrusters import applied_thrust, load
 from auv_torchrl.scenario import Scenario
-from auv_torchrl.sensors import MOTION, SENSORS, ages, measured_pose, measured_velocity
+from auv_torchrl.sensors import FELT, MOTION, SENSORS, ages, felt_along, measured_pose, measured_velocity, motion_of
 from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays
 from auv_torchrl.simulator.rows import lengthened, with_rows
 from auv_torchrl.vehicle import Vehicle
@@ -87,6 +87,7 @@ class Simulator(ABC):
         self.terms = ActiveTerms.of(first)
         zeros = self.arrays.native(torch.zeros(self.count, 7))
         self.state = rest_state(zeros[:, :3], zeros[:, 3:], zeros[:, :6], self.thrusters)
+        self._before = self.state  # of the last step
         self.poses: Array = zeros[:, None]  # (N, L, 7) true poses, newest first
         self._remember(first)
 
@@ -166,7 +167,10 @@ class Simulator(ABC):
         position, quaternion, velocity = (self.arrays.native(part) for part in (position, quaternion, velocity))
         fresh = rest_state(position, quaternion, velocity, self.thrusters, self.state.commands.shape[-2])
         index = self.arrays.index(rows)
+        before = zip(self._before[:3], fresh[:3], strict=True)  # who is placed anew has not moved yet
+        kept = dict(zip(State._fields, (with_rows(old, index, new) for old, new in before), strict=False))
         self.state = State(*(with_rows(old, index, new) for old, new in zip(self.state, fresh, strict=True)))
+        self._before = self.state._replace(**kept)
         pose = array_namespace(position).concat((position, quaternion), axis=-1)
         self.poses = with_rows(self.poses, index, pose[:, None])
 
@@ -179,6 +183,7 @@ class Simulator(ABC):
             state: of all N vehicles, in the simulator's arrays.
         """
         self.state = state._replace(commands=lengthened(state.commands, self.state.commands.shape[-2]))
+        self._before = self.state
         xp = array_namespace(state.position)
         pose = xp.concat((state.position, state.quaternion), axis=-1)
         self.poses = lengthened(pose[:, None], self.poses.shape[1])
@@ -196,7 +201,7 @@ class Simulator(ABC):
         if len(self._phase_starts) > 1:
             self._follow_scenario()
         c, terms = (self.coefficients, self.terms) if acting is None else (acting, ActiveTerms.of(acting))
-        before = self.state
+        before = self._before = self.state
         self.state = self._advance(c, terms, command)
         position, _, velocity = self.state[:3]
         xp = array_namespace(position)
@@ -224,6 +229,13 @@ class Simulator(ABC):
             self.coefficients, self.poses, self.control_dt, noise, load(self.coefficients, self.thrust)
         )
         return Report(position, quaternion, measured_velocity(self.coefficients, state.velocity))
+
+    def felt(self) -> Array:
+        """Specific force (N, 3) in m/s^2 that accelerometers felt on the mean over the last control step."""
+        xp = array_namespace(self.state.position)
+        path = [xp.concat(state[:3], axis=-1) for state in (self._before, self.state)]
+        by_step = self.coefficients.rows((slice(None), None))
+        return felt_along(by_step, FELT, motion_of(xp.stack(path, axis=1)), self.control_dt)[:, 0]
 
     @property
     def thrust(self) -> Array:

@@ -19,7 +19,7 @@ from benchmarks.blind.faults import draw_fault
 from benchmarks.blind.foreign import ForeignPlant
 from benchmarks.blind.foreign_heavy import ForeignHeavy
 from benchmarks.blind.influence import CLEAR_AT, influence
-from benchmarks.blind.logged import Flight, flight_log, measured_velocity, noise_of
+from benchmarks.blind.logged import Flight, flight_log, measured_acceleration, measured_velocity, noise_of
 from benchmarks.blind.mujoco_plant import MujocoPlant, loosened
 from benchmarks.blind.outside import OUTSIDE, Motion, Outside
 from benchmarks.blind.pilots import Pilots
@@ -143,7 +143,14 @@ def _fly_group(draws: list[Draw], plant_name: str, duration: float, vehicle: Veh
     pose, velocity, measured, sent = record(sealed, command, steps, CONTROL_DT, np.concatenate(noise, axis=1))
     measured[..., 3:] = wrap_angle(measured[..., 3:])
     return [
-        Flight(pose[part], velocity[part], measured[part], measured_velocity(velocity[part], d.case, d.rng), sent[part])
+        Flight(
+            pose[part],
+            velocity[part],
+            measured[part],
+            measured_velocity(velocity[part], d.case, d.rng),
+            sent[part],
+            measured_acceleration(pose[part], velocity[part], d.case, d.rng),
+        )
         for part, d in zip(rows, draws, strict=True)
     ]
 

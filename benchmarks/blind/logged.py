@@ -5,9 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog
-from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.physics import CONTROL_DT, prepare
+from auv_torchrl.sensors import FELT, felt_at_rows
+from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
-from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.blind.sensor_sets import LEFT_OFF, sensor_set
 
 
 class Flight(NamedTuple):
@@ -18,6 +20,7 @@ class Flight(NamedTuple):
     measured: np.ndarray  # pose as logged
     measured_velocity: np.ndarray  # as logged
     commands: np.ndarray  # as sent
+    acceleration: np.ndarray | None = None  # (episodes, T, 3) as logged
 
 
 def noise_of(case: Case) -> np.ndarray:
@@ -32,6 +35,22 @@ def measured_velocity(velocity: np.ndarray, case: Case, rng: np.random.Generator
     return velocity + noise_of(case)[6:] * rng.standard_normal(velocity.shape)
 
 
+def measured_acceleration(
+    pose: np.ndarray, velocity: np.ndarray, case: Case, rng: np.random.Generator
+) -> np.ndarray | None:
+    """Specific force (episodes, T, 3) with noise and what a calibration leaves; None where the log holds none.
+
+    Of the pose (episodes, T, 6) and the body velocity as they are, over the time around each row.
+    """
+    if not set(FELT) & set(case.axes):
+        return None
+    felt = felt_at_rows(
+        prepare(load_vehicle("paper")).numpy(), FELT, np.concatenate([pose, velocity], axis=-1), CONTROL_DT
+    )
+    noise = case.noise * np.array([sensor_set(case.sensors).channels[axis].noise for axis in FELT])
+    return felt + rng.uniform(-LEFT_OFF, LEFT_OFF, 3) + noise * rng.standard_normal(felt.shape)
+
+
 def flight_log(case: Case, flight: Flight) -> FlightLog:
     """All episodes that were flown, those of the healthy log last."""
     episodes = []
@@ -39,7 +58,8 @@ def flight_log(case: Case, flight: Flight) -> FlightLog:
         pose = _logged(case, POSE, flight.measured[number])
         velocity = _logged(case, VELOCITY, flight.measured_velocity[number])
         t = np.arange(len(pose), dtype=np.float64) * CONTROL_DT
-        episodes.append(Episode(number, t, pose, velocity, commands))
+        felt = None if flight.acceleration is None else flight.acceleration[number]
+        episodes.append(Episode(number, t, pose, velocity, commands, acceleration=felt))
     return FlightLog(case.name, tuple(episodes), case.axes)
 
 

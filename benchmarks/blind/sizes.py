@@ -15,8 +15,8 @@ HORIZONTAL = (1, 2, 3, 4)  # thrusters of the vehicle `paper`
 NOT_A_GAP = ("sensor_noise", "depth_bias")  # change what is measured, not where the simulator goes wrong
 NOT_TOLD = ("depth_scale",)  # a log of poses shows it as vertical thrust; the family of damaged logs flies z up
 NOT_MET = ("reaction_torque", "compass_interference")  # heading and position of such logs come from cameras; small
-NOT_LOGGED = (  # such logs have no velocities, but where damage or a set asks for them
-    "velocity_scale", "gyro_bias", "dvl_misalignment", "dvl_lever_arm",
+NOT_LOGGED = (  # of what only damage or a set of sensors logs
+    "velocity_scale", "gyro_bias", "accelerometer_bias", "dvl_misalignment", "dvl_lever_arm",
 )  # fmt: skip
 COEFFICIENTS = ("hull",)  # drag and inertia by another name, fitted by calibration: the scales below stand for them
 

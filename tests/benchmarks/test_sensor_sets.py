@@ -5,7 +5,7 @@ import pytest
 
 from auv_torchrl.flightlog import read_flightlog, write_columns
 from auv_torchrl.physics import CONTROL_DT
-from auv_torchrl.sensors import MOTION
+from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.autopilots import Autopilots
 from benchmarks.blind.cases import draw_cases
@@ -101,7 +101,7 @@ def test_a_log_holds_what_the_set_measures(flown, tmp_path):
     log, label = flights[0]
     assert label["sensors"] == sensors
     for episode in log.episodes:
-        for axis, column in zip(MOTION, np.concatenate((episode.pose, episode.velocity), axis=1).T, strict=True):
+        for axis, column in zip(CHANNELS, episode.values.T, strict=True):
             if axis not in channels:
                 assert np.isnan(column).all()
                 continue

@@ -17,7 +17,7 @@ from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import simulated_logs
 
 VEHICLE = load_vehicle("bluerov2")  # free to tilt
-NOISE = {"roll": 4e-3, "pitch": 4e-3, "yaw": 4e-3}  # rad; of other channels 2e-3 m, m/s, rad/s
+NOISE = {"roll": 4e-3, "pitch": 4e-3, "yaw": 4e-3, "ax": 0.05, "ay": 0.05, "az": 0.05}  # rad, m/s^2; else 2e-3
 SHARES = (0.002, 0.02, 0.9)  # of the way from nominal to a bound
 SHOWS = 0.05  # standard deviations of the sensors, root mean square
 SILENT = {"depth_bias", "sensor_noise"}  # a constant offset is where the vehicle is; noise is no motion
@@ -26,7 +26,7 @@ SILENT = {"depth_bias", "sensor_noise"}  # a constant offset is where the vehicl
 @cache
 def flown():
     """Windows of half a second of a log of everything, their slopes and states under the nominal vehicle."""
-    (log,) = simulated_logs("bluerov2", [{}], episodes=2, seconds=12.0, seed=2, noise=(0.0, 0.0))
+    (log,) = simulated_logs("bluerov2", [{}], episodes=2, seconds=12.0, seed=2, noise=(0.0, 0.0), felt=0.0)
     windows = cut_windows(log, 0.5, 1.5, 0.2)
     layout, one = Layout.of(windows, VEHICLE, 0.2), batch(VEHICLE, [{}])
     state = local_slopes(windows, one, layout, windows.guess, np.zeros((len(windows), layout.bins, len(layout.dof))))

@@ -22,6 +22,7 @@ EFFECTS = {
         "depth_bias": {"offset": 0.3},
         "velocity_scale": {"factor": 0.9},
         "gyro_bias": {"bias_r": 0.05},
+        "accelerometer_bias": {"bias_ax": 0.4},
         "heading_bias": {"angle": 2.0},
         "compass_interference": {"angle": 0.4},
     },

@@ -9,6 +9,7 @@ FORMS = {  # type number, format and columns
     "RCOU": (13, "QHHHHHHHHHHHHHH", "TimeUS," + ",".join(f"C{i}" for i in range(1, 15))),
     "ATT": (14, "QccC", "TimeUS,Roll,Pitch,Yaw"),
     "XKF1": (15, "QBffffffccc", "TimeUS,C,VN,VE,VD,PN,PE,PD,GX,GY,GZ"),
+    "XKF2": (22, "QBccc", "TimeUS,C,AX,AY,AZ"),
     "XKF4": (16, "QBIB", "TimeUS,C,SS,PI"),
     "BARO": (17, "QBf", "TimeUS,I,Alt"),
     "CTUN": (18, "Qf", "TimeUS,BAlt"),

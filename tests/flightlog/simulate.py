@@ -6,6 +6,7 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.sensors import FELT, felt_at_rows, motion_of
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
 
@@ -19,10 +20,14 @@ def waves(rng: np.random.Generator, steps: int, channels: int, size: float = 0.3
     return size * np.sin(2 * np.pi * t / period + phase).sum(-1)
 
 
-def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0, alike=False):
+def simulated_logs(
+    name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), seed=0, alike=False, felt=None, demand=None
+):
     """One log per entry of ``changes`` (a list of {effect: values}), pose and velocity, flown as one batch.
 
-    Where they are ``alike``, all have the same commands, starts and noise, however many there are.
+    Where they are ``alike``, all have the same commands, starts and noise, however many there are. ``felt`` is the
+    noise of an accelerometer in m/s^2; None for logs without one. ``demand`` (rows, steps, 6) is what is asked of the
+    degrees of freedom; None for waves.
     """
     nominal = load_vehicle(name)
     rows = []
@@ -36,21 +41,29 @@ def simulated_logs(name, changes, episodes=2, seconds=30.0, noise=(2e-3, 4e-3), 
     ])  # fmt: skip
     rng = Repeated(seed, len(changes)) if alike else np.random.default_rng(seed)
     batch, steps = len(rows), round(seconds / CONTROL_DT)
-    demand = np.zeros((batch, steps, 6))
-    if alike:
-        demand[..., CONTROLLED_INDEX] = [waves(rng.rng, steps, 4) for _ in range(episodes)] * len(changes)
-    else:
-        demand[..., CONTROLLED_INDEX] = [waves(rng, steps, 4) for _ in range(batch)]
+    if demand is None:
+        demand = np.zeros((batch, steps, 6))
+        of = rng.rng if isinstance(rng, Repeated) else rng
+        drawn = [waves(of, steps, 4) for _ in range(episodes if alike else batch)]
+        demand[..., CONTROLLED_INDEX] = drawn * (len(changes) if alike else 1)
     commands = np.clip(demand @ nominal.mixer.numpy().T, -1, 1)
     yaw = rng.uniform(-np.pi, np.pi, batch)
     simulator = PlainSimulator(vehicles, CONTROL_DT)
     simulator.resume(at_rest(rng.normal(size=(batch, 3)), yaw, nominal.thrusters))
-    flown = record(
-        Noisy(simulator, rng, noise[0]), lambda time, _: commands[:, round(time / CONTROL_DT)], steps, CONTROL_DT
-    )
+    noisy = Noisy(simulator, rng, noise[0])
+    flown = record(noisy, lambda time, _: commands[:, round(time / CONTROL_DT)], steps, CONTROL_DT)
     t = np.arange(steps, dtype=float) * CONTROL_DT
     axes = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
-    flown = [Episode(row % episodes, t, flown.pose[row], flown.velocity[row], commands[row]) for row in range(batch)]
+    acceleration = [None] * batch
+    if felt is not None:
+        by_step = simulator.coefficients.rows((slice(None), None))
+        acceleration = felt_at_rows(by_step, FELT, np.stack(noisy.passed, axis=1), CONTROL_DT)
+        acceleration = acceleration + felt * rng.normal(size=acceleration.shape)
+        axes += FELT
+    flown = [
+        Episode(row % episodes, t, flown.pose[row], flown.velocity[row], commands[row], acceleration=acceleration[row])
+        for row in range(batch)
+    ]
     return [FlightLog(f"log {k}", tuple(flown[k * episodes : (k + 1) * episodes]), axes) for k in range(len(changes))]
 
 
@@ -74,10 +87,11 @@ class Noisy:
 
     def __init__(self, simulator, rng, velocity_noise):
         self.simulator, self.rng, self.velocity_noise = simulator, rng, velocity_noise
-        self.step = simulator.step
+        self.step, self.passed = simulator.step, []
 
     def report(self):
         """Two draws: of the pose, then of the velocity."""
         shape = (self.simulator.count, 6)
+        self.passed.append(motion_of(np.concatenate(self.simulator.state[:3], axis=-1)))
         report = self.simulator.report(self.rng.normal(size=shape))
         return report._replace(velocity=report.velocity + self.velocity_noise * self.rng.normal(size=shape))

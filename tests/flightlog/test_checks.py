@@ -14,6 +14,7 @@ from tests.flightlog.test_reader import column, rows_of, store
 
 FULL = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
+FELT = ("z", "roll", "pitch", "yaw", "p", "q", "r", "ax", "ay", "az")
 CLEAR = {  # one clear value per effect, harsh enough to look like something else
     "thruster_gain": {"gain_2": -1.0},
     "thruster_swap": {"command_1": 2.0, "command_2": 1.0, "command_3": 4.0, "command_4": 3.0},
@@ -44,6 +45,7 @@ CLEAR = {  # one clear value per effect, harsh enough to look like something els
     "gyro_bias": {"bias_r": 0.05},
     "dvl_misalignment": {"angle": 1.57},
     "dvl_lever_arm": {"arm_x": 0.5, "arm_z": 0.3},
+    "accelerometer_bias": {"bias_ax": 1.5, "bias_az": -1.5},
     "sensor_noise": {"position": 0.05, "attitude": 0.05},
     "reaction_torque": {"arm_5": 0.05, "arm_6": 0.05},
     "compass_interference": {"angle": 0.5},
@@ -90,11 +92,13 @@ def changed(log: FlightLog, change) -> FlightLog:
 @pytest.fixture(scope="module", params=["paper", "bluerov2_heavy"])
 def faulty(request):
     """A vehicle, and a log of it with each effect."""
-    logs = simulated_logs(request.param, [{name: values} for name, values in CLEAR.items()], seed=4, alike=True)
+    logs = simulated_logs(
+        request.param, [{name: values} for name, values in CLEAR.items()], seed=4, alike=True, felt=0.02
+    )
     return load_vehicle(request.param), dict(zip(CLEAR, logs, strict=True))
 
 
-@pytest.mark.parametrize("axes", [FULL, POSE_ONLY, VELOCITIES], ids=["full", "pose", "velocity"])
+@pytest.mark.parametrize("axes", [FULL, POSE_ONLY, VELOCITIES, FELT], ids=["full", "pose", "velocity", "felt"])
 def test_sound_logs_of_faulty_vehicles_are_not_suspected(faulty, axes, tmp_path):
     """A log in the right format gives no finding, whichever effect acts on the vehicle."""
     assert set(CLEAR) == set(EFFECTS)

@@ -62,6 +62,15 @@ def test_a_gyro_is_read_for_the_moment_at_which_it_felt(tmp_path):
     assert off - low == pytest.approx(0.01125, abs=1e-5)
 
 
+def test_an_accelerometer_is_read_less_the_bias_that_the_filter_found(tmp_path):
+    """Specific force of the unit in use in m/s^2, (0, 0, -9.8) at rest, as columns of the table."""
+    found = record("XKF2", 5.0, 0, 0.1, -0.2, 0.05)
+    streams = streams_of(written(tmp_path, dive(also={5.0: found})))
+    assert streams.streams["accelerometer"].source == "IMU 0 less the bias of XKF2"
+    columns = tabulate(streams).columns
+    np.testing.assert_allclose([columns[axis].mean() for axis in ("ax", "ay", "az")], [-0.1, 0.2, -9.85], atol=1e-5)
+
+
 def test_a_reversed_motor_direction_turns_the_command(tmp_path):
     """What the vehicle wanted of the motor is the command, whichever way its pulses go."""
     path = written(tmp_path, dive(given={**ALL, "MOT_3_DIRECTION": -1}))
@@ -227,7 +236,7 @@ def test_the_excerpt_of_the_firmware_is_read():
     streams = streams_of(EXCERPT)
     assert streams.vehicle.frame == "vectored_6dof" and streams.vehicle.parameters["MOT_1_DIRECTION"] == -1
     log = read_flightlog(EXCERPT, HEAVY)
-    assert log.axes == ("x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r") and log.duration > 11
+    assert log.axes == ("x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r", "ax", "ay", "az") and log.duration > 11
     assert np.abs(log.episodes[0].commands).max() > 0.2
 
 
@@ -297,3 +306,5 @@ def test_the_real_dive_asks_for_its_parameters_and_is_read_with_them():
     given = {**ALL, **{f"MOT_{n}_DIRECTION": sign for n, sign in signs.items()}}
     log = read_flightlog(path, HEAVY, options=ReadOptions(parameters=given))
     assert {"x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w"} <= set(log.axes) and log.duration > 190
+    felt = np.concatenate([e.acceleration for e in log.episodes if e.acceleration is not None])
+    assert {"ax", "ay", "az"} <= set(log.axes) and np.abs(felt.mean(0) - [0.0, 0.0, -9.81]).max() < 0.2

@@ -55,7 +55,8 @@ def test_the_excerpt_of_the_firmware_is_read():
     streams = streams_of(EXCERPT)
     assert streams.vehicle.frame == "vectored_6dof" and streams.streams["depth"].source == "SCALED_PRESSURE"
     log = read_flightlog(EXCERPT, load_vehicle("bluerov2_heavy"))
-    assert {"x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r"} == set(log.axes) and log.duration > 13
+    assert {"x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r", "ax", "ay", "az"} == set(log.axes)
+    assert streams.streams["accelerometer"].source == "RAW_IMU" and log.duration > 13
 
 
 def test_times_are_those_of_the_vehicle_and_not_of_the_link(tmp_path):

@@ -166,6 +166,26 @@ def test_a_pilot_sees_what_is_recorded():
 
 
 @pytest.mark.parametrize(
+    ("kind", "arrays"),
+    [*((kind, None) for kind in SIMULATORS), (PlainSimulator, TorchArrays(torch.device("cpu"), torch.float64))],
+    ids=["plain", "mujoco", "torch"],
+)
+def test_an_accelerometer_feels_the_weight_and_what_the_velocity_changes_by(kind, arrays):
+    """At rest (0, 0, -9.81) and its bias; then the change of velocity over a step, and of a row placed anew none."""
+    simulator = kind(with_effect("accelerometer_bias", bias_ax=0.25).expand(3).clone(), DT, arrays=arrays)
+    native, rest = simulator.arrays.native, torch.tensor([0.25, 0.0, -9.81], dtype=torch.float64)
+    upright, still = torch.tensor([[1.0, 0.0, 0.0, 0.0]]).expand(3, 4), torch.zeros(3, 6)
+    simulator.place(torch.arange(3), native(torch.zeros(3, 3)), native(upright), native(still))
+    torch.testing.assert_close(torch.as_tensor(simulator.felt()), rest.expand(3, 3), atol=1e-6, rtol=0.0)
+    simulator.step(native(0.2 * torch.from_numpy(commands()[:, 0])))
+    velocity, felt = (torch.as_tensor(array) for array in (simulator.state.velocity, simulator.felt()))
+    torch.testing.assert_close((felt - rest)[:, :2], velocity[:, :2] / DT, atol=0.05, rtol=0.0)  # it hardly tilts
+    assert (felt - rest)[:, :2].abs().max() > 0.02
+    simulator.place(torch.tensor([1]), native(torch.zeros(1, 3)), native(upright[:1]), native(still[:1]))
+    torch.testing.assert_close(torch.as_tensor(simulator.felt())[1], rest, atol=1e-6, rtol=0.0)
+
+
+@pytest.mark.parametrize(
     ("sent", "times"), [(commands(), np.arange(60)), (commands()[0], np.arange(61)), (commands(), np.zeros(61))]
 )
 def test_commands_and_times_that_do_not_fit_are_refused(sent, times):

@@ -72,7 +72,7 @@ def calibrate(
     log = join(healthy)
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     problem, follow = follow_windows(Problem.of(windows, vehicle, settings))
-    nuisance = stated(vehicle, settings)
+    nuisance = stated(vehicle, settings, windows.channels)
     problem, judged = _fit(problem, nuisance, follow, 1)
     flights, centred = _parted(healthy, windows), Centred.at(vehicle, nuisance)
     known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
@@ -80,7 +80,7 @@ def calibrate(
     centred, apart, as_stated = _over_flights(flights, centred, known, settings, settings.excess)
     excess = as_stated
     if as_stated > settings.excess:
-        wide = guessed(vehicle, settings, coefficients)
+        wide = guessed(vehicle, settings, coefficients, windows.channels)
         problem, refitted = _fit(problem, wide, follow, FITS)
         if _excess([refitted]) < _excess([judged]):
             strays, slack = _strays(problem, refitted, settings), refitted.explanation.slack

@@ -11,9 +11,10 @@ from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
 from auv_torchrl.diagnosis.identify.problem import Known, Slack
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle, read_vehicle_file
 

@@ -1,6 +1,6 @@
 """What may differ although nothing is wrong: coefficients that a file has wrong, and what differs between flights."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
     Settings,
     Values,
     apply_values,
+    sensor_slack,
     slack_parameters,
     that_matter,
 )
@@ -20,6 +21,7 @@ from auv_torchrl.diagnosis.thresholds import REPEATS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
+WARMTH = 0.4  # of what sound sensors are off by, that comes and goes with their temperature
 SMALLEST_FACTOR = 0.05  # of what it was: a number that is nearly gone has no relative width
 
 
@@ -45,7 +47,7 @@ def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) 
     varying: dict[str, list[tuple[tuple[str, str], float]]] = {}
     for name, effect in EFFECTS.items():
         for member, p in effect.member_parameters(vehicle).items():
-            if p.varies:
+            if p.varies and (not effect.shown_by or (name, member) in width):
                 varying.setdefault(f"{name}.{p.name}", []).append(((name, member), p.varies))
                 width.setdefault((name, member), (p.nominal_value(vehicle, member), 0.0))
     keys, spread = list(width), []
@@ -54,26 +56,38 @@ def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) 
         for key, size in members:
             column[keys.index(key)] = size
         spread.append(np.outer(column, column))
-    repeats = np.array([REPEATS * abs(nominal) for nominal, _ in width.values()])
+    repeats = _repeats(vehicle, keys, [nominal for nominal, _ in width.values()])
     own = np.array([size for _, size in width.values()])
     total = np.sqrt(own**2 + repeats**2 + sum(np.diag(part) for part in spread)).tolist()
     slack = tuple((*key, width[key][0], size) for key, size in zip(keys, total, strict=True))
     return Nuisance(slack, own, tuple(spread), repeats)
 
 
-def stated(vehicle: Vehicle, settings: Settings) -> Nuisance:
-    """Of a vehicle whose file is right within the slack of the settings."""
-    return nuisance(vehicle, slack_parameters(vehicle, settings))
+def _repeats(vehicle: Vehicle, keys: Sequence[tuple[str, str]], nominal: Sequence[float]) -> Floats:
+    """Standard deviations (k,) within which sound vehicles repeat the numbers ``keys``, about ``nominal`` (k,)."""
+    loose = [EFFECTS[effect].member_parameters(vehicle)[member].loose for effect, member in keys]
+    return np.array([REPEATS * abs(value) or WARMTH * size for value, size in zip(nominal, loose, strict=True)])
 
 
-def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient]) -> Nuisance:
+def stated(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> Nuisance:
+    """Of a vehicle whose file is right within the slack of the settings, in logs with these ``channels``."""
+    return nuisance(vehicle, slack_parameters(vehicle, settings, channels))
+
+
+def guessed(
+    vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient], channels: Collection[str] = ()
+) -> Nuisance:
     """Of a vehicle whose file is a guess: its own ``coefficients`` where it states any, else those of all effects."""
     if coefficients:
         given = {(c.effect, c.member): (c.effect, c.member, c.nominal, c.width) for c in coefficients}
         covered = {name for effect, _ in given for name in EFFECTS[effect].covers}
-        own = {(entry[0], entry[1]): entry for entry in slack_parameters(vehicle, settings) if entry[0] not in covered}
+        own = {
+            (entry[0], entry[1]): entry
+            for entry in slack_parameters(vehicle, settings, channels)
+            if entry[0] not in covered
+        }
         return nuisance(vehicle, list((own | given).values()))
-    return nuisance(vehicle, guesses(vehicle))
+    return nuisance(vehicle, [*guesses(vehicle), *sensor_slack(vehicle, settings, channels)])
 
 
 def guesses(vehicle: Vehicle) -> list[Entry]:
@@ -117,7 +131,7 @@ class Centred:
             if old and new == old and abs(value) > SMALLEST_FACTOR * abs(old):
                 factor[i] = old / value
         slack = tuple((*s[:2], new, s[3]) for s, new in zip(self.nuisance.slack, nominal, strict=True))
-        repeats = np.array([REPEATS * abs(value) for value in nominal])
+        repeats = _repeats(own, [(effect, member) for effect, member, *_ in slack], nominal)
         nuisance = Nuisance(slack, self.nuisance.width * np.abs(factor), self.nuisance.spread, repeats)
         moved = Centred(own, nuisance, (self.file - deviation) * factor, covariance)
         return moved.sure(covariance * np.outer(factor, factor) + nuisance.between_flights(sizes))

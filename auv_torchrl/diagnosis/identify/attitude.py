@@ -6,13 +6,16 @@ import torch
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
+from auv_torchrl.flightlog.log import ACCELERATION
 from auv_torchrl.vehicle import Vehicle
 
 TILT = (3, 4)  # degrees of freedom
 
 
 def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
-    """The vehicle with roll and pitch held where the log does not show them move."""
+    """The vehicle with roll and pitch held where the log does not show them move, and feels no weight along them."""
+    if set(ACCELERATION) & set(log.axes):
+        return vehicle
     swings = []
     for axis, column in (("roll", 3), ("pitch", 4)):
         if axis in log.axes:

@@ -54,9 +54,12 @@ class Explanation:
                     both = row[member] + knob.value - nominal[member]
                     row[member] = min(max(both, parameters[member].low), parameters[member].high)
         if slack:
+            told = {(knob.effect, member) for knob in self.knobs for member in knob.members}
             for (effect, member), deviation in self.slack.items():
                 row, (parameters, nominal) = values.setdefault(effect, {}), known[effect]
                 p = parameters[member]
+                if p.loose and (effect, member) in told:
+                    continue  # an offset is one number: the effect that has a value for it says all of it
                 row[member] = min(max(row.get(member, nominal[member]) + deviation, p.low), p.high)
         return values
 

@@ -65,14 +65,14 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
         problem = replace(problem, windows=whiten(problem.given, vehicle, problem.layout, problem.sigma, begin))
     problem, state = _weigh_outliers(problem, vehicle, follow_freely(problem, problem.windows, vehicle))
     while (
-        np.median(misfit(problem.windows, state.residual, problem.sigma)) > FOLLOWED
+        np.median(misfit(problem.windows, _beside_offsets(problem.windows, state.residual), problem.sigma)) > FOLLOWED
         and problem.layout.steps_per_bin > 2
     ):
         steps = problem.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
         finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
         problem = replace(problem, layout=Layout.of(problem.windows, problem.vehicle, finer * problem.windows.dt))
         state = follow_freely(problem, problem.windows, vehicle)
-    followed = misfit(problem.windows, state.residual, problem.sigma) < LOST
+    followed = misfit(problem.windows, _beside_offsets(problem.windows, state.residual), problem.sigma) < LOST
     sigma = problem.sigma
     if problem.windows.whitening is None:
         measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
@@ -93,7 +93,7 @@ def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tupl
     large residual may be the simulator's.
     """
     windows = problem.windows
-    far = np.abs(state.residual) / noise_per_sample(windows, problem.sigma)
+    far = np.abs(_beside_offsets(windows, state.residual)) / noise_per_sample(windows, problem.sigma)
     far = np.where(np.isfinite(far), far, 0.0)
     some = (far > OUTLIER).any(1) & ((far > OUTLIER).mean(1) < MANY_OUTLIERS)
     if not some.any():
@@ -105,6 +105,18 @@ def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tupl
     problem = replace(problem, windows=replace(windows, trust=windows.trust * factor), outlying=outlying)
     again = follow_freely(problem, problem.windows.subset(some), vehicle)
     return problem, _replaced(state, some, again)
+
+
+def _beside_offsets(windows: Windows, residual: Floats) -> Floats:
+    """What is left (W, K), less what a channel that is felt is off by throughout: that is no motion, and no outlier."""
+    if not windows.felt.any():
+        return residual
+    left = residual.reshape(windows.trust.shape).copy()
+    for column in np.flatnonzero(windows.felt):
+        seen = (windows.trust[..., column] > 0) & np.isfinite(left[..., column])
+        if seen.any():
+            left[..., column] -= np.where(seen, np.median(left[..., column][seen]), 0.0)
+    return left.reshape(residual.shape)
 
 
 def follow_freely(problem: Problem, windows: Windows, vehicle: Vehicle, prior: Floats | None = None) -> Smoothed:

@@ -1,6 +1,6 @@
 """What could be wrong: every effect of the registry as a few concrete changes, and the slack of a healthy vehicle."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
 from typing import Annotated, Any
@@ -177,17 +177,22 @@ def do_change(vehicle: Vehicle, changes: Sequence[tuple[str, dict[str, float]]])
     return does.tolist()
 
 
-def slack_parameters(vehicle: Vehicle, settings: Settings) -> list[Entry]:
+def slack_parameters(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> list[Entry]:
     """What no vehicle has exactly as modelled.
 
-    A coefficient of 0 has no relative slack, and a scale of it changes nothing: both are left out.
+    A coefficient of 0 has no relative slack, and a scale of it changes nothing: both are left out. What sound sensors
+    are off by is slack where a log has the ``channels`` that show it.
     """
     found: list[Entry] = []
     for name, effect in EFFECTS.items():
+        if not effect.is_asked(channels):
+            continue
         widths = settings.slack_of(effect)
-        for member, p in effect.member_parameters(vehicle).items() if widths else ():
+        for member, p in effect.member_parameters(vehicle).items():
             nominal = p.nominal_value(vehicle, member)
-            found.append((name, member, nominal, widths.get(p.name, 0.0) * abs(nominal)))
+            loose = p.loose_in(channels)
+            if widths or loose:
+                found.append((name, member, nominal, widths.get(p.name, 0.0) * abs(nominal) or loose))
     return that_matter(vehicle, found)
 
 
@@ -195,3 +200,10 @@ def that_matter(vehicle: Vehicle, entries: Sequence[Entry]) -> list[Entry]:
     """Those parameters that make another vehicle where they are off by their width."""
     acts = do_change(vehicle, [(name, {member: nominal + width}) for name, member, nominal, width in entries])
     return [entry for entry, does in zip(entries, acts, strict=True) if does]
+
+
+def sensor_slack(vehicle: Vehicle, settings: Settings, channels: Collection[str]) -> list[Entry]:
+    """That of the slack parameters which sound sensors are off by in logs with these ``channels``."""
+    each = {name: effect.member_parameters(vehicle) for name, effect in EFFECTS.items()}
+    found = slack_parameters(vehicle, settings, channels)
+    return [entry for entry in found if each[entry[0]][entry[1]].loose_in(channels)]

@@ -35,7 +35,7 @@ class Base:
     def without_slopes(self) -> "Base":
         """The motion alone, in a fifteenth of the memory: to compare with or to begin from, not to linearise about."""
         nothing = np.empty(0)
-        return replace(self, state=replace(self.state, slope=nothing, transition=nothing, push=nothing))
+        return replace(self, state=replace(self.state, slope=nothing, transition=nothing, push=nothing, feel=nothing))
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,18 @@
 """What explanations of one log are judged by: windows, vehicle, settings, noise, disturbance and slack."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.evidence import Prior
-from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, sensor_slack, slack_parameters
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import KNOB_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
-from auv_torchrl.effects import EFFECTS
+from auv_torchrl.diagnosis.thresholds import FELT_ALONE, KNOB_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
+from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
@@ -31,6 +32,28 @@ class Known:
     scale: float = 0.0  # relative, what all forces and masses of the vehicle may be off by together, which no log tells
     flights: int = 0  # from which it was learnt, where they are here
     shrinks: Floats | None = None  # (k, k) part of the covariance that falls with the number of these flights
+
+    def beside(self, own: Sequence[Slack]) -> "Known":
+        """The same with slack of channels that the healthy log may not have had."""
+        there = {entry[:2] for entry in self.slack}
+        new = [entry for entry in own if entry[:2] not in there]
+        if not new:
+            return self
+        wide, still = np.diag([width**2 for *_, width in new]), np.zeros((len(new), len(new)))
+        return replace(
+            self,
+            slack=(*self.slack, *new),
+            slack_covariance=_corners(self.slack_covariance, wide),
+            shrinks=None if self.shrinks is None else _corners(self.shrinks, still),
+        )
+
+
+def _corners(first: Floats, second: Floats) -> Floats:
+    """Two square matrices along the diagonal of one."""
+    k = len(first)
+    whole = np.zeros((k + len(second),) * 2)
+    whole[:k, :k], whole[k:, k:] = first, second
+    return whole
 
 
 class FreedomCache:
@@ -95,12 +118,13 @@ class Problem:
         reach = _reach(vehicle)
         rough, noisier, floor = first_noise(windows), {}, np.array(settings.floor_force)
         if known is None:
-            slack = tuple(slack_parameters(vehicle, settings))
+            slack = tuple(slack_parameters(vehicle, settings, windows.channels))
             covariance = np.diag(np.array([width for *_, width in slack]) ** 2)
         else:
+            known = known.beside(sensor_slack(vehicle, settings, windows.channels))
             slack, covariance = known.slack, known.slack_covariance
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
-        shown = {name: effect for name, effect in EFFECTS.items() if effect.shows_in(windows.errors.drift)}
+        shown = {name: effect for name, effect in EFFECTS.items() if _is_looked_for(effect, windows)}
         atoms = tuple(make_atoms(vehicle, settings, shown))
         return Problem(
             given=windows,
@@ -111,7 +135,7 @@ class Problem:
             layout=layout,
             floor=floor[layout.dof],
             reach=reach,
-            wide=reach[layout.dof],
+            wide=reach[layout.dof] * np.where(layout.felt, FELT_ALONE, 1.0),
             atoms=atoms,
             slack=slack,
             slack_covariance=covariance,
@@ -151,6 +175,10 @@ class Problem:
     def freedom(self, slope: Floats, prior: Floats | None = None) -> Freedom:
         """What the free numbers of windows with these slopes (W, K, L) absorb, the disturbance held by ``prior``."""
         return self.freedoms.of(self.windows, self.layout, slope, self.sigma, self.floor if prior is None else prior)
+
+
+def _is_looked_for(effect: Effect, windows: Windows) -> bool:
+    return effect.shows_in(windows.errors.drift) and effect.is_asked(windows.channels)
 
 
 def believed_noise(known: Known | None, noisier: dict[str, float], measured: dict[str, float]) -> dict[str, float]:

@@ -19,7 +19,6 @@ from auv_torchrl.diagnosis.thresholds import BENT, FLICKERS
 from auv_torchrl.flightlog.streams.drift import DRIFT_S
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import matvec
-from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 MOMENTS = 101  # at which a command may have changed between two snapshots, to average over
@@ -67,7 +66,7 @@ def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smo
     unknown = unknown_force(windows, vehicle)[..., moves].reshape(len(windows), 1, -1)
     unit = np.eye(windows.steps * len(moves)).reshape(1, windows.steps, len(moves), -1)
     c = prepare(vehicle).numpy()
-    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).slopes[0])
+    tangent = Tangent.of(windows, c, layout.start, state.transition, state.push, state.feel)
     nothing = np.zeros((1, len(layout.start), unit.shape[-1]))
     return unknown * respond(windows, layout.start, tangent, nothing, unit, ahead(windows, c)[0])
 

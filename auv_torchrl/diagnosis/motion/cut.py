@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows, guess_start
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, guess_start
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS, STEEP
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.sensors import CHANNELS, MOTION
 
 
 class _Cut(NamedTuple):
@@ -19,8 +20,8 @@ class _Cut(NamedTuple):
     episode: Episode
     start: int  # grid step
     position: Floats  # (m,) grid steps behind the start at which samples are
-    values: Floats  # (m, 12)
-    trusted: Floats  # (m, 12)
+    values: Floats  # (m, 15)
+    trusted: Floats  # (m, 15)
 
 
 def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0.0) -> Windows:
@@ -58,7 +59,7 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         cuts = [cuts[i] for i in np.linspace(0, len(cuts) - 1, MAX_WINDOWS).astype(int)]
     longest = max(len(grid) for grid in grids)
     parts = np.stack([np.pad(grid, ((0, longest - len(grid)), (0, 0), (0, 0)), mode="edge") for grid in grids])
-    return Windows(
+    windows = Windows(
         dt=dt,
         steps=steps,
         channels=channels,
@@ -69,11 +70,13 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         start=np.array([cut.start for cut in cuts]),
         origin=np.array([cut.episode.t[0] for cut in cuts]),
         resolution=np.array([log.resolution.get(channel, 0.0) for channel in channels]),
-        guess=np.stack([guess_start(cut.position * dt, cut.values) for cut in cuts]),
+        guess=np.stack([guess_start(cut.position * dt, cut.values[:, : len(MOTION)]) for cut in cuts]),
         errors=log.errors,
         volts=_volts(log, dt, longest),
+        around=max(1, round(merged * _row_s(log) / dt)) / 2,
         **_samples(cuts, columns),
     )
+    return windows.without_edges()
 
 
 def _volts(log: FlightLog, dt: float, length: int) -> Floats | None:
@@ -115,7 +118,7 @@ def _samples(cuts: list[_Cut], columns: list[int]) -> dict[str, np.ndarray]:
 
 
 def _is_steep(values: Floats) -> bool:
-    """Whether samples (T, 12) show the vehicle point straight up or down, where roll and yaw are not defined."""
+    """Whether samples (T, 15) show the vehicle point straight up or down, where roll and yaw are not defined."""
     return bool((np.abs(values[:, CHANNELS.index("pitch")]) > STEEP).any())
 
 
@@ -127,7 +130,7 @@ def _first_seen(position: Floats, known: np.ndarray, lead: int) -> int:
 
 def grid_step(log: FlightLog) -> tuple[float, int]:
     """Grid step in s, near the control step, and how many samples are averaged into one (1 unless sampled fast)."""
-    sample = float(np.median(np.concatenate([np.diff(episode.t) for episode in log.episodes])))
+    sample = _row_s(log)
     irregular = any(np.ptp(np.diff(e.t)) > 0.02 * sample for e in log.episodes if len(e) > 2)
     if sample < 0.75 * CONTROL_DT:
         merged = max(1, round(CONTROL_DT / sample))
@@ -137,14 +140,21 @@ def grid_step(log: FlightLog) -> tuple[float, int]:
     return sample / np.ceil(sample / target - 1e-6), 1
 
 
+def _row_s(log: FlightLog) -> float:
+    """The usual time in s from row to row."""
+    return float(np.median(np.concatenate([np.diff(episode.t) for episode in log.episodes])))
+
+
 def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats, Floats]:
-    """Times (T,), values and trust (T, 12) of an episode, each the mean of ``merged`` samples, angles unwrapped."""
-    values = np.concatenate([episode.pose, episode.velocity], axis=1)
+    """Times (T,), values and trust (T, 15) of an episode, each the mean of ``merged`` samples, angles unwrapped."""
+    values = episode.values
     for angle in ANGLES:
         column = CHANNELS.index(angle)
         if np.isfinite(values[:, column]).all():
             values[:, column] = np.unwrap(values[:, column])
-    trusted = np.ones_like(values) if episode.filled is None else 1.0 - episode.filled
+    trusted = np.ones_like(values)
+    if episode.filled is not None:
+        trusted[:, : episode.filled.shape[1]] -= episode.filled
     if merged == 1:
         return episode.t, values, trusted
     whole = len(values) // merged * merged

@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate_prepared
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.samples import ahead, oldest
+from auv_torchrl.diagnosis.motion.samples import ahead, felt_samples, oldest
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -22,6 +22,7 @@ from auv_torchrl.physics.thrusters import thrust_after
 from auv_torchrl.sensors import Inverse, motion_of, read
 
 CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
+READ_AT_ONCE = 300  # windows of vehicles: their arrays stay in the cache of a laptop
 PROBED = 3  # windows in which is looked which vehicles report something else
 SAME = 1e-9  # m, rad, m/s, rad/s: rounding
 
@@ -80,7 +81,7 @@ def marks(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, fo
     moves = layout.start[: len(layout.start) // 2]
     pushed = forces[..., moves].transpose(0, 2, 3, 1)
     nothing = np.zeros((1, len(layout.start), forces.shape[1]))
-    tangent = Tangent(state.transition, state.push, Inverse.of(c, windows.channels).slopes[0])
+    tangent = Tangent.of(windows, c, layout.start, state.transition, state.push, state.feel)
     return respond(windows, layout.start, tangent, nothing, pushed, ahead(windows, c)[0])
 
 
@@ -105,8 +106,10 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
     if not len(other):
         return None
     shown = np.zeros((*windows.measured.shape, len(after.lag)))
-    for row in other:
-        shown[..., row] = beyond(after.rows(slice(row, row + 1)), slice(None))[:, 0]
+    few = max(1, READ_AT_ONCE // len(windows)) if windows.felt.any() else 1
+    for first in range(0, len(other), few):
+        some = other[first : first + few]
+        shown[..., some] = np.moveaxis(beyond(after.rows(some), slice(None)), 1, -1)
     shown *= windows.trust[..., None]
     return windows.whitened(shown.reshape(len(windows), -1, shown.shape[-1]))
 
@@ -114,10 +117,15 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
     """What vehicles (R,) report (W, R, m, C) at the times of samples, moving as ``seen`` (W, 1, S + 1, 13)."""
     true = Inverse.of(c, windows.channels).by_step().true_state(seen)
-    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2])
-    reports = read(c.rows((slice(None), None)), windows.channels, motion_of(true), load)
+    felt = c.compass_per_load.any()  # what thrusters give is worked out where some sensor feels it
+    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2]) if felt else None
+    by_step, motion = c.rows((slice(None), None)), motion_of(true)
+    reports = read(by_step, windows.channels, motion, load)
     reports[..., windows.angular] = np.unwrap(reports[..., windows.angular], axis=2)
     at = (windows.index + windows.fraction)[:, None, :, None] + ahead(windows, c)[:, None]
     whole = np.minimum(np.floor(at + 1e-9).astype(int), windows.steps - 1)
     here, there = (np.take_along_axis(reports, step, axis=2) for step in (whole, whole + 1))
-    return here + (at - whole) * (there - here)
+    found = here + (at - whole) * (there - here)
+    if windows.felt.any():
+        found[..., windows.felt] = felt_samples(windows, by_step, motion, at[..., windows.felt])
+    return found

@@ -9,10 +9,11 @@ from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.force import accelerations
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Layout
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
 from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import cross, matvec, quaternion_from_euler, rotation_matrix
-from auv_torchrl.sensors import Inverse
+from auv_torchrl.sensors import FELT, MOTION, Inverse, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
 REACH_S = 0.25  # half width of the parabolas; wider where samples are sparse
@@ -52,12 +53,13 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
         (slice(3, 6), slope[..., 3:6], bend[..., 3:6]),
     ):
         turning = cross(spinning, first) if columns.start == 0 else 0.0
-        known = np.array([channel in windows.channels for channel in CHANNELS[6:][columns]])
+        known = np.array([channel in windows.channels for channel in MOTION[6:][columns]])
         velocity[..., columns] = np.where(known, velocity[..., columns], first)
         rate[..., columns] = np.where(known, rate[..., columns], second - turning)
     motion = np.concatenate([value[..., :3], quaternion, velocity], axis=-1)
     by_step = np.repeat(motion, layout.steps_per_bin, axis=1)[:, : windows.steps]
     actuation = actuate(windows, vehicle)
+    rate[..., :3] = _where_felt_alone(windows, actuation.c, fits[:, :, 0], motion, rate[..., :3])
     predicted = accelerations(actuation, by_step)[:, 0]
     missing = np.repeat(rate, layout.steps_per_bin, axis=1)[:, : windows.steps] - predicted
     missing = Inverse.of(actuation.c, windows.channels).true_rate(missing, by_step)
@@ -67,8 +69,19 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     return np.add.reduceat(force, edges, axis=1) / counts[:, None]
 
 
+def _where_felt_alone(windows: Windows, c: Coefficients, fits: Floats, motion: Floats, rate: Floats) -> Floats:
+    """Accelerations (W, B, 3), as the fits (W, B, C) of what is felt say along axes that nothing else tells of."""
+    rate = rate.copy()
+    for axis, name in enumerate(FELT):
+        if name in windows.channels and not {MOTION[axis], MOTION[6 + axis]} & set(windows.channels):
+            weight = read(c.rows((slice(None), None)), (name,), motion_of(motion))[..., 0]
+            rate[..., axis] = fits[..., windows.channels.index(name)] - weight
+    return rate
+
+
 def _spread(windows: Windows, values: Floats) -> Floats:
     """Values (W, B, C) of the channels as columns of all twelve, zero where not measured."""
     full = np.zeros((*values.shape[:-1], 12))
-    full[..., [CHANNELS.index(channel) for channel in windows.channels]] = values
+    moved, columns = columns_of_motion(windows.channels)
+    full[..., columns] = values[..., moved]
     return full

@@ -1,10 +1,12 @@
 """What the sensors of many vehicles report of a motion, at the times of a log's samples."""
 
+from typing import cast
+
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import Coefficients
-from auv_torchrl.sensors import ages, motion_of, read
+from auv_torchrl.sensors import ages, felt_along, motion_of, read
 
 
 def oldest(windows: Windows, c: Coefficients) -> Floats:
@@ -28,12 +30,36 @@ def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats, load
     ``load`` (w, R, steps + 1) is the share of their full thrusts that thrusters give; None where no sensor feels it.
     """
     by_step = c.rows((slice(None), None))  # (R, 1, ...): steps are a batch axis
-    reported = read(by_step, windows.channels, motion_of(states), load)
+    motion = motion_of(states)
+    reported = read(by_step, windows.channels, motion, load)
     at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
     if windows.fraction.any() or later.any():  # interpolation must not cross the cut at pi
         reported[..., windows.angular] = np.unwrap(reported[..., windows.angular], axis=2)
-    columns = range(len(windows.channels))
-    return np.stack([_read(reported[..., column], at + later[:, column, None]) for column in columns], axis=-1)
+    columns, felt = range(len(windows.channels)), windows.felt
+    seen = [None if felt[column] else _read(reported[..., column], at + later[:, column, None]) for column in columns]
+    if felt.any():
+        means = felt_samples(windows, by_step, motion, at[..., None] + later[:, None, felt])
+        for place, column in enumerate(np.flatnonzero(felt)):
+            seen[column] = means[..., place]
+    return np.stack(cast(list[Floats], seen), axis=-1)
+
+
+def felt_samples(windows: Windows, by_step: Coefficients, motion: Floats, at: Floats) -> Floats:
+    """What is felt along a ``motion`` (w, R, L, 12) on the mean around grid positions ``at`` (w, R or 1, m, k).
+
+    ``k`` are the channels that are felt, in their order.
+    """
+    names = tuple(name for name, felt in zip(windows.channels, windows.felt, strict=True) if felt)
+    means = felt_along(by_step, names, motion, windows.dt)
+    total = np.concatenate([np.zeros_like(means[:, :, :1]), np.cumsum(means, axis=2)], axis=2)
+    columns = (_around(windows, total[..., place], at[..., place]) for place in range(len(names)))
+    return np.stack(list(columns), axis=-1)
+
+
+def _around(windows: Windows, total: Floats, at: Floats) -> Floats:
+    """Means around grid positions ``at`` (w, R or 1, m) of what adds up to ``total`` (w, R, L) at grid steps."""
+    low, high = (np.clip(at + side * windows.around, 0.0, total.shape[-1] - 1) for side in (-1, 1))
+    return (_read(total, high) - _read(total, low)) / (2 * windows.around)
 
 
 def _read(series: Floats, at: Floats) -> Floats:

@@ -13,16 +13,17 @@ from auv_torchrl.diagnosis.motion.actuation import Actuation
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import LEAST_FREEDOM, LEAST_NOISE, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import Inverse
+from auv_torchrl.sensors import CHANNELS, FELT, MOTION, Inverse
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
+USUAL_SPEED = 0.5  # m/s, prior of a speed where what changes it is felt and nothing tells the speed itself
 ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
 
 
@@ -35,6 +36,7 @@ class Layout:
     bins: int
     steps_per_bin: int
     loose: Floats  # (len(start),) standard deviations of the prior of a start about the first guess
+    felt: np.ndarray  # (len(dof),) True where a force is felt and no motion measured
 
     @property
     def size(self) -> int:
@@ -48,14 +50,15 @@ class Layout:
 
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
-        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that are measured.
+        """The layout for the degrees of freedom in which the vehicle moves, with forces in those measured or felt.
 
         Raises:
             FlightLogError: if the log measures none of them.
         """
-        moves = np.flatnonzero(vehicle.free.numpy() > 0)
-        seen = [CHANNELS[d] in windows.channels or CHANNELS[d + 6] in windows.channels for d in moves]
-        if not any(seen):
+        moves, here = np.flatnonzero(vehicle.free.numpy() > 0), set(windows.channels)
+        followed = np.array([bool({MOTION[d], MOTION[d + 6]} & here) for d in moves])
+        seen = followed | np.array([bool(here & set(FELT[d : d + 1])) for d in moves])
+        if not seen.any():
             raise FlightLogError(
                 f"the log measures {', '.join(windows.channels)} alone, in which the vehicle is held or does not move: "
                 "log x, y and yaw, z, or body velocities too"
@@ -63,7 +66,8 @@ class Layout:
         per_bin = max(1, round(bin_s / windows.dt))
         start = np.concatenate([moves, moves + 6])
         loose = loose_start(vehicle)[start]
-        return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose)
+        loose[len(moves) :][seen & ~followed] = USUAL_SPEED
+        return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose, ~followed[seen])
 
     def force(self, bins: Floats, steps: int) -> Floats:
         """Force (..., steps, 6) of bins (..., B, D)."""
@@ -82,6 +86,7 @@ class Smoothed:
     slope: Floats  # (W, K, L) of the prediction in the L free numbers
     transition: Floats  # (W, S, n, n), of the tangent that the slope comes from
     push: Floats  # (W, S, n, n / 2), likewise
+    feel: Floats  # (W, S + 1, k, n), likewise
 
 
 def loose_start(vehicle: Vehicle) -> Floats:
@@ -115,7 +120,7 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
         forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
     slope = respond(windows, layout.start, tangent, starts, forces, ahead(windows, c)[0])
-    return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push)
+    return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push, tangent.feel)
 
 
 @DIVERGING
@@ -174,7 +179,7 @@ def flown(actuation: Actuation, layout: Layout, start: Floats, bins: Floats) -> 
 
 def fields(state: Smoothed) -> tuple[Floats, ...]:
     """The arrays of a smoothed state, in order."""
-    return state.start, state.bins, state.residual, state.slope, state.transition, state.push
+    return state.start, state.bins, state.residual, state.slope, state.transition, state.push, state.feel
 
 
 def follow(
@@ -186,14 +191,12 @@ def follow(
     """
     pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
     short = replace(layout, bins=PIECE_BINS)
-    parts = len(pieces) // len(windows)
-    held = np.setdiff1d(np.arange(12), layout.start)
     guess = Inverse.of(prepare(vehicle).numpy(), windows.channels).as_reported(pieces.guess).copy()
-    guess[:, held] = 0.0
+    guess[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
     near = smooth(
         pieces, vehicle, short, sigma, force_prior, (guess, begin.reshape(len(pieces), PIECE_BINS, -1)), rounds=2
     )
-    start = near.start.reshape(len(windows), parts, 12)[:, 0]
+    start = near.start.reshape(len(windows), -1, 12)[:, 0]
     bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
     return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins), rounds=3)
 
@@ -214,8 +217,7 @@ def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], for
     weight = 1.0 / noise_per_sample(windows, sigma)
     slope = state.slope * weight[:, None]
     starts = slope.shape[-1] - state.bins[0].size
-    loose = np.full(starts, 1e-6)
-    precision = np.concatenate([loose, np.tile(force_prior**-2, state.bins.shape[1])])
+    precision = np.concatenate([np.full(starts, 1e-6), np.tile(force_prior**-2, state.bins.shape[1])])
     gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
     leverage = np.einsum("wkl,wlk->wk", slope, np.linalg.solve(gram, slope.swapaxes(1, 2)))
     left = state.residual.reshape(windows.measured.shape)

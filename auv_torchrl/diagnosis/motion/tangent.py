@@ -11,16 +11,17 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, begin
 from auv_torchrl.diagnosis.motion.samples import late_steps, sample
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
+from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import quaternion_from_euler
-from auv_torchrl.sensors import Inverse, motion_of
+from auv_torchrl.sensors import MOTION, Inverse, motion_of, moving, read
 from auv_torchrl.vehicle import Vehicle
 
 STEP_STATE = 1e-3  # m, rad, m/s, rad/s
 STEP_FORCE = np.array([0.1] * 3 + [0.01] * 3)  # N, N m
 COLUMNS_AT_ONCE = 64
-ANGULAR = np.array([channel in ANGLES for channel in CHANNELS])
+ANGULAR = np.array([channel in ANGLES for channel in MOTION])
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,24 @@ class Tangent:
 
     transition: Floats  # (W, S, n, n) of a step in the state before it
     push: Floats  # (W, S, n, n / 2) of a step in a force on the vehicle during it, per N and N m
+    feel: Floats  # (W, S + 1, k, n) of what ``k`` channels feel at grid steps in the state there, as it goes on
     slopes: Floats  # (12, 12) what sensors report, rows, per unit of each number of the motion, columns
+    moving: Floats  # (k, n) what is felt besides of how fast each number changes, per s
+
+    @staticmethod
+    def of(
+        windows: Windows, c: Coefficients, entries: np.ndarray, transition: Floats, push: Floats, feel: Floats
+    ) -> "Tangent":
+        """The tangent of a vehicle ``c`` (1,) from what was worked out along its path."""
+        slopes = Inverse.of(c, windows.channels).slopes[0]
+        names = felt_channels(windows)
+        rates = moving(c.rows((slice(None), None)), names, np.eye(12)[None, entries])[0].T if names else np.zeros(0)
+        return Tangent(transition, push, feel, slopes, rates)
+
+
+def felt_channels(windows: Windows) -> tuple[str, ...]:
+    """The channels that are felt, in their order."""
+    return tuple(name for name, felt in zip(windows.channels, windows.felt, strict=True) if felt)
 
 
 @DIVERGING
@@ -63,9 +81,18 @@ def linearise(
     residual = windows.residual(
         sample(windows, everything, actuation.c, states, actuation.load(everything, states.shape[2]))
     )[:, 0]
-    return residual.reshape(len(windows), -1), Tangent(
-        transition, push, Inverse.of(actuation.c, windows.channels).slopes[0]
-    )
+    feel = _feel(windows, actuation.c, entries, motion_of(states[:, 0]))
+    return residual.reshape(len(windows), -1), Tangent.of(windows, actuation.c, entries, transition, push, feel)
+
+
+def _feel(windows: Windows, c: Coefficients, entries: np.ndarray, motion: Floats) -> Floats:
+    """How what is felt of a motion (W, L, 12) that goes on as it is changes with each of its free numbers."""
+    names = felt_channels(windows)
+    if not names:
+        return np.zeros((*motion.shape[:2], 0, len(entries)))
+    beside = 0.5 * STEP_STATE * np.eye(12)[entries]
+    above, below = (read(c.rows((slice(None), None)), names, motion[:, :, None] + side * beside) for side in (1, -1))
+    return (above - below).swapaxes(2, 3) / STEP_STATE
 
 
 def respond(
@@ -103,7 +130,9 @@ def _respond(
     here = np.arange(len(windows))[:, None]
     change = np.zeros((*windows.measured.shape, moved.shape[-1]))
     for column, name in enumerate(windows.channels):
-        slopes = tangent.slopes[CHANNELS.index(name), entries]
+        if name not in MOTION:
+            continue  # felt
+        slopes = tangent.slopes[MOTION.index(name), entries]
         at = windows.index + windows.fraction + later[column]
         whole = np.minimum(np.floor(at + 1e-9).astype(int), steps)
         part = np.where(windows.present, at - whole, 0.0)[..., None]
@@ -111,8 +140,26 @@ def _respond(
             values = history[:, :, entry]
             ahead = values[here, np.minimum(whole + 1, steps)]
             change[:, :, column] += slopes[entry] * ((1 - part) * values[here, whole] + part * ahead)
+    if windows.felt.any():
+        change[:, :, windows.felt] = _felt(windows, tangent, history, later[windows.felt])
     change *= windows.trust[..., None]
     return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
+
+
+def _felt(windows: Windows, tangent: Tangent, history: Floats, later: Floats) -> Floats:
+    """Change (W, m, k, N) of the means of what is felt, of changes (W, L, n, N) of the numbers at grid steps."""
+    steady = tangent.feel @ history
+    step = 0.5 * (steady[:, 1:] + steady[:, :-1]) + tangent.moving @ np.diff(history, axis=1) / windows.dt
+    total = np.concatenate([np.zeros_like(step[:, :1]), np.cumsum(step, axis=1)], axis=1)
+    here, channel = np.arange(len(total))[:, None, None], np.arange(len(later))
+    at = np.where(windows.present, windows.index + windows.fraction, 0.0)[..., None] + later
+    ends = []
+    for side in (-1, 1):
+        there = np.clip(at + side * windows.around, 0.0, total.shape[1] - 1)
+        whole = np.minimum(np.floor(there + 1e-9).astype(int), total.shape[1] - 2)
+        part = (there - whole)[..., None]
+        ends.append((1 - part) * total[here, whole, channel] + part * total[here, whole + 1, channel])
+    return (ends[1] - ends[0]) / (2 * windows.around)
 
 
 def _perturbed(states: Floats, entries: np.ndarray, rows: int) -> Floats:

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES, SampleErrors
-from auv_torchrl.sensors import MOTION
+from auv_torchrl.sensors import MOTION, is_felt
 
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
-CHANNELS = MOTION
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,7 @@ class Windows:
     parts: Floats | None = None  # (E, T, P, n) commands in P equal parts of each grid step, where they change within
     errors: SampleErrors = SampleErrors()  # what the log says of errors that are no white noise
     volts: Floats | None = None  # (E, T) of the battery at each grid step, NaN where not logged; None: nowhere
+    around: float = 0.5  # grid steps before and behind a sample over which what is felt is its mean
     whitening: Floats | None = None  # (W, K, K) of the K = m C numbers of a window; None: their noise is white
 
     def __len__(self) -> int:
@@ -48,6 +48,11 @@ class Windows:
     def angular(self) -> np.ndarray:
         """(C,) True for channels that are angles."""
         return np.array([channel in ANGLES for channel in self.channels])
+
+    @property
+    def felt(self) -> np.ndarray:
+        """(C,) True for channels that are means of what is felt around each sample."""
+        return is_felt(self.channels)
 
     @property
     def time(self) -> Floats:
@@ -83,7 +88,7 @@ class Windows:
         index, fraction, present = np.zeros(shape, int), np.zeros(shape), np.zeros(shape, bool)
         measured, trust = (np.zeros((*shape, len(self.channels))) for _ in range(2))
         guess = np.empty((len(rows), 12))
-        columns = [CHANNELS.index(channel) for channel in self.channels]
+        moved, columns = columns_of_motion(self.channels)
         for row, (w, part, inside) in enumerate(rows):
             k = int(inside.sum())
             index[row, :k], fraction[row, :k] = self.index[w, inside] - part * steps, self.fraction[w, inside]
@@ -92,7 +97,7 @@ class Windows:
             away = np.where(self.present[w], np.abs(position[w] - part * steps) * self.dt, np.inf)
             near = away <= max(0.3, np.partition(away, 3)[3])  # a slow log has fewer than four within 0.3 s
             values = np.full((int(near.sum()), 12), np.nan)
-            values[:, columns] = self.measured[w, near]
+            values[:, columns] = self.measured[w, near][:, moved]
             guess[row] = guess_start((position[w, near] - part * steps) * self.dt, values)
         owner = np.repeat(np.arange(len(self)), parts)
         start = self.start[owner] + np.tile(np.arange(parts) * steps, len(self))
@@ -100,7 +105,15 @@ class Windows:
         return replace(
             whole, index=index, fraction=fraction, measured=measured, present=present, trust=trust, guess=guess,
             whitening=None,
-        )  # fmt: skip
+        ).without_edges()  # fmt: skip
+
+    def without_edges(self) -> "Windows":
+        """No trust in what is felt at samples so near the ends that a part of their mean is of another window."""
+        if not self.felt.any():
+            return self
+        at = self.index + self.fraction
+        beyond = (at < self.around - 1e-6) | (at > self.steps - self.around + 1e-6)
+        return replace(self, trust=np.where(beyond[..., None] & self.felt, 0.0, self.trust))
 
     def residual(self, predicted: Floats) -> Floats:
         """Measured less predicted (W, ..., m, C), angles wrapped, each number times the trust in it, then whitened."""
@@ -119,6 +132,12 @@ class Windows:
             return self.whitening @ numbers
         rows = numbers.reshape(len(self), -1, k) @ self.whitening.swapaxes(1, 2)
         return rows.reshape(numbers.shape)
+
+
+def columns_of_motion(channels: tuple[str, ...]) -> tuple[list[int], list[int]]:
+    """Which of the channels are numbers of a motion, and which of its 12 numbers these are."""
+    moved = [column for column, channel in enumerate(channels) if channel in MOTION]
+    return moved, [MOTION.index(channels[column]) for column in moved]
 
 
 def guess_start(t: Floats, values: Floats) -> Floats:

@@ -12,11 +12,11 @@ from auv_torchrl.diagnosis.motion.cut import cut_windows, grid_step
 from auv_torchrl.diagnosis.motion.rollout import fly, simulate
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import CHANNELS, Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
 from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
-from auv_torchrl.sensors import motion_of
+from auv_torchrl.sensors import MOTION, motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
@@ -157,11 +157,11 @@ def _body_errors(p: Predictions) -> dict[str, tuple[Floats, Floats, np.ndarray]]
     columns = {name: i for i, name in enumerate(p.windows.channels)}
     found: dict[str, tuple[Floats, Floats, np.ndarray]] = {}
     seen = p.windows.trust > 0
-    for name, velocity in zip(DEGREES_OF_FREEDOM, CHANNELS[6:], strict=True):
+    for name, velocity in zip(DEGREES_OF_FREEDOM, MOTION[6:], strict=True):
         if velocity in columns:
             column = columns[velocity]
             found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
-    for name, pose in zip(DEGREES_OF_FREEDOM, CHANNELS[:6], strict=True):
+    for name, pose in zip(DEGREES_OF_FREEDOM, MOTION[:6], strict=True):
         if name in found or pose not in columns:
             continue
         column = columns[pose]
@@ -197,18 +197,18 @@ def _norm(values: Floats) -> Floats:
 def held_out_windows(p: Predictions, log: FlightLog) -> tuple[Window, ...]:
     """The stretches as trajectories at the times of the samples, as sensors report them where they do."""
     found, windows = [], p.windows
-    columns = [CHANNELS.index(channel) for channel in windows.channels]
+    moved, columns = columns_of_motion(windows.channels)
     for w in range(len(windows)):
         rows = windows.present[w]
         grid = windows.index[w, rows]
         values = np.full((len(grid), 12), np.nan)
-        values[:, columns] = windows.measured[w, rows]
+        values[:, columns] = windows.measured[w, rows][:, moved]
         commands = windows.commands[windows.episode[w], windows.start[w] + grid]
         time = windows.time[w] + (grid + windows.fraction[w, rows]) * windows.dt
         simulated = []
         for v in (0, 1):
             numbers = motion_of(p.states[w, v][grid])
-            numbers[:, columns] = p.reported[w, v, rows]
+            numbers[:, columns] = p.reported[w, v, rows][:, moved]
             simulated.append(_trajectory(numbers, values))
         measured = Trajectory(values[:, :6], values[:, 6:])
         found.append(Window(int(windows.number[w]), time, commands, measured, *simulated))

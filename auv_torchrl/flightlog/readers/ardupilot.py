@@ -4,7 +4,7 @@ https://ardupilot.org/sub/docs/logmessages.html lists the messages. Raw sensors 
 filter it is the lane in use. Position and horizontal velocity are taken where the filter says that it has them.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding
 from auv_torchrl.flightlog.readers.barometer import depth
 from auv_torchrl.flightlog.readers.firmware import frame_of, mode_name
+from auv_torchrl.flightlog.readers.inertial import inertial
 from auv_torchrl.flightlog.readers.lanes import latest, of_lane, primary_lane, rows
 from auv_torchrl.flightlog.readers.messages import Columns, Messages
 from auv_torchrl.flightlog.streams.attitude import euler_angles
@@ -39,6 +40,7 @@ WANTED = {
     "ATT": ("TimeUS", "Roll", "Pitch", "Yaw"),
     "XKQ": ("TimeUS", "C", "Q1", "Q2", "Q3", "Q4"),
     "XKF1": ("TimeUS", "C", "PN", "PE", "PD", "VN", "VE", "VD", "GX", "GY", "GZ"),
+    "XKF2": ("TimeUS", "C", "AX", "AY", "AZ"),
     "XKF3": ("TimeUS", "C", "IVN", "IVE"),
     "XKF4": ("TimeUS", "C", "SS", "PI"),
     "XKFS": ("TimeUS", "C", "GI"),
@@ -51,7 +53,6 @@ _VELOCITY_KNOWN = 1 << 1  # of XKF4.SS: horizontal velocity; https://mavlink.io/
 _POSITION_KNOWN = (1 << 3) | (1 << 4)  # relative, absolute
 _STANDS_STILL = 1 << 7  # constant position mode: the filter has no position and says 0
 _ARMED, _DISARMED = 10, 11  # EV.Id
-_GROUP_DELAY = np.sqrt(2) / (2 * np.pi)  # periods, of a Butterworth filter of second order below its corner
 
 
 def streams_of(name: str, kind: str, messages: Messages) -> Streams:
@@ -63,7 +64,7 @@ def streams_of(name: str, kind: str, messages: Messages) -> Streams:
     end = max((float(c["t"].max()) for c in messages.types.values() if len(c.get("t", ()))), default=0.0)
     found = (
         _outputs(messages), _attitude(messages, primary, lane),
-        *_imu(messages, primary, lane, vehicle.parameters), sounding,
+        *inertial(messages, primary, lane, vehicle.parameters), sounding,
         *_filtered(messages, primary, lane), _doppler(messages), _battery(messages),
     )  # fmt: skip
     return Streams(
@@ -155,43 +156,6 @@ def _attitude(messages: Messages, primary: Columns | None, lane: int) -> Stream 
         return None
     degrees = np.stack([angles[name].astype(np.float64) for name in ("Roll", "Pitch", "Yaw")], -1)
     return stream("attitude", channels, "rad", angles["t"], np.deg2rad(degrees), Sampling.ESTIMATED, "ATT")
-
-
-def _imu(
-    messages: Messages, primary: Columns | None, lane: int, parameters: Mapping[str, float]
-) -> tuple[Stream | None, Stream | None]:
-    """Gyro, less the bias that the filter found, and accelerometer, of the unit that the lane in use listens to.
-
-    Both are logged behind a low pass, and told for the moment at which they were felt.
-    """
-    imu = messages.get("IMU", "GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
-    if imu is None:
-        return None, None
-    unit, source = lane, messages.get("XKFS", "GI")
-    if source is not None and len(source["t"]):
-        used = of_lane(source, primary, lane)["GI"].astype(np.int64).clip(0, 255)
-        unit = int(np.bincount(used).argmax()) if len(used) else lane
-    if "I" in imu:
-        imu = rows(imu, imu["I"] == unit)
-    turning = np.stack([imu[f"Gyr{axis}"].astype(np.float64) for axis in "XYZ"], -1)
-    late = {name: _late(parameters.get(f"INS_{name}_FILTER")) for name in ("GYRO", "ACCEL")}
-    pushing = np.stack([imu[f"Acc{axis}"].astype(np.float64) for axis in "XYZ"], -1)
-    what = f"IMU {unit}"
-    drift = messages.get("XKF1", "GX", "GY", "GZ")
-    if drift is not None and len((drift := of_lane(drift, primary, lane))["t"]):
-        bias = np.stack([drift[f"G{axis}"].astype(np.float64) for axis in "XYZ"], -1)  # degree/s
-        turning = turning - np.deg2rad(bias[latest(drift["t"], imu["t"])])
-        what += " less the bias of XKF1"
-    gyro = stream("gyro", "pqr", "rad/s", imu["t"] - late["GYRO"], turning, Sampling.MEASURED, what)
-    return gyro, stream(
-        "accelerometer", ("ax", "ay", "az"), "m/s^2", imu["t"] - late["ACCEL"], pushing, Sampling.MEASURED,
-        f"IMU {unit}",
-    )  # fmt: skip
-
-
-def _late(corner: float | None) -> float:
-    """How late in s the firmware's low pass of ``corner`` Hz tells of a change; 0 where it is off or not known."""
-    return float(_GROUP_DELAY / corner) if corner is not None and corner > 0 else 0.0
 
 
 def _filtered(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream | None, Stream | None]:

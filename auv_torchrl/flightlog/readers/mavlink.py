@@ -19,6 +19,7 @@ WANTED = {
     "SERVO_OUTPUT_RAW": ("time_usec", "port", *_SERVOS),
     "ATTITUDE": ("time_boot_ms", "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"),
     "RAW_IMU": ("time_usec", "xacc", "yacc", "zacc"),
+    **{name: ("time_boot_ms", "xacc", "yacc", "zacc") for name in ("SCALED_IMU", "SCALED_IMU2")},
     "LOCAL_POSITION_NED": ("time_boot_ms", "x", "y", "z", "vx", "vy", "vz"),
     "GLOBAL_POSITION_INT": ("time_boot_ms", "relative_alt"),
     "EKF_STATUS_REPORT": ("flags",),
@@ -29,7 +30,7 @@ TEXTS = ("param_id", "text")  # fields that are no number
 AUTOPILOT = 1  # number of the component that flies
 _NO_AUTOPILOT, _GROUND_STATION = 8, 6  # HEARTBEAT.autopilot, .type
 _ARMED = 128  # of HEARTBEAT.base_mode
-_G = 9.80665e-3  # m/s^2 for each mG of RAW_IMU
+_G = 9.80665e-3  # m/s^2 for each mG of RAW_IMU and SCALED_IMU
 _PA_A_METRE = 9800.0  # Pa/m, by which AP_Baro makes a depth of a pressure in water of specific gravity 1
 _SAME_M = 0.25  # m, median by which a barometer outside differs from the depth in use
 _VELOCITY_KNOWN, _POSITION_KNOWN, _STANDS_STILL = 1 << 1, (1 << 3) | (1 << 4), 1 << 7  # EKF_STATUS_REPORT.flags
@@ -116,11 +117,13 @@ def _attitude(messages: Messages) -> tuple[Stream | None, Stream | None]:
 
 
 def _accelerometer(messages: Messages) -> Stream | None:
-    felt = messages.get("RAW_IMU", "xacc", "yacc", "zacc")
-    if felt is None:
-        return None
-    values = _stacked(felt, ("xacc", "yacc", "zacc")) * _G
-    return stream("accelerometer", ("ax", "ay", "az"), "m/s^2", felt["t"], values, Sampling.MEASURED, "RAW_IMU")
+    """Of the unit in use, or the next one that was recorded; ArduPilot sends all of them in thousandths of a weight."""
+    for name in ("RAW_IMU", "SCALED_IMU", "SCALED_IMU2"):
+        felt = messages.get(name, "xacc", "yacc", "zacc")
+        if felt is not None and len(felt["t"]):
+            values = _stacked(felt, ("xacc", "yacc", "zacc")) * _G
+            return stream("accelerometer", ("ax", "ay", "az"), "m/s^2", felt["t"], values, Sampling.MEASURED, name)
+    return None
 
 
 def _depth(messages: Messages, vehicle: VehicleFacts) -> tuple[Stream | None, list[Finding]]:

@@ -21,8 +21,8 @@ from auv_torchrl.flightlog.streams.stream import (
 
 MAGIC = b"ULog"
 TOPICS = (
-    "actuator_motors", "vehicle_attitude", "vehicle_angular_velocity", "sensor_combined", "vehicle_local_position",
-    "battery_status", "vehicle_status",
+    "actuator_motors", "vehicle_attitude", "vehicle_angular_velocity", "vehicle_acceleration", "sensor_combined",
+    "vehicle_local_position", "battery_status", "vehicle_status",
 )  # fmt: skip
 _ARMED = 2  # vehicle_status.arming_state
 _MODES = {  # vehicle_status.nav_state
@@ -100,18 +100,22 @@ def _attitude(topics: Mapping[str, Topic]) -> Stream | None:
 
 
 def _inertial(topics: Mapping[str, Topic]) -> tuple[Stream | None, Stream | None]:
-    """Rates less their bias, or as the gyro has them, and the accelerometer."""
+    """Rates and specific force less their biases, or as gyro and accelerometer have them."""
     source = "vehicle_angular_velocity"
     rates = _some(topics, source, *(f"xyz[{i}]" for i in range(3)))
     if rates is None:
         source = "sensor_combined"
         rates = _some(topics, source, *(f"gyro_rad[{i}]" for i in range(3)))
-    felt = _some(topics, "sensor_combined", *(f"accelerometer_m_s2[{i}]" for i in range(3)))
+    feeling = "vehicle_acceleration"
+    felt = _some(topics, feeling, *(f"xyz[{i}]" for i in range(3)))
+    if felt is None:
+        feeling = "sensor_combined"
+        felt = _some(topics, feeling, *(f"accelerometer_m_s2[{i}]" for i in range(3)))
     return (
         None if rates is None else stream("gyro", "pqr", "rad/s", *rates, Sampling.MEASURED, source),
         None
         if felt is None
-        else stream("accelerometer", ("ax", "ay", "az"), "m/s^2", *felt, Sampling.MEASURED, "sensor_combined"),
+        else stream("accelerometer", ("ax", "ay", "az"), "m/s^2", *felt, Sampling.MEASURED, feeling),
     )
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.log import ANGLES, POSE, VELOCITY, SampleErrors
+from auv_torchrl.flightlog.log import ACCELERATION, ANGLES, AXES, POSE, VELOCITY, SampleErrors
 from auv_torchrl.flightlog.streams.configuration import check_configuration
 from auv_torchrl.flightlog.streams.drift import drift_of
 from auv_torchrl.flightlog.streams.motors import commands_of
@@ -25,6 +25,7 @@ SOURCES = {  # of each column, the best first: raw sensors before the estimates 
     "roll": ("attitude",), "pitch": ("attitude",), "yaw": ("attitude",),
     "u": ("dvl", "body_velocity"), "v": ("dvl", "body_velocity"), "w": ("dvl", "body_velocity"),
     "p": ("gyro",), "q": ("gyro",), "r": ("gyro",),
+    **dict.fromkeys(ACCELERATION, ("accelerometer",)),
 }  # fmt: skip
 _FASTER = 0.6  # of the interval of the rows: streams whose interval is shorter are averaged
 _ROUNDING_S = 1e-6  # s, of times in a file: what lies on the edge of a window is left out on both sides
@@ -92,7 +93,7 @@ def _measured_rows(told: Stream, t: Floats, interval: float) -> np.ndarray | Non
 def choose(streams: Streams) -> dict[str, Stream]:
     """The stream of each column that there is one for."""
     found = {}
-    for axis in POSE + VELOCITY:
+    for axis in AXES:
         for name in SOURCES[axis]:
             stream = streams.streams.get(name)
             if stream is None or axis not in stream.channels:
