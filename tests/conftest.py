@@ -1,7 +1,8 @@
 """What tests of several packages share."""
 
+import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 import torch
@@ -46,6 +47,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])
+
+
+@pytest.fixture(autouse=True)
+def handlers_of_one_test() -> Iterator[None]:
+    """A command that a test calls logs to that test's console, which is closed for the tests after it."""
+    root = logging.getLogger()
+    before = set(root.handlers)
+    yield
+    for handler in set(root.handlers) - before:
+        root.removeHandler(handler)
 
 
 def pd_controller(tensordict: TensorDictBase) -> TensorDictBase:
