@@ -137,12 +137,13 @@ def test_the_installed_commands_sweep_in_processes_over_files_of_ones_own(run, t
     (tmp_path / "lab" / "effects").mkdir(parents=True)
     (tmp_path / "lab" / "effects" / "growth.py").write_text(FOULING)
     rows = EXAMPLE_LOG.read_text().splitlines(keepends=True)
-    (tmp_path / "short.csv").write_text("".join(rows[: len(rows) // 3]))
+    (tmp_path / "short.csv").write_text("".join(rows[: len(rows) // 4]))
     parallel = ("-m", "--config-dir", "lab", "hydra/launcher=joblib")
     run("auv-diagnose", *parallel, "log=short.csv", "vehicle=mine.yaml", FEW, "output=diagnosed")
     diagnosis = json.loads((tmp_path / "diagnosed" / "0" / "diagnosis.json").read_text())
     assert [effect["name"] for effect in diagnosis["effects"]] == ["thruster_gain"]
     assert "fouling" in {candidate["name"] for candidate in diagnosis["candidates"]}
-    run("auv-train", *parallel, *TINY, "vehicle=mine.yaml", "+randomization.fouling.factor=[1.0,2.0]", "output=trained")
+    mine = ("vehicle=mine.yaml", "+randomization.fouling.factor=[1.0,2.0]", "flight.fly=false")
+    run("auv-train", *parallel, *TINY, *mine, "output=trained")
     assert (tmp_path / "trained" / "0" / "results.json").is_file()
     assert "mass: 12.1" in (tmp_path / "trained" / "0" / "config.yaml").read_text()

@@ -49,7 +49,8 @@ def ablate(folder: Path, names: Sequence[str], factors: Sequence[float], workers
     from benchmarks.blind.seal import answers_folder
 
     found: Moved = {}
-    context = multiprocessing.get_context("spawn")  # each process reads the thresholds anew
+    context = multiprocessing.get_context("forkserver")  # each process reads the thresholds anew, and them alone
+    context.set_forkserver_preload(["auv_torchrl.flightlog", "auv_torchrl.physics.kernel", "auv_torchrl.simulator"])
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
         pairs = [(name, factor) for name in names for factor in factors]
         jobs = {pool.submit(moved_by, folder, answers_folder(folder), tasks, *pair): pair for pair in pairs}

@@ -13,7 +13,7 @@ OTHERS = [f"families.{family}=0" for family in FAMILIES if family not in ("singl
 SET_OTHERS = [f"set_families.{family}=0" for family in ("load", "depth_bias", "no_gap_slack")]
 SMALL = {
     "main": ["cases=3", "workers=1", "seed=3", *OTHERS],  # two faults of clear size, and none
-    "stock": ["cases=2", "workers=1", "sensors=stock", "set_families.no_gap=18", *SET_OTHERS],
+    "mocap": ["cases=2", "workers=1", "sensors=mocap", "set_families.no_gap=18", *SET_OTHERS],
 }
 BAD = {  # command line, what the answer names
     "other cases": (["cases=6"], "choose another folder"),
@@ -27,7 +27,7 @@ BAD = {  # command line, what the answer names
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Exit code, output and errors, and the folder of answers, of both parts of the benchmark."""
-    folders = {part: tmp_path_factory.mktemp(part) for part in ("main", "stock")}
+    folders = {part: tmp_path_factory.mktemp(part) for part in ("main", "mocap")}
     lines = {part: [*SMALL[part], f"folder={folder}"] for part, folder in folders.items()}
     told = answers_of("benchmarks.blind.__main__", lines)
     return {part: (told[part], next(folder.rglob("diagnosis_*"), None)) for part, folder in folders.items()}
@@ -67,10 +67,10 @@ def test_a_threshold_that_decides_moves_an_answer(runs):
 
 @pytest.mark.slow
 def test_a_set_of_sensors_is_flown_diagnosed_and_scored(runs):
-    """A fault and a sound vehicle with stock sensors: a folder of their own, a table of their own, both right."""
-    (code, out, err), answers = runs["stock"]
+    """A fault and a sound vehicle before cameras: a folder of their own, a table of their own, both right."""
+    (code, out, err), answers = runs["mocap"]
     assert code == 0, err
-    assert "Sensors: stock" in out and answers.parent.name == "stock"
+    assert "Sensors: mocap" in out and answers.parent.name == "mocap"
     results = json.loads((answers / "results.json").read_text())
     assert [r["message"] for r in results if r["message"]] == []
     assert sum(r["right"] for r in results) == 2

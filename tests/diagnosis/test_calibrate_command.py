@@ -49,7 +49,7 @@ def answers(folder):
     there.write_text("precious: 1\n")
     lines = {case: [word.replace("THERE", str(there)) for word in words] for case, (words, _) in BAD.items()}
     for seed, name in enumerate(("a", "b")):
-        write_flightlog(flown(name, seed=seed), folder / f"{name}.csv")
+        write_flightlog(flown(name, seed=seed, seconds=14.0), folder / f"{name}.csv")
         right = fly(FILE, {}, seed=40 + seed, episodes=2, seconds=15.0)
         write_flightlog(right, folder / f"right_{name}.csv")
     both = f"healthy=[{folder / 'a.csv'},{folder / 'b.csv'}]"

@@ -70,7 +70,7 @@ def test_starts_can_be_given():
     ("options", "error", "message"),
     [
         ({"vehicle": "submarine"}, FileNotFoundError, "there are .*bluerov2_heavy"),
-        ({"scenario": "storm"}, FileNotFoundError, "there are added_mass"),
+        ({"scenario": "storm"}, FileNotFoundError, "there are accelerometer_bias, added_mass"),
         ({"backend": "gazebo"}, ValueError, "there are mujoco, torch"),
         ({"task": {"box": 1.0}}, ValueError, "box.*box_m"),
         ({"render_mode": "human"}, ValueError, "rgb_array"),

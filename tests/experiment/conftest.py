@@ -8,7 +8,7 @@ from auv_torchrl.experiment.setup import Experiment, read_experiment
 from auv_torchrl.paths import CONF
 
 ANY_AGENT = (
-    "starts=4", "backend=torch", "agent.hidden=[8,8]", "agent.num_envs=4",
+    "starts=4", "task.episode_s=11", "backend=torch", "agent.hidden=[8,8]", "agent.num_envs=4",
     "agent.steps_per_batch=5", "agent.stretch_steps=20", "agent.total_frames=160",
     "agent.evaluation_starts=2", "agent.evaluation_box_m=1", "adapter.target_data_s=2",
     "flight.length_s=13", "flight.fault_s=[2,3]",

@@ -161,7 +161,7 @@ def test_a_sweep_in_parallel_trains_one_policy_per_seed_and_ends_with_one_table(
     store.mkdir()
     for models in policies.glob("*.models.safetensors"):
         shutil.copy(models, store)  # F and R depend on no seed
-    done = train(*sweep, *TINY, f"policies={store}", f"output={tmp_path / 'sweep'}", cwd=PROJECT)
+    done = train(*sweep, *TINY, "flight.fly=false", f"policies={store}", f"output={tmp_path / 'sweep'}", cwd=PROJECT)
     assert done.returncode == 0, done.stderr
     assert len(list(store.glob("*/policy.safetensors"))) == 2
     table = (tmp_path / "sweep" / "summary.md").read_text()

@@ -18,10 +18,10 @@ from auv_torchrl.diagnosis.identify.steps import bounded_step, take_step
 from auv_torchrl.diagnosis.thresholds import CONTENDS, FITTED_ON, SHOWS, STILL_GAINS
 
 
-def left_to_slack(problem: Problem, judged: Judged, places: Collection[int]) -> Judged | None:
+def left_to_slack(problem: Problem, judged: Judged, places: Collection[int], costs: float = SHOWS) -> Judged | None:
     """An explanation without the fitted knobs at some places, fitted from where it is; None where the log forbids that.
 
-    It does so where its own quadratic says that slack cannot take what those knobs do.
+    It does so where its own quadratic says that slack cannot take what those knobs do, but for ``costs`` of chi-square.
     """
     knobs = judged.explanation.knobs
     if any(knobs[place].discrete for place in places) or not np.isfinite(judged.chi2):
@@ -31,7 +31,7 @@ def left_to_slack(problem: Problem, judged: Judged, places: Collection[int]) -> 
     k = len(problem.slack)
     held = {k + order[p]: (nominal[p] - knobs[p].value) / judged.steps[order[p]] for p in places}
     step, slack_step = bounded_step(problem, judged, held)
-    if _costs(problem, judged, step, slack_step) > SHOWS:
+    if _costs(problem, judged, step, slack_step) > costs:
         return None
     moved = take_step(problem, judged.explanation, step, slack_step)
     kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)

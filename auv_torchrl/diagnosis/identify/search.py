@@ -27,6 +27,7 @@ from auv_torchrl.diagnosis.thresholds import (
     CONTENDS,
     FEW_VALUES,
     HOPELESS,
+    LITTLE,
     MANY_WINDOWS,
     POLISHED,
     REFITTED,
@@ -141,6 +142,9 @@ def _finish(
         problem = anew
         polished = [reassess(problem, judged) if np.isfinite(judged.chi2) else judged for judged in polished]
         best = _best(problem, polished)
+    if problem.layout.felt.any():  # much of the motion is free: until nothing moves, a quadratic says little
+        still = until_still(problem, best)
+        best, polished = still, [still if judged is best else judged for judged in polished]
     problem, polished = _without_effects(problem, best, polished)
     best = _best(problem, polished)
     if not leaves_much(problem, best):
@@ -213,7 +217,7 @@ def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: se
 def _without_effects(problem: Problem, best: Judged, polished: list[Judged]) -> tuple[Problem, list[Judged]]:
     """What was simulated, "no effect" first, fitted anew where it may do as well as the best."""
     knobs = best.explanation.knobs
-    nothing = left_to_slack(problem, best, range(len(knobs))) if knobs else None
+    nothing = left_to_slack(problem, best, range(len(knobs)), LITTLE) if knobs else None
     if nothing is None or not nothing.evidence > polished[0].evidence:
         return problem, polished
     return replace(problem, slack_suffices=not leaves_much(problem, nothing)), [nothing, *polished[1:]]

@@ -101,7 +101,8 @@ def _plugged(parameters: Values, motors: int) -> Iterator[Finding]:
     if moved and set(moved) == set(moved.values()):
         which, where = (", ".join(map(str, numbers)) for numbers in (moved, moved.values()))
         sentence = f"motors {which} are on outputs {where}, not in the order of the frame"
-        remedy = "That is right if they are plugged in so; else set each SERVOn_FUNCTION to 32 + n"
+        wanted = ", ".join(f"SERVO{n}_FUNCTION to {function_of(n)}" for n in moved)
+        remedy = f"That is right if they are plugged in so; else set {wanted}"
         yield Finding(Severity.INFO, "motors_not_in_order", sentence, remedy)
 
 
