@@ -44,6 +44,7 @@ class Vehicle(TensorClass):
     mass_scale: Tensor  # (6,) on the total of rigid body and added mass
     linear_drag: Tensor  # (6, 6) kg/s, kg m^2/s
     quadratic_drag: Tensor  # (6,) kg/m, kg m^2
+    drag_asymmetry: Tensor  # (6,) it is 1 + this times that ahead, to starboard or down, and 1 - this the other way
     coriolis: Tensor  # () 0 none, 1 the full rigid-body and added-mass Coriolis terms
     current: Tensor  # (3,) m/s, north, east, down
     tether_anchor: Tensor  # (3,) m, earth
@@ -89,7 +90,7 @@ class Vehicle(TensorClass):
 
 _VECTORS = {  # section -> key -> length; 0 is a scalar
     "rigid_body": {"mass": 0, "inertia": 3, "centre_of_mass": 3, "centre_of_buoyancy": 3, "buoyancy": 0},
-    "": {"added_mass": 6, "mass_scale": 6, "linear_drag": 6, "quadratic_drag": 6, "coriolis": 0},
+    "": {"added_mass": 6, "mass_scale": 6, "linear_drag": 6, "quadratic_drag": 6, "drag_asymmetry": 6, "coriolis": 0},
     "thrusters": dict.fromkeys(
         ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "reaction", "volts"), 0
     ),
@@ -172,7 +173,7 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
 
 
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
-    vehicle = {"mass_scale": [1.0] * 6, **vehicle}
+    vehicle = {"mass_scale": [1.0] * 6, "drag_asymmetry": [0.0] * 6, **vehicle}
     known = {"rigid_body", "thrusters", "mixer", "sensors", *_SAID_OF_IT, *_VECTORS[""]}
     if odd := sorted(map(str, set(vehicle) - known)):
         raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
@@ -183,8 +184,7 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
             raise ValueError(f"vehicle: {section} is {short(block)}: give a mapping with {', '.join(keys)}")
         block = _LEFT_OUT | dict(block) if section == "thrusters" else block
         allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
-        if unknown := set(block) - allowed:
-            odd = sorted(map(str, unknown))
+        if odd := sorted(map(str, set(block) - allowed)):
             raise ValueError(f"vehicle: unknown entries {odd} in {section}: {choices(odd, sorted(allowed))}")
         for key, length in keys.items():
             label = f"{section}.{key}" if section else key
@@ -198,7 +198,7 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
                 fields[key] = _numbers(label, block[key], (length,) if length else ())
             if key in _POSITIVE and not (fields[key] > 0).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give values above 0")
-            if key == "asymmetry" and not (fields[key].abs() < 1).all():
+            if key.endswith("asymmetry") and not (fields[key].abs() < 1).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give a share below 1, and above -1")
             sizes = fields[key].diagonal() if key == "linear_drag" else fields[key]
             if key in _NON_NEGATIVE and not (sizes >= 0).all():

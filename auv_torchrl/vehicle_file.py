@@ -15,7 +15,8 @@ UNITS = {
     "mass": "kg", "inertia": "kg m^2", "centre_of_mass": "m", "centre_of_buoyancy": "m", "buoyancy": "N",
     "added_mass": "kg, kg m^2", "mass_scale": "on the total of rigid body and added mass",
     "linear_drag": "kg/s, kg m^2/s; rows of 6: drag in each degree of freedom by speed in all",
-    "quadratic_drag": "kg/m, kg m^2", "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
+    "quadratic_drag": "kg/m, kg m^2", "drag_asymmetry": "share by which it is larger ahead, to starboard or down",
+    "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
     "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
     "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
     "reaction": "m, moment about its direction per newton of thrust", "volts": "V at which full_thrust holds",
@@ -26,7 +27,8 @@ _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "
 _WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
 _SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
 # left out where 0: files say what they said, and what hashes keep is found
-CAME_LATER = ("dvl_position", "dvl_turn", "accelerometer_position", "accelerometer_bias")
+_SENSORS_LATER = ("dvl_position", "dvl_turn", "accelerometer_position", "accelerometer_bias")
+CAME_LATER = ("drag_asymmetry", *_SENSORS_LATER)
 
 
 def fold(vehicle: Vehicle) -> Vehicle:
@@ -70,7 +72,7 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
     """
     diagonal = bool((vehicle.linear_drag == vehicle.linear_drag.diagonal().diag()).all())
     told = [key for key in _WHERE_TOLD if bool((getattr(vehicle, key) != 0).any())]
-    later = [key for key in CAME_LATER if bool((getattr(vehicle, key) != 0).any())]
+    later = [key for key in _SENSORS_LATER if bool((getattr(vehicle, key) != 0).any())]
     alike = {key: getattr(vehicle, key) for key in (*_PER_THRUSTER, *told)}
     content = {
         "name": name,
@@ -82,6 +84,7 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
         "mass_scale": numbers(vehicle.mass_scale),
         "linear_drag": numbers(vehicle.linear_drag.diagonal() if diagonal else vehicle.linear_drag),
         "quadratic_drag": numbers(vehicle.quadratic_drag),
+        **({"drag_asymmetry": numbers(vehicle.drag_asymmetry)} if bool(vehicle.drag_asymmetry.any()) else {}),
         "coriolis": numbers(vehicle.coriolis),
         "thrusters": {
             "position": numbers(vehicle.thruster_position),

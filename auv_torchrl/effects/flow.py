@@ -106,6 +106,39 @@ def _drag(order: str, change: Callable[[Vehicle, Tensor], Vehicle]) -> Effect:
     )
 
 
+TRAVELLED = ("surge", "sway", "heave")
+
+
+def _uneven(vehicle: Vehicle, asymmetry: Tensor) -> Vehicle:
+    return changed(vehicle, drag_asymmetry=vehicle.drag_asymmetry + torch.cat((asymmetry, 0 * asymmetry), dim=-1))
+
+
+drag_asymmetry = Effect(
+    name="drag_asymmetry",
+    origin=Origin.FLOW,
+    meaning="quadratic drag times 1 + asymmetry ahead, to starboard or down, and times 1 - asymmetry the other way",
+    source="Hoerner 1965, Fluid-Dynamic Drag, chapter 3: of a blunt body it is another one by which end leads",
+    parameters=(
+        Parameter(
+            "asymmetry",
+            "1",
+            0.0,
+            -0.9,
+            0.9,
+            "the quadratic drag in {which} is {value:+.2f} of itself larger ahead, to starboard or down, and as much "
+            "smaller the other way",
+            TRAVELLED,
+        ),
+    ),
+    change=_uneven,
+    is_property=True,
+    shows="axes",
+    advice=advice.said(
+        "look for what hangs or grows on one end; if it is meant, enter drag_asymmetry in the vehicle file"
+    ),
+    scans={"asymmetry": Scan((0.3,), linear=True)},
+)
+
 linear_drag, quadratic_drag = _drag("linear", _linear), _drag("quadratic", _quadratic)
 
 COUPLINGS = tuple(f"{to}_from_{by}" for to in PER_DOF for by in PER_DOF if to != by)
@@ -185,4 +218,4 @@ current = Effect(
     scans={"north": Scan((0.1,), linear=True), "east": Scan((0.1,), linear=True), "down": Scan((0.1,), linear=True)},
 )
 
-EFFECTS = (hull, linear_drag, quadratic_drag, drag_coupling, coriolis, current)
+EFFECTS = (hull, linear_drag, quadratic_drag, drag_asymmetry, drag_coupling, coriolis, current)

@@ -18,6 +18,7 @@ class Coefficients(NamedTuple):
     mass_matrix: Array  # (6, 6) rigid body, added mass and payload, for the Coriolis terms
     linear_drag: Array  # (6, 6)
     quadratic_drag: Array  # (6,)
+    drag_asymmetry: Array  # (6,)
     restoring: Array  # (6, 3) wrench per unit of earth z in the body frame: weight, buoyancy and their arms
     coriolis: Array  # ()
     current: Array  # (3,)
@@ -76,6 +77,7 @@ class ActiveTerms(NamedTuple):
     lag: bool
     battery_sag: bool
     coupled_drag: bool
+    uneven_drag: bool
     coupled_mass: bool
     sensing: bool
     sensor_noise: bool
@@ -101,6 +103,7 @@ class ActiveTerms(NamedTuple):
             lag=bool((c.lag > 0).any()),
             battery_sag=bool((c.battery_sag != 0).any()),
             coupled_drag=bool((c.linear_drag * off_diagonal != 0).any()),
+            uneven_drag=bool((c.drag_asymmetry != 0).any()),
             coupled_mass=bool((c.mass_inverse * off_diagonal != 0).any()),
             sensing=noisy or not _sensors_are_true(c),
             sensor_noise=noisy,
@@ -149,10 +152,11 @@ def prepare(vehicle: Vehicle) -> Coefficients:
 
 
 _COPIED = (
-    "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing", "full_thrust",
-    "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts", "heading_bias", "pose_delay",
-    "position_scale", "depth_scale", "depth_bias", "velocity_scale", "dvl_position", "dvl_turn", "gyro_bias",
-    "accelerometer_bias", "accelerometer_position", "compass_per_load", "position_noise", "attitude_noise",
+    "drag_asymmetry", "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing",
+    "full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts",
+    "heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale", "dvl_position",
+    "dvl_turn", "gyro_bias", "accelerometer_bias", "accelerometer_position", "compass_per_load", "position_noise",
+    "attitude_noise",
 )  # fmt: skip
 
 

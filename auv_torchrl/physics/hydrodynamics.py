@@ -43,9 +43,12 @@ def acceleration(
 
 
 def drag(c: Coefficients, terms: ActiveTerms, relative: Array) -> Array:
-    """D(nu_r) nu_r, (..., 6): linear with coupling, and quadratic per degree of freedom (Eq. 14)."""
+    """D(nu_r) nu_r, (..., 6): linear with coupling, and quadratic per degree of freedom (Eq. 14), by its direction."""
     xp = array_namespace(relative)
-    quadratic = c.quadratic_drag * xp.abs(relative)
+    speed = xp.abs(relative)
+    if terms.uneven_drag:
+        speed = speed + c.drag_asymmetry * relative
+    quadratic = c.quadratic_drag * speed
     if terms.coupled_drag:
         return matvec(c.linear_drag, relative) + quadratic * relative
     return (xp.linalg.diagonal(c.linear_drag) + quadratic) * relative

@@ -14,7 +14,8 @@ Draw = Callable[[Rng], dict[str, Any]]
 HORIZONTAL = (1, 2, 3, 4)  # thrusters of the vehicle `paper`
 NOT_A_GAP = ("sensor_noise", "depth_bias")  # change what is measured, not where the simulator goes wrong
 NOT_TOLD = ("depth_scale",)  # a log of poses shows it as vertical thrust; the family of damaged logs flies z up
-NOT_MET = ("reaction_torque", "compass_interference")  # heading and position of such logs come from cameras; small
+# The vehicle of these logs turns little by its propellers, its heading comes from cameras, and it is a box.
+NOT_MET = ("reaction_torque", "compass_interference", "drag_asymmetry")
 NOT_LOGGED = (  # of what only damage or a set of sensors logs
     "velocity_scale", "gyro_bias", "accelerometer_bias", "dvl_misalignment", "dvl_lever_arm",
 )  # fmt: skip
