@@ -14,7 +14,7 @@ export MPLBACKEND := Agg
 # Where it is set, each process would compile the libraries anew, for 8 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env train diagnose sweep test test-fast check format bench blind real clean
+.PHONY: help env train diagnose sweep test test-all test-fast check format bench blind real clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -37,11 +37,14 @@ diagnose: $(READY) ## say what is wrong with the vehicle of a log: LOG=flight.cs
 sweep: $(READY) ## all scenarios x seeds on the local cores, one table and one picture
 	$(BIN)/python train.py -m +experiment=sweep
 
-test: check $(READY) ## lint, types and all tests: JOBS=2
+test: check $(READY) ## lint, types and tests: JOBS=2
+	$(BIN)/python -m pytest -m "not thorough" --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder
+
+test-all: check $(READY) ## the same with the thorough tests, some minutes more
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-fast: $(READY) ## the tests that take seconds
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow and not thorough"
 
 check: $(READY) ## lint and types
 	$(BIN)/ruff check .

@@ -140,6 +140,7 @@ def test_truth_gets_full_marks_and_seeing_nothing_none(flown):
     assert all(j.right == (j.truth == "no_gap") for j in blind)
 
 
+@pytest.mark.thorough
 def test_a_stranger_is_diagnosed_against_its_healthy_flights(tmp_path):
     """A dead thruster is named alone, and a sound flight is none: the file's errors are no fault."""
     cases = draw_stranger_cases(2, {"single": 1.0, "no_gap": 1.0}, 1)

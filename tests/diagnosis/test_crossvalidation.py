@@ -23,6 +23,7 @@ def unseen(excess, before=50.0, after=5.0, others=1.0):
     return Unseen("flight", excess, others, before, after, (2.0,), None, None, None)
 
 
+@pytest.mark.thorough
 def test_one_bad_flight_of_three_is_found_and_the_rest_is_used():
     """A thruster that lost 40 % in one flight does not become part of the vehicle."""
     flights = [flown(name, fault, seed, seconds=10.0) for seed, (name, fault) in enumerate(ONE_BAD.items())]

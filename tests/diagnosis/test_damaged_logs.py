@@ -111,6 +111,7 @@ def test_values_without_noise_are_doubted():
     assert all(effect.probability <= 0.5 for effect in diagnosis.effects)
 
 
+@pytest.mark.thorough
 def test_a_healthy_log_with_the_fault_in_it_is_found_out():
     """The fault is named with its true size, and the healthy log is said not to be healthy."""
     fault = {"thruster_gain": {"gain_2": 0.55}}

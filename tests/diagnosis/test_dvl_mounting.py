@@ -52,6 +52,7 @@ def test_a_turned_compass_beside_a_doppler_log_is_not_taken_for_a_turned_doppler
     is_named(diagnose(restricted(flown(truth), LOGS["positions"]), PAPER), truth)
 
 
+@pytest.mark.thorough
 def test_a_file_with_a_quarter_turn_is_read_and_its_mounting_named(tmp_path):
     """The finding says what the velocities would agree with; both sensors stay, and the diagnosis names the turn."""
     log = replace(flown(TURNED[1]), axes=(*LOGS["positions"][:3], "roll", "pitch", *LOGS["positions"][3:]))
@@ -60,6 +61,7 @@ def test_a_file_with_a_quarter_turn_is_read_and_its_mounting_named(tmp_path):
     is_named(diagnose(restricted(log, LOGS["positions"]), PAPER), TURNED[1])
 
 
+@pytest.mark.thorough
 def test_a_vehicle_whose_file_says_how_it_is_mounted_has_no_gap(tmp_path):
     """Neither reader nor diagnosis finds anything, and what is not as the file says counts from there."""
     mounting = {"dvl_turn": 1.57, "dvl_position": [0.5, 0.0, 0.3]}

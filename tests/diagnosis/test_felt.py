@@ -67,6 +67,7 @@ def pushed(values, sets, seed=0, seconds=16.0):
     return [restricted(log, axes) for axes in sets]
 
 
+@pytest.mark.thorough
 def test_a_bias_is_named_with_its_axis_and_value():
     """An accelerometer that reads 0.5 m/s^2 too much, beside stock sensors: its axis, its value, what to do."""
     (log,) = pushed({"accelerometer_bias": {"bias_ax": 0.5}}, [STOCK + FELT])

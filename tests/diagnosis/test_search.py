@@ -55,10 +55,14 @@ def searched(problem, **how):
 @pytest.mark.parametrize(
     "values",
     [
-        {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER},
-        {"thruster_lag": {"time_constant": 0.2}, "thrust_limit": {f"limit_{i}": 26.0 for i in range(1, 7)}},
+        pytest.param(
+            {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER}, id="tether", marks=pytest.mark.thorough
+        ),
+        pytest.param(
+            {"thruster_lag": {"time_constant": 0.2}, "thrust_limit": {f"limit_{i}": 26.0 for i in range(1, 7)}},
+            id="limit",
+        ),
     ],
-    ids="+".join,
 )
 def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(values):
     """A lag hides what acts beside it, and looks like inertia until that is known; both are named with their values."""
@@ -79,6 +83,7 @@ def test_what_promises_too_little_along_the_measured_motion_is_not_simulated():
     assert 0.5 < found.promise < NEAR
 
 
+@pytest.mark.thorough
 def test_two_effects_are_found_though_they_tilt_the_vehicle_far():
     """Ballast and an offset centre of mass tilt a vehicle by 70 degrees, where a look along a level motion misleads."""
     values = {"mass_offset": {"x": 0.071, "y": 0.0074}, "buoyancy": {"force": -8.7}}
