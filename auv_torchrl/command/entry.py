@@ -20,11 +20,12 @@ from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.agents.interrupt import interrupt
 from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys, spelt_out, without_config_dir
-from auv_torchrl.command.errors import BAD_INPUT, BadInput, fail, writing
+from auv_torchrl.command.errors import BAD_INPUT, BadInput, checking_input, fail, writing
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
 from auv_torchrl.command.own_files import own_files
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.config_source import check_config_files
+from auv_torchrl.parallel import use_cluster
 from auv_torchrl.paths import CONF
 
 INTERRUPTED = 128 + signal.SIGINT  # exit code, as shells have it
@@ -83,7 +84,7 @@ def command(
             given = sys.argv
             try:
                 arguments, own = without_config_dir(given[1:])
-                with terminable(), own_files(own):
+                with terminable(), own_files(own), on_cluster():
                     register()
                     sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
                     refuse_unknown_keys(config_name, sys.argv[1:], groups)
@@ -103,6 +104,14 @@ def command(
         return entry
 
     return decorate
+
+
+@contextmanager
+def on_cluster() -> Iterator[None]:
+    """Let the cluster that is named, if any, do what is done side by side."""
+    with checking_input():
+        use_cluster()
+    yield
 
 
 @contextmanager

@@ -4,18 +4,18 @@ import json
 import logging
 import time
 import traceback
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
+from auv_torchrl.parallel import each
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.seal import log_path, read_manifest, write_json
 from benchmarks.blind.sensor_sets import sensor_set
@@ -33,14 +33,10 @@ def examine(folder: Path, answers: Path, workers: int) -> None:
         log.info("%d of %d logs were diagnosed before", len(tasks) - len(open_tasks), len(tasks))
     if not open_tasks:
         return
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        jobs = [pool.submit(_answer, folder, answers, name, task, flown) for name, task in open_tasks.items()]
-        try:
-            for job in tqdm(as_completed(jobs), total=len(jobs), desc="diagnosed", unit="log", disable=None):
-                job.result()
-        except BaseException:  # those that run write their answers, the rest does not begin
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    jobs = [(folder, answers, name, task, flown) for name, task in open_tasks.items()]
+    answered = each(_answer, jobs, workers, in_order=False)
+    for _ in tqdm(answered, total=len(jobs), desc="diagnosed", unit="log", disable=None):
+        pass
 
 
 def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
@@ -52,10 +48,11 @@ def examine_one(folder: Path, answers: Path, name: str) -> None:
     """Write the answer to one case to ``answers``."""
     manifest = read_manifest(folder)
     flown = sensor_set(manifest["settings"].get("sensors")).vehicle
-    _answer(folder, answers, name, manifest["tasks"][name], flown)
+    _answer((folder, answers, name, manifest["tasks"][name], flown))
 
 
-def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any], flown: str) -> None:
+def _answer(job: tuple[Path, Path, str, dict[str, Any], str]) -> None:
+    folder, answers, name, task, flown = job
     settings = load_settings()
     if task["left_out"]:
         settings = replace(settings, ignored=(*settings.left_out, task["left_out"]))
@@ -65,7 +62,8 @@ def _answer(folder: Path, answers: Path, name: str, task: dict[str, Any], flown:
         vehicle = load_vehicle(flown)
         flight_log = read_flightlog(log_path(folder, name), vehicle)
         healthy = [read_flightlog(log_path(folder, sound), vehicle) for sound in task["healthy"]]
-        diagnosis = diagnose(flight_log, vehicle, healthy, vehicle_name=flown, settings=settings)
+        with threadpool_limits(1):
+            diagnosis = diagnose(flight_log, vehicle, healthy, vehicle_name=flown, settings=settings)
         answer["diagnosis"] = to_json(diagnosis)
     except FlightLogError as error:
         answer["refused"] = str(error)

@@ -3,12 +3,10 @@
 import json
 import logging
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
-
-from joblib import Parallel, delayed
+from typing import Any
 
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.dives.answer import OwnDiagnosis
@@ -20,11 +18,10 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, read_flightlog
 from auv_torchrl.flightlog.streams.stream import ReadOptions
+from auv_torchrl.parallel import each
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ def follow_all(work: Work, planned: Planned, progress: Callable[[str, float], No
             normal = reference.normal
             keep_normal(work.store, key, normal)
         tasks = [(work, reference, planned.paths[i], planned.begun[i], keys[i]) for i in waiting]
-        for i, dive in zip(waiting, _each(_follow_one, tasks, work.jobs), strict=True):
+        for i, dive in zip(waiting, each(_follow_one, tasks, work.jobs), strict=True):
             dives[i] = dive
             progress(f"dive {i + 1}: {dive.name}", len(dives) / len(keys))
     assert normal is not None  # kept, or worked out for the first dive
@@ -101,7 +98,7 @@ def diagnose_some(work: Work, planned: Planned, which: Sequence[int], folder: Pa
     """Dives diagnosed by themselves, each against the reference, and their reports in folders of their own."""
     tasks = [(work, planned, i) for i in which]
     found = {}
-    for i, (kept, said) in zip(which, _each(_diagnose_one, tasks, work.jobs), strict=True):
+    for i, (kept, said) in zip(which, each(_diagnose_one, tasks, work.jobs), strict=True):
         if kept is not None:
             own = f"dives/{i + 1:03d}_{planned.paths[i].stem}"
             shutil.copytree(kept, folder / own, dirs_exist_ok=True)
@@ -131,12 +128,3 @@ def _diagnose_one(task: tuple[Work, Planned, int]) -> tuple[Path | None, tuple[s
         write_whole(kept / "complete", b"")
     diagnosis = from_json(json.loads(done.read_bytes()))
     return kept, (diagnosis.verdict.key, diagnosis.summary)
-
-
-def _each(function: Callable[[Item], Result], tasks: Iterable[Item], jobs: int) -> Iterable[Result]:
-    """Results in the order of the tasks, each as soon as it and those before are there."""
-    tasks = list(tasks)
-    if jobs == 1 or len(tasks) < 2:
-        return map(function, tasks)
-    parallel: Any = Parallel(n_jobs=jobs, return_as="generator")  # a generator of results, which its types do not say
-    return parallel(delayed(function)(task) for task in tasks)
