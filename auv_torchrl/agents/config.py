@@ -22,8 +22,8 @@ if TYPE_CHECKING:  # the command line needs the settings alone
     from auv_torchrl.vehicle import Vehicle
 
 __all__ = [
-    "AGENTS", "REPORTING", "AgentConfig", "FineTuning", "GradientConfig", "OffPolicyConfig", "SACConfig", "TD3Config",
-    "load_agent_config", "read_agent",
+    "AGENTS", "REPORTING", "AgentConfig", "FineTuning", "GradientConfig", "OffPolicyConfig", "PPOConfig", "SACConfig",
+    "TD3Config", "load_agent_config", "read_agent",
 ]  # fmt: skip
 
 
@@ -116,6 +116,27 @@ class TD3Config(OffPolicyConfig):
 
 
 @dataclass(frozen=True)
+class PPOConfig(AgentConfig):
+    """Proximal policy optimisation; ``conf/agent/ppo.yaml``."""
+
+    name = "ppo"
+
+    gamma: Annotated[float, In("[0, 1)")]
+    trace: Annotated[float, In("[0, 1]")]
+    clip: Annotated[float, In("(0, 1]")]
+    entropy: Annotated[float, In("[0, 10]")]
+    epochs: Annotated[int, In("[1, 1000]")]
+    batch_size: Annotated[int, In("[1, 100000]")]
+    gradient_norm: Annotated[float, In("(0, inf)")]
+
+    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
+        """Actor, value and what was flown last."""
+        from auv_torchrl.agents.on_policy import OnPolicyLearner
+
+        return OnPolicyLearner(observations, actions, self, device)
+
+
+@dataclass(frozen=True)
 class GradientConfig(AgentConfig):
     """Analytic policy gradient through the simulator; ``conf/agent/gradient.yaml``."""
 
@@ -155,7 +176,7 @@ class GradientConfig(AgentConfig):
         return GradientLearner(observations, actions, self, device)
 
 
-AGENTS: Registry[type[AgentConfig]] = Registry("agents", AgentConfig, (SACConfig, TD3Config, GradientConfig))
+AGENTS: Registry[type[AgentConfig]] = Registry("agents", AgentConfig, (SACConfig, TD3Config, PPOConfig, GradientConfig))
 
 
 def read_agent(settings: Mapping[str, Any]) -> AgentConfig:

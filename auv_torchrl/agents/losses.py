@@ -7,7 +7,8 @@ import torch.nn.functional as F
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import NormalParamExtractor, dispatch
 from torch import Tensor
-from torchrl.objectives import SACLoss, TD3Loss, ValueEstimators
+from torchrl.modules import ProbabilisticActor, ValueOperator
+from torchrl.objectives import ClipPPOLoss, SACLoss, TD3Loss, ValueEstimators
 
 from auv_torchrl.agents.networks import (
     Device,
@@ -15,6 +16,7 @@ from auv_torchrl.agents.networks import (
     make_actor,
     make_critic,
     make_policy,
+    make_value,
     perceptron,
     sample_tanh_normal,
     set_spread,
@@ -153,3 +155,19 @@ def make_td3_loss(
     )
     loss.make_value_estimator(ValueEstimators.TD0, gamma=gamma)
     return loss
+
+
+def make_ppo_loss(
+    observations: int, actions: int, hidden: tuple[int, ...], clip: float, entropy: float, device: Device = "cpu"
+) -> tuple[ProbabilisticActor, ValueOperator, ClipPPOLoss]:
+    """Actor, value of an observation, and both in TorchRL's loss module, which shares their weights."""
+    actor, value = make_actor(observations, actions, hidden, device), make_value(observations, hidden, device)
+    loss = ClipPPOLoss(
+        actor_network=actor,
+        critic_network=value,
+        clip_epsilon=clip,
+        entropy_coeff=entropy,
+        loss_critic_type="l2",
+        normalize_advantage=True,
+    )
+    return actor, value, loss

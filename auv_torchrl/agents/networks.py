@@ -42,6 +42,11 @@ def make_critic(observations: int, actions: int, hidden: Sequence[int], device: 
     return ValueOperator(make_network(observations + actions, 1, hidden, device), in_keys=["observation", "action"])
 
 
+def make_value(observations: int, hidden: Sequence[int], device: Device = "cpu") -> ValueOperator:
+    """V(s) of shape (..., 1)."""
+    return ValueOperator(make_network(observations, 1, hidden, device), in_keys=["observation"])
+
+
 class TanhPolicy(nn.Module):
     """The actor by hand: tanh of the mean, or a sample inside ``set_exploration_type(RANDOM)``.
 

@@ -59,7 +59,13 @@ def test_killed_training_ends_like_an_unbroken_one(tmp_path):
 
 @pytest.mark.parametrize(
     "training",
-    [{"backend": "torch", "loss": "stock"}, {"backend": "mujoco"}, {"agent": "gradient"}, {"agent": "td3"}],
+    [
+        {"backend": "torch", "loss": "stock"},
+        {"backend": "mujoco"},
+        {"agent": "gradient"},
+        {"agent": "td3"},
+        {"agent": "ppo"},
+    ],
     ids=str,
 )
 def test_interrupted_training_ends_like_an_unbroken_one(tmp_path, training, monkeypatch):
