@@ -202,7 +202,7 @@ def other(value):
         return {"fused": "stock"}[value]
     if isinstance(value, tuple):
         return tuple(2 * number for number in value)
-    return 2 * value if isinstance(value, int) else value / 2 if value is not None else 0.1
+    return 2 * value if isinstance(value, int) else value / 2 if value else 0.1
 
 
 SETTINGS = [(agent, entry.name) for agent in AGENTS for entry in fields(AGENTS[agent])]

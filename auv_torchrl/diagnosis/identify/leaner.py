@@ -9,9 +9,11 @@ from collections.abc import Collection
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.assess import assess
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import nudge
 from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import bounded_step, take_step
@@ -36,6 +38,9 @@ def left_to_slack(problem: Problem, judged: Judged, places: Collection[int], cos
     moved = take_step(problem, judged.explanation, step, slack_step)
     kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
     fewer = fit_by_simulation(problem, Explanation(kept, moved.slack), judged.base)
+    near, *_ = assess(problem, nudge(problem, Explanation(kept, moved.slack), judged.base))
+    if near.evidence > fewer.evidence:  # windows are where they were with the value: elsewhere some are lost
+        fewer = near
     if leaves_much(problem, judged) and fewer.evidence < judged.evidence - CONTENDS:  # windows were lost on the way
         return fewer
     return until_still(problem, fewer)
