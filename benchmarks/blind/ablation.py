@@ -1,9 +1,9 @@
-"""``python -m benchmarks.blind.ablation FOLDER``: which thresholds of the diagnosis change an answer at all.
+"""``python -m benchmarks.blind.ablation FOLDER ...``: which thresholds of the diagnosis change an answer at all.
 
 Each threshold of ``auv_torchrl/diagnosis/thresholds.py`` is divided and multiplied by a factor, one at a time, and the
-sealed logs of a folder are diagnosed again, until the answer to one is another one. The labels stay sealed: an answer
-is compared with that of the diagnosis as it is. A threshold that moves no answer either way guards against what these
-logs do not have, or is not needed. A killed run goes on where it was.
+sealed logs of the folders are diagnosed again, until the answer to one is another one. The labels stay sealed: an
+answer is compared with that of the diagnosis as it is. A threshold that moves no answer either way guards against what
+these logs do not have, or is not needed. A killed run goes on where it was.
 """
 
 import argparse
@@ -24,6 +24,7 @@ FACTOR = 4.0  # a threshold that is four times too large or too small lets all p
 APART = 0.5  # half widths of its interval, by which a value has moved
 
 Moved = dict[tuple[str, float], str | None]  # threshold and factor -> what moved first, None for nothing
+Case = tuple[Path, str]  # the folder of a sealed log, and its name
 
 
 def thresholds() -> dict[str, Any]:
@@ -44,16 +45,14 @@ def scaled(value: Any, factor: float) -> Any:
     return value * factor
 
 
-def ablate(folder: Path, names: Sequence[str], factors: Sequence[float], workers: int, tasks: Sequence[str]) -> Moved:
+def ablate(cases: Sequence[Case], names: Sequence[str], factors: Sequence[float], workers: int) -> Moved:
     """What each threshold moves first of some logs, all of which are answered by the diagnosis as it is."""
-    from benchmarks.blind.seal import answers_folder
-
     found: Moved = {}
     context = multiprocessing.get_context("forkserver")  # each process reads the thresholds anew, and them alone
     context.set_forkserver_preload(["auv_torchrl.flightlog", "auv_torchrl.physics.kernel", "auv_torchrl.simulator"])
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
         pairs = [(name, factor) for name in names for factor in factors]
-        jobs = {pool.submit(moved_by, folder, answers_folder(folder), tasks, *pair): pair for pair in pairs}
+        jobs = {pool.submit(moved_by, cases, *pair): pair for pair in pairs}
         try:
             for job in tqdm(as_completed(jobs), total=len(jobs), desc="changed", unit="threshold", disable=None):
                 found[jobs[job]] = job.result()
@@ -63,7 +62,7 @@ def ablate(folder: Path, names: Sequence[str], factors: Sequence[float], workers
     return found
 
 
-def moved_by(folder: Path, answers: Path, tasks: Sequence[str], name: str, factor: float) -> str | None:
+def moved_by(cases: Sequence[Case], name: str, factor: float) -> str | None:
     """Change a threshold of this process, and diagnose logs until an answer moves; what moved, or None.
 
     Raises:
@@ -76,16 +75,18 @@ def moved_by(folder: Path, answers: Path, tasks: Sequence[str], name: str, facto
         raise RuntimeError(f"{name} cannot be changed any more: {', '.join(sorted(readers))} have read it")
     setattr(module, name, scaled(getattr(module, name), factor))
     from benchmarks.blind.examine import examine_one
+    from benchmarks.blind.seal import answers_folder
 
-    mine = answers / "ablation" / f"{name}_{factor:g}"
-    mine.mkdir(parents=True, exist_ok=True)
-    for task in tasks:
+    for folder, task in cases:
+        answers = answers_folder(folder)
+        mine = answers / "ablation" / f"{name}_{factor:g}"
+        mine.mkdir(parents=True, exist_ok=True)
         path = mine / f"{task}.json"
         if not path.exists():
             examine_one(folder, mine, task)
         before, after = (json.loads(file.read_text()) for file in (answers / path.name, path))
         if moved := difference(before, after):
-            return f"{task}: {moved}"
+            return f"{folder.name}/{task}: {moved}"
     return None
 
 
@@ -123,7 +124,9 @@ def table(moved: Moved, names: Sequence[str], factors: Sequence[float]) -> Table
 def main() -> None:
     """Change one threshold after the other and say which answers move."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.blind.ablation", description=__doc__)
-    parser.add_argument("folder", type=Path, help="of sealed logs, that python -m benchmarks.blind has flown")
+    parser.add_argument(
+        "folders", nargs="+", type=Path, help="of sealed logs, that python -m benchmarks.blind has flown"
+    )
     parser.add_argument("--factor", type=float, default=FACTOR, help=f"that thresholds are changed by ({FACTOR:g})")
     parser.add_argument("--only", nargs="*", metavar="NAME", help="of thresholds; all, where none is said")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of one thread each")
@@ -131,15 +134,30 @@ def main() -> None:
     names = asked.only or list(thresholds())
     if unknown := set(names) - set(thresholds()):
         parser.error(f"no thresholds: {', '.join(sorted(unknown))}: there are {', '.join(thresholds())}")
-    if not (asked.folder / "manifest.json").exists():
-        parser.error(f"no sealed logs in {asked.folder}: fly them by python -m benchmarks.blind cases=40 seed=...")
-    from benchmarks.blind.examine import examine
+    for folder in asked.folders:
+        if not (folder / "manifest.json").exists():
+            parser.error(f"no sealed logs in {folder}: fly them by python -m benchmarks.blind cases=40 seed=...")
     from benchmarks.blind.report import markdown
-    from benchmarks.blind.seal import answers_folder, read_manifest
 
-    examine(asked.folder, answers_folder(asked.folder), asked.workers)
-    factors, tasks = (1 / asked.factor, asked.factor), sorted(read_manifest(asked.folder)["tasks"])
-    print(markdown(table(ablate(asked.folder, names, factors, asked.workers, tasks), names, factors)))
+    factors = (1 / asked.factor, asked.factor)
+    moved = ablate(quickest_first(asked.folders, asked.workers), names, factors, asked.workers)
+    print(markdown(table(moved, names, factors)))
+
+
+def quickest_first(folders: Sequence[Path], workers: int) -> list[Case]:
+    """The logs of some folders by the time that they take, all of them answered by the diagnosis as it is.
+
+    What an answer moves is found soonest so.
+    """
+    from benchmarks.blind.examine import examine, read_answers
+    from benchmarks.blind.seal import answers_folder
+
+    took: dict[Case, float] = {}
+    for folder in folders:
+        examine(folder, answers_folder(folder), workers)
+        answers = read_answers(folder, answers_folder(folder))
+        took.update({(folder, name): answer["cpu_s"] for name, answer in answers.items()})
+    return sorted(took, key=took.__getitem__)
 
 
 if __name__ == "__main__":

@@ -61,8 +61,12 @@ def test_a_threshold_that_decides_moves_an_answer(runs):
     _, answers = runs["main"]
     results = json.loads((answers / "results.json").read_text())
     fault = next(r["case"] for r in results if r["truth"] != "no_gap" and r["verdict"] == "explained")
-    (moved,) = ablate(answers.parent, ["WORTH_AN_EFFECT"], [1e6], 1, [fault]).values()
-    assert moved is not None and moved.startswith(f"{fault}: explained (") and "-> explained" not in moved
+    (moved,) = ablate([(answers.parent, fault)], ["WORTH_AN_EFFECT"], [1e6], 1).values()
+    assert (
+        moved is not None
+        and moved.startswith(f"{answers.parent.name}/{fault}: explained (")
+        and "-> explained" not in moved
+    )
 
 
 @pytest.mark.slow
