@@ -23,7 +23,7 @@ from benchmarks.blind.table import Table
 FACTOR = 4.0  # a threshold that is four times too large or too small lets all pass, or nothing
 APART = 0.5  # half widths of its interval, by which a value has moved
 
-Moved = dict[tuple[str, float], str | None]  # threshold and factor -> what moved first, None for nothing
+Moved = dict[str, tuple[float, str]]  # threshold -> the factor that moved an answer, and what it moved
 Case = tuple[Path, str]  # the folder of a sealed log, and its name
 
 
@@ -46,19 +46,24 @@ def scaled(value: Any, factor: float) -> Any:
 
 
 def ablate(cases: Sequence[Case], names: Sequence[str], factors: Sequence[float], workers: int) -> Moved:
-    """What each threshold moves first of some logs, all of which are answered by the diagnosis as it is."""
+    """What each threshold moves first of some logs, all of which are answered by the diagnosis as it is.
+
+    The factors are tried one after the other, of a threshold that has moved something no further one.
+    """
     found: Moved = {}
     context = multiprocessing.get_context("forkserver")  # each process reads the thresholds anew, and them alone
     context.set_forkserver_preload(["auv_torchrl.flightlog", "auv_torchrl.physics.kernel", "auv_torchrl.simulator"])
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
-        pairs = [(name, factor) for name in names for factor in factors]
-        jobs = {pool.submit(moved_by, cases, *pair): pair for pair in pairs}
-        try:
-            for job in tqdm(as_completed(jobs), total=len(jobs), desc="changed", unit="threshold", disable=None):
-                found[jobs[job]] = job.result()
-        except BaseException:  # those that run write their answers, the rest does not begin
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for factor in factors:
+            still = [name for name in names if name not in found]
+            jobs = {pool.submit(moved_by, cases, name, factor): name for name in still}
+            try:
+                for job in tqdm(as_completed(jobs), total=len(jobs), desc=f"times {factor:g}", unit="threshold"):
+                    if moved := job.result():
+                        found[jobs[job]] = factor, moved
+            except BaseException:  # those that run write their answers, the rest does not begin
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
     return found
 
 
@@ -114,11 +119,11 @@ def _said(answer: Mapping[str, Any]) -> str:
     return f"{verdict} ({', '.join(named)})" if named else verdict
 
 
-def table(moved: Moved, names: Sequence[str], factors: Sequence[float]) -> Table:
+def table(moved: Moved, names: Sequence[str]) -> Table:
     """Each threshold with the first answer that it moves; those that move nothing come first."""
-    rows = [(name, *(moved[name, factor] or "nothing" for factor in factors)) for name in names]
-    rows.sort(key=lambda row: -row.count("nothing"))
-    return Table("Thresholds", ("threshold", *(f"times {factor:g} moves" for factor in factors)), rows)
+    rows = [(name, "", "nothing") for name in names if name not in moved]
+    rows += [(name, f"{moved[name][0]:g}", moved[name][1]) for name in names if name in moved]
+    return Table("Thresholds", ("threshold", "times", "moves"), rows)
 
 
 def main() -> None:
@@ -139,9 +144,9 @@ def main() -> None:
             parser.error(f"no sealed logs in {folder}: fly them by python -m benchmarks.blind cases=40 seed=...")
     from benchmarks.blind.report import markdown
 
-    factors = (1 / asked.factor, asked.factor)
+    factors = (asked.factor, 1 / asked.factor)
     moved = ablate(quickest_first(asked.folders, asked.workers), names, factors, asked.workers)
-    print(markdown(table(moved, names, factors)))
+    print(markdown(table(moved, names)))
 
 
 def quickest_first(folders: Sequence[Path], workers: int) -> list[Case]:
