@@ -1,17 +1,18 @@
-"""``python -m benchmarks.blind.ablation FOLDER ...``: which thresholds of the diagnosis change an answer at all.
+"""``python -m benchmarks.blind.ablation FOLDER ...``: which parts of the diagnosis change an answer at all.
 
-Each threshold of ``auv_torchrl/diagnosis/thresholds.py`` is divided and multiplied by a factor, one at a time, and the
-sealed logs of the folders are diagnosed again, until the answer to one is another one. The labels stay sealed: an
-answer is compared with that of the diagnosis as it is. A threshold that moves no answer either way guards against what
-these logs do not have, or is not needed. A killed run goes on where it was.
+Each threshold of ``auv_torchrl/diagnosis/thresholds.py`` is multiplied by a factor, or with ``--off`` each part that a
+threshold can switch off is switched off, one at a time, and the sealed logs of the folders are diagnosed again, until
+the answer to one is another one. The labels stay sealed: an answer is compared with that of the diagnosis as it is.
+What moves no answer guards against what these logs do not have, or is not needed. A killed run goes on where it was.
 """
 
 import argparse
 import json
+import math
 import multiprocessing
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,20 @@ from benchmarks.blind.table import Table
 FACTOR = 4.0  # a threshold that is four times too large or too small lets all pass, or nothing
 APART = 0.5  # half widths of its interval, by which a value has moved
 
-Moved = dict[str, tuple[float, str]]  # threshold -> the factor that moved an answer, and what it moved
+# What switches a part off: it is never begun, or nothing is ever beyond it.
+OFF: dict[str, Any] = {
+    "ADDS": math.inf, "BENT": 0.0, "BROKEN_PROMISE": math.inf, "CLOSES": 0.0, "COMMON_SCALE": 0.0, "CONTENDS": 0.0,
+    "EASED": 1.0, "EVIDENCE_SLIP": 0.0, "FAR_DOWN": math.inf, "FEW_LOST": 0.0, "FEW_VALUES": math.inf, "FITTED_ON": 0,
+    "FLICKERS": 0.0, "FURTHER_TRIED": 1, "GROWN": (0, 0), "HEIRS": 0, "HOPELESS": math.inf, "HUBER": math.inf,
+    "IDLE": 0.0, "LEAST_NOISE": 0.0, "LOST_START": math.inf, "MANY_OUTLIERS": 0.0,
+    "MANY_WINDOWS": math.inf, "MINOR": 0.0, "MISSED": math.inf, "MODEL_ERROR": 0.0, "MOSTLY_LOST": 1.0,
+    "NEAR": 0.0, "NOISE_MATTERS": math.inf, "NOTHING_TO_MAP": 0.0, "ONSET_CLEAR": math.inf, "POLISHED": 1,
+    "RELINEARISED": 0, "SCREENING_DOUBT": 0.0, "SEEN_AT_ALL": 0.0, "SETTLING": 1, "SLACK_MOVED": math.inf,
+    "SLACK_NEAR": 0.0, "SMALL_SWING": 0.0, "STANDS_IN": 1.0, "STILL_GAINS": math.inf, "TELLS": 0.0,
+    "THRESHOLD_REACH": (), "TIE": 0.0, "TILTS_MATTER": 0.0, "TURNED_ROUND": math.inf, "WALKS": 0, "WITHIN": 0.0,
+}  # fmt: skip
+
+Moved = dict[str, str]  # threshold -> the first answer that it moved
 Case = tuple[Path, str]  # the folder of a sealed log, and its name
 
 
@@ -45,29 +59,24 @@ def scaled(value: Any, factor: float) -> Any:
     return value * factor
 
 
-def ablate(cases: Sequence[Case], names: Sequence[str], factors: Sequence[float], workers: int) -> Moved:
-    """What each threshold moves first of some logs, all of which are answered by the diagnosis as it is.
-
-    The factors are tried one after the other, of a threshold that has moved something no further one.
-    """
+def ablate(cases: Sequence[Case], changed: Mapping[str, Any], label: str, workers: int) -> Moved:
+    """What each changed threshold moves first of some logs, all of which are answered by the diagnosis as it is."""
     found: Moved = {}
     context = multiprocessing.get_context("forkserver")  # each process reads the thresholds anew, and them alone
     context.set_forkserver_preload(["auv_torchrl.flightlog", "auv_torchrl.physics.kernel", "auv_torchrl.simulator"])
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
-        for factor in factors:
-            still = [name for name in names if name not in found]
-            jobs = {pool.submit(moved_by, cases, name, factor): name for name in still}
-            try:
-                for job in tqdm(as_completed(jobs), total=len(jobs), desc=f"times {factor:g}", unit="threshold"):
-                    if moved := job.result():
-                        found[jobs[job]] = factor, moved
-            except BaseException:  # those that run write their answers, the rest does not begin
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
+        jobs = {pool.submit(moved_by, cases, name, value, label): name for name, value in changed.items()}
+        try:
+            for job in tqdm(as_completed(jobs), total=len(jobs), desc=label, unit="threshold", disable=None):
+                if moved := job.result():
+                    found[jobs[job]] = moved
+        except BaseException:  # those that run write their answers, the rest does not begin
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     return found
 
 
-def moved_by(cases: Sequence[Case], name: str, factor: float) -> str | None:
+def moved_by(cases: Sequence[Case], name: str, value: Any, label: str) -> str | None:
     """Change a threshold of this process, and diagnose logs until an answer moves; what moved, or None.
 
     Raises:
@@ -78,13 +87,13 @@ def moved_by(cases: Sequence[Case], name: str, factor: float) -> str | None:
     readers = {module for module in sys.modules if module.startswith("auv_torchrl.diagnosis.")}
     if readers - {module.__name__}:
         raise RuntimeError(f"{name} cannot be changed any more: {', '.join(sorted(readers))} have read it")
-    setattr(module, name, scaled(getattr(module, name), factor))
+    setattr(module, name, value)
     from benchmarks.blind.examine import examine_one
     from benchmarks.blind.seal import answers_folder
 
     for folder, task in cases:
         answers = answers_folder(folder)
-        mine = answers / "ablation" / f"{name}_{factor:g}"
+        mine = answers / "ablation" / f"{name}_{label}"
         mine.mkdir(parents=True, exist_ok=True)
         path = mine / f"{task}.json"
         if not path.exists():
@@ -119,34 +128,33 @@ def _said(answer: Mapping[str, Any]) -> str:
     return f"{verdict} ({', '.join(named)})" if named else verdict
 
 
-def table(moved: Moved, names: Sequence[str]) -> Table:
+def table(moved: Moved, names: Iterable[str], label: str) -> Table:
     """Each threshold with the first answer that it moves; those that move nothing come first."""
-    rows = [(name, "", "nothing") for name in names if name not in moved]
-    rows += [(name, f"{moved[name][0]:g}", moved[name][1]) for name in names if name in moved]
-    return Table("Thresholds", ("threshold", "times", "moves"), rows)
+    rows = [(name, moved.get(name, "nothing")) for name in sorted(names, key=lambda name: name in moved)]
+    return Table("Thresholds", ("threshold", f"{label} moves"), rows)
 
 
 def main() -> None:
     """Change one threshold after the other and say which answers move."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.blind.ablation", description=__doc__)
-    parser.add_argument(
-        "folders", nargs="+", type=Path, help="of sealed logs, that python -m benchmarks.blind has flown"
-    )
+    parser.add_argument("folders", nargs="+", type=Path, help="of sealed logs, flown by python -m benchmarks.blind")
     parser.add_argument("--factor", type=float, default=FACTOR, help=f"that thresholds are changed by ({FACTOR:g})")
+    parser.add_argument("--off", action="store_true", help="switch parts off instead")
     parser.add_argument("--only", nargs="*", metavar="NAME", help="of thresholds; all, where none is said")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of one thread each")
     asked = parser.parse_args()
-    names = asked.only or list(thresholds())
-    if unknown := set(names) - set(thresholds()):
-        parser.error(f"no thresholds: {', '.join(sorted(unknown))}: there are {', '.join(thresholds())}")
+    label = "off" if asked.off else f"{asked.factor:g}"
+    changed = OFF if asked.off else {name: scaled(value, asked.factor) for name, value in thresholds().items()}
+    if unknown := set(asked.only or ()) - set(changed):
+        parser.error(f"no thresholds: {', '.join(sorted(unknown))}: there are {', '.join(changed)}")
     for folder in asked.folders:
         if not (folder / "manifest.json").exists():
             parser.error(f"no sealed logs in {folder}: fly them by python -m benchmarks.blind cases=40 seed=...")
     from benchmarks.blind.report import markdown
 
-    factors = (asked.factor, 1 / asked.factor)
-    moved = ablate(quickest_first(asked.folders, asked.workers), names, factors, asked.workers)
-    print(markdown(table(moved, names)))
+    changed = {name: changed[name] for name in asked.only or changed}
+    moved = ablate(quickest_first(asked.folders, asked.workers), changed, label, asked.workers)
+    print(markdown(table(moved, changed, "off" if asked.off else f"times {label}")))
 
 
 def quickest_first(folders: Sequence[Path], workers: int) -> list[Case]:

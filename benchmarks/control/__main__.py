@@ -26,6 +26,7 @@ PARTS = {  # module: what it measures
     "fault_recovery": "Recovery from a fault in flight",
     "tank_run": "The paper's tank run",
     "tracking": "Paths",
+    "tasks": "Every agent in every scenario",
     "comparison": "All methods in all scenarios",
 }
 PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy", "stable-baselines3")

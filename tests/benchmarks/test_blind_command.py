@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from benchmarks.blind.ablation import ablate
+from auv_torchrl.diagnosis import thresholds
+from benchmarks.blind.ablation import OFF, ablate
 from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.examine import examine
 from tests.command_lines import answers_of
@@ -61,12 +62,12 @@ def test_a_threshold_that_decides_moves_an_answer(runs):
     _, answers = runs["main"]
     results = json.loads((answers / "results.json").read_text())
     fault = next(r["case"] for r in results if r["truth"] != "no_gap" and r["verdict"] == "explained")
-    (moved,) = ablate([(answers.parent, fault)], ["WORTH_AN_EFFECT"], [1e6], 1).values()
-    assert (
-        moved is not None
-        and moved.startswith(f"{answers.parent.name}/{fault}: explained (")
-        and "-> explained" not in moved
-    )
+    cases = [(answers.parent, fault)]
+    assert not ablate(cases, {"WORTH_AN_EFFECT": thresholds.WORTH_AN_EFFECT}, "as it is", 1)
+    moved = ablate(cases, {"WORTH_AN_EFFECT": 5e6}, "more", 1)["WORTH_AN_EFFECT"]
+    assert moved.startswith(f"{answers.parent.name}/{fault}: explained (")
+    assert "-> explained" not in moved
+    assert all(hasattr(thresholds, name) for name in OFF)
 
 
 @pytest.mark.slow

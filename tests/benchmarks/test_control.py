@@ -20,15 +20,17 @@ from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
-from auv_torchrl.tasks import StationKeeping
+from auv_torchrl.tasks import Lemniscate, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control import __main__ as bench_command
-from benchmarks.control import methods
+from benchmarks.control import methods, tracking
 from benchmarks.control.comparison import cell
 from benchmarks.control.comparison_tables import CLOSED, ORACLE, SOURCE, Cell, draw, report, share_closed
 from benchmarks.control.fault_recovery import CONDITIONS, fly_fault, row
 from benchmarks.control.least_delay import least_delays
 from benchmarks.control.methods import METHODS, Bench
+from benchmarks.control.tasks import WAYS, by_scenario, flown, summary
+from benchmarks.control.tracking import Course
 
 VEHICLE = load_vehicle("paper")
 
@@ -77,6 +79,24 @@ def test_a_cell_is_flown_once_for_the_same_starts(bench, tmp_path):
     assert cell(bench, "u_s", tmp_path, fresh=False).mean_m == 7.0
     assert cell(bench, "u_s", tmp_path, fresh=True) == first
     assert cell(replace(bench, count=3), "u_s", tmp_path, fresh=False).mean_m != first.mean_m
+
+
+@pytest.mark.slow
+def test_an_agent_is_flown_on_a_task_alone_mapped_and_adapting(bench, tmp_path, monkeypatch):
+    """Both adaptations undo a swap on a path; the second time the errors come from their file."""
+    few = PretrainingConfig(transitions=3000, iterations=100)
+    monkeypatch.setattr(tracking, "load_or_pretrain", partial(load_or_pretrain, config=few))
+    course = Course(VEHICLE, Lemniscate(episode_s=12.0), 2)
+    pilot = SourcePolicy(cast(Any, PID(course.task, vehicle=VEHICLE)), {"hash": "pid", "curve": [{"cpu_s": 3.0}]})
+    means = flown(course, pilot, bench.scenario, tmp_path, bench.policies)
+    assert max(means[way] for way in WAYS[1:]) < 0.8 * means["alone"]
+    (path,) = tmp_path.rglob("*.json")
+    path.write_text(path.read_text().replace(str(means["alone"]), "7.0"))
+    again = flown(course, pilot, bench.scenario, tmp_path, bench.policies)
+    assert again == {**means, "alone": 7.0}
+    line = summary("lemniscate", "pid", pilot, {"alone": 0.02}, {"swap": again, "drag": dict.fromkeys(WAYS, 0.01)})
+    assert line.startswith("| lemniscate | pid | 3 | 0.0200 | 3.50 | 1 of 2 |")
+    assert f"| swap | {again['DDR from 4 s']:.4f} |" in by_scenario({"pid": {"swap": again}})
 
 
 def test_the_report_says_how_much_of_the_gap_was_closed(tmp_path):

@@ -21,6 +21,7 @@ from auv_torchrl.vehicle import load_vehicle
 HELD = hold(load_vehicle("paper"))
 NOISE = {"x": 0.002, "y": 0.002, "z": 0.002, "yaw": 0.004, "u": 1e-3, "v": 1e-3, "w": 1e-3, "r": 1e-3}
 BOTH = (*AXES, "u", "v", "w", "r")
+THOROUGH = pytest.mark.thorough  # by make test-all
 SENSORS = {
     "position_scale": ("factor", 0.02),
     "depth_scale": ("factor", 0.02),
@@ -37,7 +38,7 @@ def named(diagnosis):
     return {effect.name for effect in diagnosis.effects}
 
 
-@pytest.mark.parametrize("angle", [np.pi, np.pi / 2, -np.pi / 2])
+@pytest.mark.parametrize("angle", [np.pi, pytest.param(np.pi / 2, marks=THOROUGH), -np.pi / 2])
 def test_a_heading_that_is_far_off_is_a_compass_and_not_four_thrusters(angle):
     """Backwards or across: the compass is named, with its angle."""
     diagnosis = diagnose(fly(HELD, {"heading_bias": {"angle": angle}}, seed=12, episodes=4, seconds=20.0), HELD)
@@ -54,7 +55,9 @@ def test_exchanged_thrusters_on_a_vehicle_turned_round_are_declared_beside_those
     assert {"heading_bias with thruster_swap 2 3", "thruster_swap 1 4"} in map(set, diagnosis.indistinguishable)
 
 
-@pytest.mark.parametrize(("effect", "value"), [("position_scale", 1.25), ("position_scale", 0.8)])
+@pytest.mark.parametrize(
+    ("effect", "value"), [("position_scale", 1.25), pytest.param("position_scale", 0.8, marks=THOROUGH)]
+)
 def test_a_scale_of_the_position_is_named_with_its_value(effect, value):
     """A sensor that is a fifth off is no drag, thrust or inertia."""
     diagnosis = diagnose(fly(HELD, {effect: {"factor": value}}, seed=13, episodes=4, seconds=20.0), HELD)

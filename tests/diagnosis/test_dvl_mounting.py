@@ -36,7 +36,7 @@ def is_named(found, truth):
     ("truth", "axes"),
     [
         pytest.param(TURNED[0], LOGS["no position"], id="6 degrees"),
-        pytest.param(TURNED[1], LOGS["positions"], id="a quarter turn"),
+        pytest.param(TURNED[1], LOGS["positions"], id="a quarter turn", marks=pytest.mark.thorough),
         pytest.param(MOVED, LOGS["positions"], id="0.2 m"),
         pytest.param(FAULTY, LOGS["no position"], id="and a fault"),
     ],

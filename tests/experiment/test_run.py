@@ -153,7 +153,7 @@ def test_the_command_line_composes_scenarios_and_puts_everything_where_one_says(
     assert json.loads((folder / "results.json").read_text())["scenario"] == "thruster_gain+swap"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_sweep_in_parallel_trains_one_policy_per_seed_and_ends_with_one_table(policies, tmp_path):
     """The infeasible scenario does not stop it."""
     sweep = ["-m", "+scenario=swap,two_dead", "seed=0,1", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]
