@@ -46,6 +46,7 @@ def test_a_mounting_is_named_with_its_value(truth, axes):
     is_named(diagnose(restricted(flown(truth), axes), PAPER), truth)
 
 
+@pytest.mark.thorough
 def test_a_turned_compass_beside_a_doppler_log_is_not_taken_for_a_turned_doppler_log():
     """Both agree alike with positions; the thrusters tell."""
     truth = {"heading_bias": {"angle": -1.0}}
