@@ -62,7 +62,6 @@ SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
-FEW_LOST = 0.1  # share of diverged windows below which each is an accident
 OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
 MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
@@ -97,17 +96,14 @@ TELLS = 1.0  # chi-square of one standard deviation of slack, below which a log 
 UNTOLD = 0.03  # ... this share of its width
 NOISE_MATTERS = 0.02  # relative change of the sensor noise from which explanations are weighed again
 RELINEARISED = 3  # times at most that windows are linearised again
-FAR_DOWN = 0.3  # of chi-square, that a descent gains where slopes need to be taken again
-GAINS_AGAIN = 0.02  # of chi-square, below which doing so is not worth it
+GAINS_AGAIN = 0.02  # of chi-square, below which that is not worth it
 SKETCHED = 0.02  # of chi-square: a sketch that gains less is done
 
 # Fitting: values that are tried one by one
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED_STEPS = np.linspace(-1.0, 1.0, 9)  # of each reach
 WALKS = 3  # at most, along a valley
-SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
-SLACK_MOVED = 0.2  # ... where they moved by this much; "no gap" also within ...
-SLACK_NEAR = 0.4  # ... of the best of them
+SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried
 
 # Screening by marks
 ELASTIC_WIDTH = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
@@ -127,8 +123,7 @@ CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close
 POLISHED = 4  # candidates that are simulated
 TURNED_ROUND = 2.0  # times the chi-square of the best sketch: what simulation may turn round
 BROKEN_PROMISE = 10.0  # times what was promised: a fit that ends there began at wrong values
-CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best ...
-ADDS = 20.0  # ... and by which one that only adds effects to the best may be worse
+CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
 STILL_GAINS = 1.0  # ... this log evidence, times the chi-square per number that it leaves
 HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
@@ -146,7 +141,6 @@ EVIDENCE_SLIP = 40.0  # log evidence, likewise
 MISSED = 1.0  # chi-square per number that comes back without an effect that is not needless
 IDLE = 2.0  # standard deviations, of the estimate or of slack
 FURTHER_TRIED = 3  # further effects that are simulated where one is needed, of those that promise about the same
-EASED = 0.2  # of what the screening says of an effect: the start of a fit that went astray from the whole of it
 WORTH_AN_EFFECT = 5.0  # log evidence that one more effect must bring
 TIE = 3.0  # log evidence that does not speak for more values
 MOST_EFFECTS = 3  # of an explanation: the prior makes four faults at once one in 125,000

@@ -106,6 +106,7 @@ def test_a_hint_that_needs_slack_at_its_limit_does_not_end_the_search():
     }
 
 
+@pytest.mark.thorough
 def test_further_effects_are_tried_though_slack_hides_that_one_is_needed():
     """A weak thruster beside ballast, which gains at their limits fit to 3 %, is named though a limit promised more."""
     case = Case(52, "pair", effects=("buoyancy", "thruster_gain"), plant="foreign")
@@ -310,6 +311,7 @@ def test_slack_is_asked_before_a_value_is_believed():
     assert left_to_slack(problem, judged, [0]) is None
 
 
+@pytest.mark.thorough
 def test_no_effect_is_fitted_from_what_was_found_where_slack_may_do(tmp_path):
     """A sound vehicle with slack whose surge and sway nobody measures: the best fit of "no effect" decides."""
     case = Case(

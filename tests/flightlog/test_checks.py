@@ -99,7 +99,10 @@ def faulty(request):
     return load_vehicle(request.param), dict(zip(CLEAR, logs, strict=True))
 
 
-@pytest.mark.parametrize("axes", [FULL, POSE_ONLY, VELOCITIES, FELT], ids=["full", "pose", "velocity", "felt"])
+POSES = pytest.param(POSE_ONLY, id="pose", marks=pytest.mark.thorough)
+
+
+@pytest.mark.parametrize("axes", [FULL, POSES, VELOCITIES, FELT], ids=["full", None, "velocity", "felt"])
 def test_sound_logs_of_faulty_vehicles_are_not_suspected(faulty, axes, tmp_path):
     """A log in the right format gives no finding, whichever effect acts on the vehicle."""
     assert set(CLEAR) == set(EFFECTS)

@@ -10,13 +10,13 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import assess
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.following import nudge, rebase, settle_state, some_diverged
+from auv_torchrl.diagnosis.identify.following import nudge, rebase, settle_state
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
 from auv_torchrl.diagnosis.motion.smooth import sensor_noise
-from auv_torchrl.diagnosis.thresholds import FAR_DOWN, GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SKETCHED
+from auv_torchrl.diagnosis.thresholds import GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SKETCHED
 
 
 def fit_by_simulation(
@@ -26,21 +26,22 @@ def fit_by_simulation(
 
     One that is still beyond a chi-square of ``enough`` when it was fitted once is left at that.
     """
-    best, moving = _descend(problem, rebase(problem, explanation, start), rounds)
+    best = _descend(problem, rebase(problem, explanation, start), rounds)
     if not rounds:
         return best
     searched = search_thresholds(problem, best)
     if searched is not best:
-        best, moving = _descend(problem, searched.base, rounds)
-    moving |= problem.layout.moves_unseen  # a tilt that nobody measured bends the windows
-    for _ in range(RELINEARISED):  # slopes are out of date where the fit went far
-        if not moving or best.nothing_left or not np.isfinite(best.chi2) or best.chi2 > enough:
+        best = _descend(problem, searched.base, rounds)
+    for _ in range(RELINEARISED if problem.layout.moves_unseen else 0):  # a tilt that nobody measured bends the windows
+        if best.nothing_left or not np.isfinite(best.chi2) or best.chi2 > enough:
             break
-        again, _ = _descend(problem, rebase(problem, best.explanation, best.base), rounds)
+        again = _descend(problem, rebase(problem, best.explanation, best.base), rounds)
         if not again.chi2 < best.chi2:
             break
-        moving = best.chi2 - again.chi2 > GAINS_AGAIN * again.chi2
+        settled = best.chi2 - again.chi2 <= GAINS_AGAIN * again.chi2
         best = again
+        if settled:
+            break
     return replace(best, slack_marks=None)
 
 
@@ -77,23 +78,16 @@ def rescued(problem: Problem, judged: Judged, follow: Base, enough: float = np.i
     return min(judged, again, key=lambda one: one.chi2)
 
 
-def _descend(problem: Problem, base: Base, rounds: int) -> tuple[Judged, bool]:
-    """Gauss-Newton with a shrinking stride; tells whether it went far.
-
-    Where a step fails, the slack of thresholds stays from there on. Where it does because single windows diverge,
-    they begin anew behind it.
-    """
+def _descend(problem: Problem, base: Base, rounds: int) -> Judged:
+    """Gauss-Newton with a shrinking stride; where a step fails, the slack of thresholds stays from there on."""
     best, *step = assess(problem, base)
-    began = best.chi2
     stride, even = 1.0, bool(problem.even.all())
-    for turn in range(rounds):
+    for _ in range(rounds):
         if not np.isfinite(best.chi2):
             break
         knobs, slack = even_step(problem, best) if even else step
         moved = take_step(problem, best.explanation, stride * knobs, stride * slack)
         trial, *trial_step = assess(problem, nudge(problem, moved, best.base), before=best)
-        if turn == 0 and not trial.chi2 <= best.chi2 and some_diverged(problem, best.base, trial.base):
-            trial, *trial_step = assess(problem, rebase(problem, moved, best.base))
         if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
             stride, even = (0.3 * stride if even else stride), True
             continue
@@ -101,7 +95,7 @@ def _descend(problem: Problem, base: Base, rounds: int) -> tuple[Judged, bool]:
         best, step = trial, trial_step
         if settled:
             break
-    return best, not began < (1 + FAR_DOWN) * best.chi2
+    return best
 
 
 def measure_noise(problem: Problem, judged: Judged) -> Problem:

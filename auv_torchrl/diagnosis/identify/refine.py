@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.identify.judged import Judged, is_minor, is_strained, leaves_much
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
@@ -14,7 +14,6 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
 from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
-    EASED,
     EVIDENCE_SLIP,
     FURTHER_TRIED,
     IDLE,
@@ -57,7 +56,7 @@ def grow(
         left = best.chi2 - best.quadratic.numbers if leaves_much(problem, best) else 0.0
         least = max(here + WORTH_AN_EFFECT, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
         trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > CLOSES * left]
-        fresh = [_added(problem, best, s.explanation) for s in trials]
+        fresh = [fit_by_simulation(problem, s.explanation, best.base) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
         if better.evidence <= best.evidence + WORTH_AN_EFFECT or best.chi2 - better.chi2 < CLOSES * left:
@@ -66,20 +65,6 @@ def grow(
         if best.nothing_left:
             return best
     return best
-
-
-def _added(problem: Problem, best: Judged, explanation: Explanation) -> Judged:
-    """An explanation that adds an effect to the best; where that made it worse, from a small amount of the effect."""
-    judged = fit_by_simulation(problem, explanation, best.base)
-    if judged.chi2 <= best.chi2:
-        return judged
-    eased = {}
-    for place, knob in enumerate(explanation.knobs):
-        nominal = declared(knob.effect, problem.vehicle).nominal[knob.members[0]]
-        if not knob.discrete:
-            eased[place] = nominal + EASED * (knob.value - nominal)
-    again = fit_by_simulation(problem, explanation.moved(eased).starting_from(best.explanation), best.base)
-    return max(judged, again, key=lambda judged: judged.evidence)
 
 
 def tidy(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:

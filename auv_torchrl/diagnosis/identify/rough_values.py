@@ -7,7 +7,7 @@ from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
 from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import moved_along
-from auv_torchrl.diagnosis.thresholds import SLACK_MOVED, SLACK_NEAR, SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
+from auv_torchrl.diagnosis.thresholds import SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Valley
 
@@ -25,11 +25,8 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
     for column, (effect, _, _, width) in enumerate(problem.slack):
         now = slack_now(problem, best.explanation)[column]
         alone = not best.explanation.effects  # "no gap" has no knob by which a threshold would be tried
-        moved = abs(now) > SLACK_MOVED * width or not best.nothing_left
-        if problem.settings.is_rough(effect) and (moved or alone):
+        if problem.settings.is_rough(effect) and (alone or not best.nothing_left):
             best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
-            if alone:
-                best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
     for name, effect in EFFECTS.items() if not leaves_much(problem, best) else ():
         if effect.valley is not None:
             best = _search_valley(problem, best, name, effect.valley)

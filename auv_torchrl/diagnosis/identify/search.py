@@ -22,7 +22,6 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, tidy
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
 from auv_torchrl.diagnosis.thresholds import (
-    ADDS,
     BROKEN_PROMISE,
     CONTENDS,
     FEW_VALUES,
@@ -202,8 +201,7 @@ def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: se
         own, its = set(best.explanation.effects), set(judged.explanation.effects)
         if own < its and best.nothing_left:  # no effect more is needed
             return False
-        far = ADDS if own < its else CONTENDS
-        return own != its and frozenset(own ^ its) not in twins and judged.evidence > best.evidence - far
+        return own != its and frozenset(own ^ its) not in twins and judged.evidence > best.evidence - CONTENDS
 
     rivals = [judged for judged in polished if contends(judged)]
     if not rivals or not best.explanation.effects:
