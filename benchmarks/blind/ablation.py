@@ -1,12 +1,14 @@
 """``python -m benchmarks.blind.ablation FOLDER ...``: which parts of the diagnosis change an answer at all.
 
 Each threshold of ``auv_torchrl/diagnosis/thresholds.py`` is multiplied by a factor, or with ``--off`` each part that a
-threshold can switch off is switched off, one at a time, and the sealed logs of the folders are diagnosed again, until
-the answer to one is another one. The labels stay sealed: an answer is compared with that of the diagnosis as it is.
-What moves no answer guards against what these logs do not have, or is not needed. A killed run goes on where it was.
+threshold can switch off is switched off, one at a time or ``--together``, and the sealed logs of the folders are
+diagnosed again, until the answer to one is another one. The labels stay sealed: an answer is compared with that of the
+diagnosis as it is. What moves no answer guards against what these logs do not have, or is not needed. A killed run goes
+on where it was.
 """
 
 import argparse
+import hashlib
 import json
 import math
 import multiprocessing
@@ -32,12 +34,13 @@ OFF: dict[str, Any] = {
     "IDLE": 0.0, "LEAST_NOISE": 0.0, "LOST_START": math.inf, "MANY_OUTLIERS": 0.0,
     "MANY_WINDOWS": math.inf, "MINOR": 0.0, "MISSED": math.inf, "MODEL_ERROR": 0.0, "MOSTLY_LOST": 1.0,
     "NEAR": 0.0, "NOISE_MATTERS": math.inf, "NOTHING_TO_MAP": 0.0, "ONSET_CLEAR": math.inf, "POLISHED": 1,
-    "RELINEARISED": 0, "SCREENING_DOUBT": 0.0, "SEEN_AT_ALL": 0.0, "SETTLING": 1, 
+    "RELINEARISED": 0, "SCREENING_DOUBT": 0.0, "SEEN_AT_ALL": 0.0, "SETTLING": 1,
     "SMALL_SWING": 0.0, "STANDS_IN": 1.0, "STILL_GAINS": math.inf, "TELLS": 0.0,
     "THRESHOLD_REACH": (), "TIE": 0.0, "TILTS_MATTER": 0.0, "TURNED_ROUND": math.inf, "WALKS": 0, "WITHIN": 0.0,
 }  # fmt: skip
 
-Moved = dict[str, str]  # threshold -> the first answer that it moved
+Changed = Mapping[str, Any]  # threshold -> its other value
+Moved = dict[str, str]  # what was changed -> the first answer that it moved
 Case = tuple[Path, str]  # the folder of a sealed log, and its name
 
 
@@ -59,13 +62,13 @@ def scaled(value: Any, factor: float) -> Any:
     return value * factor
 
 
-def ablate(cases: Sequence[Case], changed: Mapping[str, Any], label: str, workers: int) -> Moved:
-    """What each changed threshold moves first of some logs, all of which are answered by the diagnosis as it is."""
+def ablate(cases: Sequence[Case], changes: Mapping[str, Changed], label: str, workers: int) -> Moved:
+    """What each change of thresholds moves first of some logs, all of which are answered by the diagnosis as it is."""
     found: Moved = {}
     context = multiprocessing.get_context("forkserver")  # each process reads the thresholds anew, and them alone
     context.set_forkserver_preload(["auv_torchrl.flightlog", "auv_torchrl.physics.kernel", "auv_torchrl.simulator"])
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
-        jobs = {pool.submit(moved_by, cases, name, value, label): name for name, value in changed.items()}
+        jobs = {pool.submit(moved_by, cases, name, changed, label): name for name, changed in changes.items()}
         try:
             for job in tqdm(as_completed(jobs), total=len(jobs), desc=label, unit="threshold", disable=None):
                 if moved := job.result():
@@ -76,8 +79,8 @@ def ablate(cases: Sequence[Case], changed: Mapping[str, Any], label: str, worker
     return found
 
 
-def moved_by(cases: Sequence[Case], name: str, value: Any, label: str) -> str | None:
-    """Change a threshold of this process, and diagnose logs until an answer moves; what moved, or None.
+def moved_by(cases: Sequence[Case], name: str, changed: Changed, label: str) -> str | None:
+    """Change thresholds of this process, and diagnose logs until an answer moves; what moved, or None.
 
     Raises:
         RuntimeError: if something of this process has read the thresholds before.
@@ -87,13 +90,18 @@ def moved_by(cases: Sequence[Case], name: str, value: Any, label: str) -> str | 
     readers = {module for module in sys.modules if module.startswith("auv_torchrl.diagnosis.")}
     if readers - {module.__name__}:
         raise RuntimeError(f"{name} cannot be changed any more: {', '.join(sorted(readers))} have read it")
-    setattr(module, name, value)
+    for threshold, value in changed.items():
+        setattr(module, threshold, value)
     from benchmarks.blind.examine import examine_one
     from benchmarks.blind.seal import answers_folder
 
     for folder, task in cases:
         answers = answers_folder(folder)
-        mine = answers / "ablation" / f"{name}_{label}"
+        mine = (
+            answers
+            / "ablation"
+            / f"{name if len(changed) == 1 else hashlib.sha256(name.encode()).hexdigest()[:16]}_{label}"
+        )
         mine.mkdir(parents=True, exist_ok=True)
         path = mine / f"{task}.json"
         if not path.exists():
@@ -140,6 +148,7 @@ def main() -> None:
     parser.add_argument("folders", nargs="+", type=Path, help="of sealed logs, flown by python -m benchmarks.blind")
     parser.add_argument("--factor", type=float, default=FACTOR, help=f"that thresholds are changed by ({FACTOR:g})")
     parser.add_argument("--off", action="store_true", help="switch parts off instead")
+    parser.add_argument("--together", action="store_true", help="change all of them at once")
     parser.add_argument("--only", nargs="*", metavar="NAME", help="of thresholds; all, where none is said")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of one thread each")
     asked = parser.parse_args()
@@ -153,8 +162,11 @@ def main() -> None:
     from benchmarks.blind.report import markdown
 
     changed = {name: changed[name] for name in asked.only or changed}
-    moved = ablate(quickest_first(asked.folders, asked.workers), changed, label, asked.workers)
-    print(markdown(table(moved, changed, "off" if asked.off else f"times {label}")))
+    changes = {name: {name: value} for name, value in changed.items()}
+    if asked.together:
+        changes = {", ".join(changed): changed}
+    moved = ablate(quickest_first(asked.folders, asked.workers), changes, label, asked.workers)
+    print(markdown(table(moved, changes, "off" if asked.off else f"times {label}")))
 
 
 def quickest_first(folders: Sequence[Path], workers: int) -> list[Case]:

@@ -63,8 +63,10 @@ def test_a_threshold_that_decides_moves_an_answer(runs):
     results = json.loads((answers / "results.json").read_text())
     fault = next(r["case"] for r in results if r["truth"] != "no_gap" and r["verdict"] == "explained")
     cases = [(answers.parent, fault)]
-    assert not ablate(cases, {"WORTH_AN_EFFECT": thresholds.WORTH_AN_EFFECT}, "as it is", 1)
-    moved = ablate(cases, {"WORTH_AN_EFFECT": 5e6}, "more", 1)["WORTH_AN_EFFECT"]
+    same = {"WORTH_AN_EFFECT": thresholds.WORTH_AN_EFFECT}
+    found = ablate(cases, {"same": same, "more": {"WORTH_AN_EFFECT": 5e6}}, "small", 1)
+    assert set(found) == {"more"}
+    moved = found["more"]
     assert moved.startswith(f"{answers.parent.name}/{fault}: explained (")
     assert "-> explained" not in moved
     assert all(hasattr(thresholds, name) for name in OFF)
