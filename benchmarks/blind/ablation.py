@@ -95,13 +95,10 @@ def moved_by(cases: Sequence[Case], name: str, changed: Changed, label: str) -> 
     from benchmarks.blind.examine import examine_one
     from benchmarks.blind.seal import answers_folder
 
+    short = name if len(changed) == 1 else hashlib.sha256(name.encode()).hexdigest()[:16]  # a file's name has an end
     for folder, task in cases:
         answers = answers_folder(folder)
-        mine = (
-            answers
-            / "ablation"
-            / f"{name if len(changed) == 1 else hashlib.sha256(name.encode()).hexdigest()[:16]}_{label}"
-        )
+        mine = answers / "ablation" / f"{short}_{label}"
         mine.mkdir(parents=True, exist_ok=True)
         path = mine / f"{task}.json"
         if not path.exists():
