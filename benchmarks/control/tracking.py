@@ -22,7 +22,7 @@ from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.evaluation import Metrics, Policy, draw_starts, fly
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario, read_scenario
-from auv_torchrl.tasks import TASKS, Following, Lemniscate, Tracking
+from auv_torchrl.tasks import TASKS, Lemniscate, Task, Tracking
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks.control.methods import ranges
 from benchmarks.control.source import BACKEND, STORE
@@ -36,7 +36,7 @@ INTEGRAL = (0.5, 0.5, 0.5, 0.2)  # 1/(m s) and 1/(rad s), as in the comparison o
 class Course:
     """One path and everything that flies it, from the same starts."""
 
-    def __init__(self, vehicle: Vehicle, task: Following, count: int):
+    def __init__(self, vehicle: Vehicle, task: Task, count: int):
         self.vehicle, self.count = vehicle, count
         self.task = task.for_evaluation(BOX_M)
         self.starts = draw_starts(self.task, count, SEED)
