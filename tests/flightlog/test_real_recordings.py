@@ -84,8 +84,8 @@ def test_a_flight_of_px4_is_read_with_its_commands():
     streams = streams_of(real("ulog/sample_px4_events.ulg"))
     commands = streams.streams["commands"]
     assert commands.channels == ("cmd_1", "cmd_2", "cmd_3", "cmd_4") and 0.5 < commands.values.max() < 0.6
-    ((start, end),) = streams.armed or ()
-    assert (start, end) == (pytest.approx(14.9, abs=0.1), pytest.approx(30.1, abs=0.1))
+    assert streams.armed is not None and len(streams.armed) == 1
+    assert streams.armed[0] == (pytest.approx(14.9, abs=0.1), pytest.approx(30.1, abs=0.1))
     assert [mode for _, mode in streams.modes][1:4] == ["AUTO_TAKEOFF", "AUTO_LOITER", "AUTO_RTL"]
     position, velocity = streams.streams["position"], streams.streams["velocity"]
     t = moments(position, velocity)
