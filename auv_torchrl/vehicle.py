@@ -34,7 +34,7 @@ class Vehicle(TensorClass):
     centre_of_mass: Tensor  # (3,) m
     centre_of_buoyancy: Tensor  # (3,) m
     buoyancy: Tensor  # () N, all of it in the water
-    hull_height: Tensor  # () m, over which it leaves the water, about its centre; 0 that of a cube of its volume
+    hull_height: Tensor  # () m, over which it leaves the water, about that centre; 0 that of a cube of its volume
     free: Tensor  # (6,) 1 where a degree of freedom moves, 0 where it is held
     payload_mass: Tensor  # () kg, carried rigidly
     payload_weight: Tensor  # () N, its weight in water, down positive

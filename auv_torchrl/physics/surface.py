@@ -32,7 +32,7 @@ def immersed(depth: Array, above: Array | float, below: Array | float) -> Array:
 
 
 def dry_hull(c: Coefficients, rotation: Array, position: Array) -> Array:
-    """Share in [0, 1] of buoyancy and drag that the hull lacks, (...): how far its centre is out of the water.
+    """Share in [0, 1] of buoyancy and drag that the hull lacks, (...): how far it is out, about its centre of buoyancy.
 
     Args:
         c: coefficients of the vehicles.
