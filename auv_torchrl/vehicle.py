@@ -5,7 +5,6 @@ Frames: earth NED, body FRD. Degrees of freedom are ordered surge, sway, heave, 
 value that :func:`load_vehicle` gives, every term that only an effect uses does nothing.
 """
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from reprlib import repr as short
@@ -17,6 +16,7 @@ from torch import Tensor
 
 from auv_torchrl.paths import config_path
 from auv_torchrl.settings import choices
+from auv_torchrl.vehicle_entries import drag_matrix, each_thruster, matrix, numbers
 from auv_torchrl.yaml_file import read_yaml
 
 GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weights
@@ -33,7 +33,8 @@ class Vehicle(TensorClass):
     inertia: Tensor  # (3,) kg m^2, principal, about the centre of mass
     centre_of_mass: Tensor  # (3,) m
     centre_of_buoyancy: Tensor  # (3,) m
-    buoyancy: Tensor  # () N
+    buoyancy: Tensor  # () N, all of it in the water
+    hull_height: Tensor  # () m, over which it leaves the water, about that centre; 0 that of a cube of its volume
     free: Tensor  # (6,) 1 where a degree of freedom moves, 0 where it is held
     payload_mass: Tensor  # () kg, carried rigidly
     payload_weight: Tensor  # () N, its weight in water, down positive
@@ -50,6 +51,8 @@ class Vehicle(TensorClass):
     tether_anchor: Tensor  # (3,) m, earth
     tether_stiffness: Tensor  # () N/m
     tether_slack: Tensor  # () m
+    surface: Tensor  # () m, z of the surface of the water
+    air: Tensor  # () share of the water's density that is missing above it: 0 water everywhere, 1 air
     # thrusters, n of them
     thruster_position: Tensor  # (n, 3) m
     thruster_direction: Tensor  # (n, 3) unit vectors of the force at a positive command
@@ -89,8 +92,24 @@ class Vehicle(TensorClass):
 
 
 _VECTORS = {  # section -> key -> length; 0 is a scalar
-    "rigid_body": {"mass": 0, "inertia": 3, "centre_of_mass": 3, "centre_of_buoyancy": 3, "buoyancy": 0},
-    "": {"added_mass": 6, "mass_scale": 6, "linear_drag": 6, "quadratic_drag": 6, "drag_asymmetry": 6, "coriolis": 0},
+    "rigid_body": {
+        "mass": 0,
+        "inertia": 3,
+        "centre_of_mass": 3,
+        "centre_of_buoyancy": 3,
+        "buoyancy": 0,
+        "hull_height": 0,
+    },
+    "": {
+        "added_mass": 6,
+        "mass_scale": 6,
+        "linear_drag": 6,
+        "quadratic_drag": 6,
+        "drag_asymmetry": 6,
+        "coriolis": 0,
+        "surface": 0,
+        "air": 0,
+    },
     "thrusters": dict.fromkeys(
         ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "reaction", "volts"), 0
     ),
@@ -105,8 +124,13 @@ _NOTHING = ("payload_mass", "payload_weight", "vertical_force", "tether_stiffnes
 _NOWHERE = ("payload_position", "current", "tether_anchor", "gyro_bias")
 _PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay", "volts"}  # one number for all, or one each
 _POSITIVE = {"mass", "inertia", "buoyancy", "mass_scale", "full_thrust", "exponent", "limit"}
-_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "dead_band", "lag", "delay", "volts"}
-_LEFT_OUT = {"reaction": 0.0, "volts": 0.0}  # of thrusters, where a file does not say it
+_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "dead_band", "lag", "delay", "volts",
+                 "hull_height", "air"}  # fmt: skip
+_LEFT_OUT = {  # what a file need not say, by section
+    "": {"mass_scale": [1.0] * 6, "drag_asymmetry": [0.0] * 6, "surface": 0.0, "air": 0.0},
+    "rigid_body": {"hull_height": 0.0},
+    "thrusters": {"reaction": 0.0, "volts": 0.0},
+}
 _SAID_OF_IT = {"name", "uncertainty", "calibration"}  # what the diagnosis and the training read besides
 
 
@@ -143,9 +167,9 @@ def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = t
 def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
     fields: dict[str, Any] = _read_fields(vehicle)
     rows = vehicle["thrusters"]
-    position = _matrix("thrusters.position", rows.get("position"), 3)
-    direction = _matrix("thrusters.direction", rows.get("direction"), 3)
-    mixer = _matrix("mixer", vehicle["mixer"], 6)
+    position = matrix("thrusters.position", rows.get("position"), 3)
+    direction = matrix("thrusters.direction", rows.get("direction"), 3)
+    mixer = matrix("mixer", vehicle["mixer"], 6)
     n = len(position)
     if not len(direction) == len(mixer) == n:
         raise ValueError(
@@ -173,7 +197,6 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
 
 
 def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
-    vehicle = {"mass_scale": [1.0] * 6, "drag_asymmetry": [0.0] * 6, **vehicle}
     known = {"rigid_body", "thrusters", "mixer", "sensors", *_SAID_OF_IT, *_VECTORS[""]}
     if odd := sorted(map(str, set(vehicle) - known)):
         raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
@@ -182,7 +205,7 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
         block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
         if not isinstance(block, Mapping):
             raise ValueError(f"vehicle: {section} is {short(block)}: give a mapping with {', '.join(keys)}")
-        block = _LEFT_OUT | dict(block) if section == "thrusters" else block
+        block = _LEFT_OUT[section] | dict(block)
         allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
         if odd := sorted(map(str, set(block) - allowed)):
             raise ValueError(f"vehicle: unknown entries {odd} in {section}: {choices(odd, sorted(allowed))}")
@@ -191,15 +214,17 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
             if key not in block:
                 raise ValueError(f"vehicle: {label} is missing")
             if key in _PER_THRUSTER and isinstance(block[key], list | tuple):
-                fields[key] = _each_thruster(label, block[key], block.get("position"))
+                fields[key] = each_thruster(label, block[key], block.get("position"))
             elif key == "linear_drag":
-                fields[key] = _drag_matrix(block[key])
+                fields[key] = drag_matrix(block[key])
             else:
-                fields[key] = _numbers(label, block[key], (length,) if length else ())
+                fields[key] = numbers(label, block[key], (length,) if length else ())
             if key in _POSITIVE and not (fields[key] > 0).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give values above 0")
             if key.endswith("asymmetry") and not (fields[key].abs() < 1).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give a share below 1, and above -1")
+            if key == "air" and not fields[key] <= 1:
+                raise ValueError(f"vehicle: {label} is {short(block[key])}: give 1 for air, 0 for water everywhere")
             sizes = fields[key].diagonal() if key == "linear_drag" else fields[key]
             if key in _NON_NEGATIVE and not (sizes >= 0).all():
                 raise ValueError(f"vehicle: {label} is {short(block[key])}: give values of 0 or more")
@@ -208,43 +233,12 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
     return fields
 
 
-def _drag_matrix(value: Any) -> Tensor:
-    """Six numbers of the diagonal, or six rows of six where one degree of freedom drags on another."""
-    if isinstance(value, list | tuple) and len(value) == 6 and all(isinstance(row, list | tuple) for row in value):
-        return _matrix("linear_drag", value, 6)
-    return torch.diag(_numbers("linear_drag", value, (6,), "6 numbers, or 6 rows of 6"))
-
-
 def _read_sensors(block: Any) -> dict[str, Any]:
     if not isinstance(block, Mapping):
         raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(_SENSORS)}")
     if odd := sorted(map(str, set(block) - set(_SENSORS))):
         raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(_SENSORS))}")
-    found = {key: _numbers(f"sensors.{key}", block.get(key, v), torch.tensor(v).shape) for key, v in _SENSORS.items()}
+    found = {key: numbers(f"sensors.{key}", block.get(key, v), torch.tensor(v).shape) for key, v in _SENSORS.items()}
     if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in _SENSORS if key.endswith("_scale")):
         raise ValueError("vehicle: sensors has a delay below 0 or a scale of 0: give what the sensors report")
     return found
-
-
-def _each_thruster(label: str, values: Any, position: Any) -> Tensor:
-    n = len(_matrix("thrusters.position", position, 3))
-    return _numbers(label, values, (n,), f"one number, or {n}, one per thruster")
-
-
-def _numbers(label: str, value: Any, shape: tuple[int, ...], wanted: str = "") -> Tensor:
-    wanted = wanted or (f"{math.prod(shape)} numbers" if shape else "one number")
-    if any(isinstance(entry, bool) for entry in (value if isinstance(value, list | tuple) else (value,))):
-        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}")
-    try:
-        tensor = torch.as_tensor(value, dtype=torch.float64)
-    except (TypeError, ValueError, RuntimeError, OverflowError) as error:
-        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}") from error
-    if tensor.shape != shape or not tensor.isfinite().all():
-        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}, finite")
-    return tensor
-
-
-def _matrix(label: str, value: Any, columns: int) -> Tensor:
-    if not isinstance(value, list | tuple) or not value:
-        raise ValueError(f"vehicle: {label} is {short(value)}: give one row of {columns} numbers per thruster")
-    return torch.stack([_numbers(f"{label}[{row}]", entry, (columns,)) for row, entry in enumerate(value)])

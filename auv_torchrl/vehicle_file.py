@@ -13,9 +13,11 @@ DIGITS = 8  # significant, of each number that is written
 SAME = 1e-6  # relative, of what was calibrated and what the file says after rounding
 UNITS = {
     "mass": "kg", "inertia": "kg m^2", "centre_of_mass": "m", "centre_of_buoyancy": "m", "buoyancy": "N",
+    "hull_height": "m, over which it leaves the water",
     "added_mass": "kg, kg m^2", "mass_scale": "on the total of rigid body and added mass",
     "linear_drag": "kg/s, kg m^2/s; rows of 6: drag in each degree of freedom by speed in all",
     "quadratic_drag": "kg/m, kg m^2", "drag_asymmetry": "share by which it is larger ahead, to starboard or down",
+    "surface": "m, z of the surface of the water", "air": "above it: 0 water, 1 air",
     "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
     "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
     "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
@@ -23,12 +25,15 @@ UNITS = {
     "dvl_position": "m", "dvl_turn": "rad about body z, from the axes of the body to those of the Doppler log",
     "mixer": "columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
 }  # fmt: skip
+_RIGID_BODY = ("mass", "inertia", "centre_of_mass", "centre_of_buoyancy", "buoyancy")
 _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
 _WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
+_HULL_LATER = ("hull_height",)
+_WATER_LATER = ("drag_asymmetry", "surface", "air")
 _SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
 # left out where 0: files say what they said, and what hashes keep is found
 _SENSORS_LATER = ("dvl_position", "dvl_turn", "accelerometer_position", "accelerometer_bias")
-CAME_LATER = ("drag_asymmetry", *_SENSORS_LATER)
+CAME_LATER = (*_HULL_LATER, *_WATER_LATER, *_SENSORS_LATER)
 
 
 def fold(vehicle: Vehicle) -> Vehicle:
@@ -71,20 +76,15 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
         ValueError: for a vehicle with something that no file can say.
     """
     diagonal = bool((vehicle.linear_drag == vehicle.linear_drag.diagonal().diag()).all())
-    told = [key for key in _WHERE_TOLD if bool((getattr(vehicle, key) != 0).any())]
-    later = [key for key in _SENSORS_LATER if bool((getattr(vehicle, key) != 0).any())]
-    alike = {key: getattr(vehicle, key) for key in (*_PER_THRUSTER, *told)}
+    alike = {key: getattr(vehicle, key) for key in (*_PER_THRUSTER, *_told(vehicle, _WHERE_TOLD))}
     content = {
         "name": name,
-        "rigid_body": {
-            key: numbers(getattr(vehicle, key))
-            for key in ("mass", "inertia", "centre_of_mass", "centre_of_buoyancy", "buoyancy")
-        },
+        "rigid_body": {key: numbers(getattr(vehicle, key)) for key in (*_RIGID_BODY, *_told(vehicle, _HULL_LATER))},
         "added_mass": numbers(vehicle.added_mass),
         "mass_scale": numbers(vehicle.mass_scale),
         "linear_drag": numbers(vehicle.linear_drag.diagonal() if diagonal else vehicle.linear_drag),
         "quadratic_drag": numbers(vehicle.quadratic_drag),
-        **({"drag_asymmetry": numbers(vehicle.drag_asymmetry)} if bool(vehicle.drag_asymmetry.any()) else {}),
+        **{key: numbers(getattr(vehicle, key)) for key in _told(vehicle, _WATER_LATER)},
         "coriolis": numbers(vehicle.coriolis),
         "thrusters": {
             "position": numbers(vehicle.thruster_position),
@@ -96,10 +96,15 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
             "delay": numbers(vehicle.delay),
         },
         "mixer": numbers(vehicle.mixer),
-        "sensors": {key: numbers(getattr(vehicle, key)) for key in (*_SENSORS, *later)},
+        "sensors": {key: numbers(getattr(vehicle, key)) for key in (*_SENSORS, *_told(vehicle, _SENSORS_LATER))},
     }
     _refuse_what_is_lost(vehicle, content)
     return content
+
+
+def _told(vehicle: Vehicle, keys: Sequence[str]) -> list[str]:
+    """Those that are not all 0, which is what a file that leaves them out says."""
+    return [key for key in keys if bool((getattr(vehicle, key) != 0).any())]
 
 
 def described(vehicle: Vehicle) -> dict[str, Any]:

@@ -1,10 +1,10 @@
-"""Effects of what is tied to the vehicle."""
+"""Effects of what is tied to the vehicle, and of where its water ends."""
 
 import torch
 from torch import Tensor
 
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -43,4 +43,22 @@ tether = Effect(
     ),
 )
 
-EFFECTS = (tether,)
+
+def _surface(vehicle: Vehicle, depth: Tensor, air: Tensor) -> Vehicle:
+    return changed(vehicle, surface=depth, air=air)
+
+
+free_surface = Effect(
+    name="free_surface",
+    origin=Origin.EXTERNAL,
+    meaning="the surface of the water: a hull that leaves it loses buoyancy and drag, a propeller its thrust",
+    source="Archimedes; Minsaas, Faltinsen and Persson 1983 for the thrust; Fossen 2021, section 4.2",
+    parameters=(
+        Parameter("depth", "m", own("surface"), -50.0, 50.0, "the surface of the water lies at z = {value:.2f} m"),
+        Parameter("air", "1", own("air"), 0.0, 1.0, "above the surface {value:.2f} of the water's density is missing"),
+    ),
+    change=_surface,
+    is_searched=False,  # what was flown at the surface is left out of a log, unless the vehicle's file says where it is
+)
+
+EFFECTS = (tether, free_surface)

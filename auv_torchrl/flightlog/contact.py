@@ -29,13 +29,16 @@ ENDS = {1.0: "on the bottom", -1.0: "at the surface"}  # by the sense, down posi
 def leave_out_contact(episodes: tuple[Episode, ...], vehicle: Vehicle) -> tuple[tuple[Episode, ...], list[Finding]]:
     """The episodes without what was flown where depth stands still however the thrusters push, and what is said of it.
 
-    Nothing is left out where less than 10 s would stay; then the finding limits what is concluded.
+    Nothing is left out where less than 10 s would stay; then the finding limits what is concluded. Nor is the surface
+    where the vehicle's file says where that lies: the simulator floats, too.
     """
     findings = []
     c = prepare(vehicle).numpy()
     reach = float((np.abs(c.allocation[2]) * c.full_thrust).sum())
     speed = _steady_speed(PUSHED * reach, float(c.linear_drag[2, 2]), float(c.quadratic_drag[2]))
     for sense, where in ENDS.items():
+        if sense < 0 and bool((vehicle.air > 0).any()):
+            continue
         level = _level([_Flown.of(episode, vehicle, sense) for episode in episodes], PUSHED * reach, speed)
         if level is None:
             continue

@@ -6,6 +6,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.log import AXES
+from auv_torchrl.flightlog.streams.compass import check_compass
 from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration
 from auv_torchrl.flightlog.streams.grid import choose, tabulate
 from auv_torchrl.flightlog.streams.motors import commands_of, listed, motors_of
@@ -26,7 +27,8 @@ def info_lines(
     yield "  streams"
     yield from (f"    {_stream_line(stream)}" for stream in streams.streams.values())
     compared = compare_configuration(parameters, [healthy]) if healthy else []
-    for finding in (*streams.findings, *check_configuration(streams, parameters), *compared):
+    checked = (*check_configuration(streams, parameters), *check_compass(streams, parameters))
+    for finding in (*streams.findings, *checked, *compared):
         yield f"  {finding}"
     yield from (f"  {line}" for line in _diagnosable(streams, options))
 

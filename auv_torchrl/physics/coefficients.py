@@ -9,6 +9,7 @@ from torch import Tensor
 from auv_torchrl.vehicle import GRAVITY, Vehicle
 
 Array = Any
+WATER_DENSITY = 1000.0  # kg/m^3, fresh; salt changes the side of a cube by 1 %
 
 
 class Coefficients(NamedTuple):
@@ -25,6 +26,12 @@ class Coefficients(NamedTuple):
     tether_anchor: Array  # (3,)
     tether_stiffness: Array  # ()
     tether_slack: Array  # ()
+    buoyancy: Array  # ()
+    centre_of_buoyancy: Array  # (3,)
+    hull_height: Array  # ()
+    surface: Array  # ()
+    air: Array  # ()
+    thruster_position: Array  # (n, 3)
     allocation: Array  # (6, n) wrench per newton of thrust, gain included
     gain: Array  # (n,) for reports of the thrust; the wrench has it from the allocation
     routing: Array  # (n, n)
@@ -72,6 +79,7 @@ class ActiveTerms(NamedTuple):
     coriolis: bool
     current: bool
     tether: bool
+    surface: bool
     routing: bool
     curve: bool
     lag: bool
@@ -98,6 +106,7 @@ class ActiveTerms(NamedTuple):
             coriolis=bool((c.coriolis != 0).any()),
             current=bool((c.current != 0).any()),
             tether=bool((c.tether_stiffness != 0).any()),
+            surface=bool((c.air != 0).any()),
             routing=bool((c.routing != identity).any()),
             curve=bool((c.exponent != 1).any() or (c.asymmetry != 0).any()),
             lag=bool((c.lag > 0).any()),
@@ -117,6 +126,16 @@ class ActiveTerms(NamedTuple):
     def everything() -> "ActiveTerms":
         """All terms, for code that must not look at values (``vmap``, ``compile``, gradients)."""
         return ActiveTerms(*(True for _ in ActiveTerms._fields))
+
+    @property
+    def compiled(self) -> "ActiveTerms":
+        """All terms, but the surface where there is none: it takes a quarter of a step, and few vehicles meet one."""
+        return ActiveTerms.everything()._replace(surface=self.surface)
+
+    @property
+    def kind(self) -> str:
+        """Tells programs with these terms compiled from others."""
+        return "surface" if self.surface else "deep"
 
 
 def _sensors_are_true(c: Coefficients) -> bool:
@@ -147,17 +166,25 @@ def prepare(vehicle: Vehicle) -> Coefficients:
         quadratic_drag=vehicle.quadratic_drag,
         restoring=torch.cat((net_weight[..., None, None] * identity, skew(arm)), dim=-2),
         allocation=allocation_matrix(vehicle) * vehicle.gain[..., None, :],
+        hull_height=hull_height(vehicle),
         **{name: getattr(vehicle, name) for name in _COPIED},
     )
 
 
 _COPIED = (
-    "drag_asymmetry", "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "gain", "routing",
+    "drag_asymmetry", "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "buoyancy",
+    "centre_of_buoyancy", "surface", "air", "thruster_position", "gain", "routing",
     "full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts",
     "heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale", "dvl_position",
     "dvl_turn", "gyro_bias", "accelerometer_bias", "accelerometer_position", "compass_per_load", "position_noise",
     "attitude_noise",
 )  # fmt: skip
+
+
+def hull_height(vehicle: Vehicle) -> Tensor:
+    """Height in m over which the hull leaves the water; where no file says it, that of a cube of its volume."""
+    side = (vehicle.buoyancy / (WATER_DENSITY * GRAVITY)) ** (1 / 3)
+    return torch.where(vehicle.hull_height > 0, vehicle.hull_height, side)
 
 
 def skew(vector: Tensor) -> Tensor:

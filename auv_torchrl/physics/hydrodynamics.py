@@ -6,6 +6,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kinematics import cross, matvec
+from auv_torchrl.physics.surface import dry_hull, lost_buoyancy
 
 Array = Any
 
@@ -21,7 +22,7 @@ def acceleration(
         rotation: (..., 3, 3) from body to earth.
         position: (..., 3) in m, earth NED.
         velocity: (..., 6) in m/s and rad/s, body FRD, over ground.
-        wrench: (..., 6) in N and N m, from the thrusters.
+        wrench: (..., 6) in N and N m, from the thrusters, as :func:`~auv_torchrl.physics.surface.given_in_water`.
     """
     xp = array_namespace(velocity)
     water = None
@@ -29,7 +30,14 @@ def acceleration(
     if terms.current:
         water = matvec(rotation.mT, c.current)
         relative = xp.concat((velocity[..., :3] - water, velocity[..., 3:]), axis=-1)
-    force = wrench + matvec(c.restoring, rotation[..., 2, :]) - drag(c, terms, relative)
+    down = rotation[..., 2, :]
+    resistance = drag(c, terms, relative)
+    force = wrench + matvec(c.restoring, down)
+    if terms.surface:
+        dry = dry_hull(c, rotation, position)
+        resistance = (1.0 - dry)[..., None] * resistance
+        force = force + lost_buoyancy(c, dry, down)
+    force = force - resistance
     if terms.tether:
         pull = matvec(rotation.mT, tether_force(c, position))
         force = force + xp.concat((pull, xp.zeros_like(pull)), axis=-1)

@@ -9,6 +9,7 @@ from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, rotation_and_rate
 from auv_torchrl.physics.pace import CONTROL_DT, SUBSTEPS
+from auv_torchrl.physics.surface import given_in_water
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
 
 Array = Any
@@ -109,29 +110,29 @@ def runge_kutta_step(
     """
     xp = array_namespace(body)
     later = thrust_after(c, terms, thrust, target, h)
+    stages = [(later, time)]
     if terms.lag or terms.battery_sag:
         first = thrust_after(c, terms, thrust, target, 0.0)  # the new target at once where a thruster has no lag
         midway = thrust_after(c, terms, thrust, target, h / 2)
-        stages = ((first, 0.0), (midway, h / 2), (later, h))
-        wrenches = [body_wrench(c, terms, given, time + elapsed) + force for given, elapsed in stages]
-    else:
-        wrenches = [body_wrench(c, terms, later, time) + force] * 3
+        stages = [(first, time), (midway, time + h / 2), (later, time + h)]
+    # the wrench is the same wherever the body is, but for thrusters that leave the water
+    wrenches = [] if terms.surface else [body_wrench(c, terms, given, at) + force for given, at in stages]
 
-    def slope(body: Array, wrench: Array) -> Array:
-        velocity = body[..., 7:]
+    def slope(body: Array, stage: int) -> Array:
+        position, velocity = body[..., :3], body[..., 7:]
         rotation, turning = rotation_and_rate(body[..., 3:7], velocity[..., 3:])
-        return xp.concat(
-            (
-                matvec(rotation, velocity[..., :3]),
-                turning,
-                acceleration(c, terms, rotation, body[..., :3], velocity, wrench),
-            ),
-            axis=-1,
-        )
+        if terms.surface:
+            given, at = stages[stage]
+            wrench = body_wrench(c, terms, given_in_water(c, terms, given, rotation, position), at) + force
+        else:
+            wrench = wrenches[stage]
+        rate = acceleration(c, terms, rotation, position, velocity, wrench)
+        return xp.concat((matvec(rotation, velocity[..., :3]), turning, rate), axis=-1)
 
-    k1 = slope(body, wrenches[0])
-    k2 = slope(body + h / 2 * k1, wrenches[1])
-    k3 = slope(body + h / 2 * k2, wrenches[1])
-    k4 = slope(body + h * k3, wrenches[2])
+    midst = len(stages) // 2
+    k1 = slope(body, 0)
+    k2 = slope(body + h / 2 * k1, midst)
+    k3 = slope(body + h / 2 * k2, midst)
+    k4 = slope(body + h * k3, -1)
     body = body + h / 6 * (k1 + 2 * (k2 + k3) + k4)
     return xp.concat((body[..., :3], normalise(body[..., 3:7]), body[..., 7:]), axis=-1), later

@@ -9,6 +9,7 @@ from auv_torchrl.physics import SUBSTEPS, ActiveTerms, Coefficients, State
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import cross, matvec, rotation_matrix
 from auv_torchrl.physics.step import push
+from auv_torchrl.physics.surface import given_in_water
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
 from auv_torchrl.simulator.base import FASTEST, Options, Simulator
 from auv_torchrl.simulator.mujoco_model import compiled, fleet_model
@@ -72,13 +73,16 @@ class MujocoSimulator(Simulator):
     ) -> None:
         """Let MuJoCo take some of its steps while the thrust goes from ``thrust`` towards ``target``."""
         data, began = self._data, self._data.time
-        constant = None if terms.lag or terms.battery_sag else body_wrench(c, terms, target, time)
+        changing = terms.lag or terms.battery_sag or terms.surface
+        constant = None if changing else body_wrench(c, terms, target, time)
 
         def apply_physics(*_: Any) -> None:
             elapsed = data.time - began
             wrench = constant
             if wrench is None:
-                wrench = body_wrench(c, terms, thrust_after(c, terms, thrust, target, elapsed), time + elapsed)
+                given = thrust_after(c, terms, thrust, target, elapsed)
+                given = given_in_water(c, terms, given, self._rotation, self._pose[:, :3])
+                wrench = body_wrench(c, terms, given, time + elapsed)
             self._passive[:] = self._force(c, terms, wrench)
 
         mujoco.set_mjcb_passive(apply_physics)  # pyright: ignore[reportAttributeAccessIssue]

@@ -76,7 +76,7 @@ def test_no_damage_of_a_px4_log_ends_in_a_traceback(tmp_path, data):
         assert "\n" not in str(error)
 
 
-def mcap_file(path, system: str = "1"):
+def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0"):
     """MAVLink as BlueOS records it: JSON by topic, enumerations by name."""
     writer = pytest.importorskip("mcap.writer")
     channels = {}
@@ -85,12 +85,13 @@ def mcap_file(path, system: str = "1"):
         out.start()
 
         def put(t, name, **fields):
-            topic = f"mavlink/{system}/1/{name}"
-            if topic not in channels:
-                schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
-                channels[topic] = out.register_channel(topic, "json", schema)
             body = {"header": {"system_id": 1, "component_id": 1}, "message": {"type": name, **fields}}
-            out.add_message(channels[topic], round((1.7e9 + t) * 1e9), json.dumps(body).encode(), round(t * 1e9))
+            text = json.dumps(body).replace("\\u0000", zero).encode()
+            for topic in (form.format(system=1, name=name) for form in topics):
+                if topic not in channels:
+                    schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
+                    channels[topic] = out.register_channel(topic, "json", schema)
+                out.add_message(channels[topic], round((1.7e9 + t) * 1e9), text, round(t * 1e9))
 
         put(0, "STATUSTEXT", text=[*"ArduSub V4.5.0", "\0", "x"], severity={"type": "MAV_SEVERITY_INFO"})
         for name, value in ALL.items():
@@ -101,7 +102,7 @@ def mcap_file(path, system: str = "1"):
                 beat = {"mavtype": {"type": "MAV_TYPE_SUBMARINE"}, "autopilot": {"type": "MAV_AUTOPILOT_ARDUPILOTMEGA"}}
                 put(t, "HEARTBEAT", base_mode={"bits": 209 if k else 81}, custom_mode=19, **beat)
                 put(t, "EKF_STATUS_REPORT", flags="EKF_ATTITUDE | EKF_POS_HORIZ_REL | EKF_VELOCITY_HORIZ")
-            servo = {f"servo{n}_raw": 1600 if n == 2 else 1500 for n in range(1, 17)}
+            servo = {f"servo{n}_raw": 1600 if n == 2 else 1500 for n in range(1, servos + 1)}
             put(t, "SERVO_OUTPUT_RAW", time_usec=round((t + 50) * 1e6), port=0, **servo)
             rates = {"rollspeed": 0.0, "pitchspeed": 0.0, "yawspeed": 0.5}
             put(t, "ATTITUDE", time_boot_ms=round((t + 50) * 1e3), roll=0.1, pitch=0.0, yaw=0.2, **rates)
@@ -119,6 +120,24 @@ def test_mavlink_in_mcap_is_read_as_blueos_writes_it(tmp_path):
     columns = tabulate(streams).columns
     assert columns["cmd_2"] == pytest.approx(0.25) and columns["x"] == pytest.approx(1.0)
     assert columns["r"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    "topics",
+    [
+        ("mavlink/out",),
+        ("mavlink/out", "mavlink/{system}/1/{name}"),
+        ("mavlink/{system}/1/{name}", "mavlink/{system}/1/{name}/type", "mavlink/out"),
+    ],
+)
+def test_all_that_the_bus_of_blueos_says_is_read_once(tmp_path, topics):
+    """Each message comes under the name of its own, under a common one, or under both; outputs beyond 8 do not come."""
+    plain = streams_of(mcap_file(tmp_path / "plain.mcap"))
+    streams = streams_of(mcap_file(tmp_path / "recorder.mcap", topics, servos=8))
+    assert {name: len(s) for name, s in streams.streams.items()} == {name: len(s) for name, s in plain.streams.items()}
+    assert streams.vehicle.parameters == plain.vehicle.parameters and streams.armed == plain.armed
+    assert tabulate(streams).columns["cmd_2"] == pytest.approx(0.25)
+    assert "damaged_file" not in {finding.code for finding in streams.findings}
 
 
 def test_an_mcap_that_was_cut_is_read_as_far_as_it_goes(tmp_path):

@@ -152,7 +152,7 @@ def small_program():
 
     def assembled():
         asked.append(1)
-        return steps.assembly(steps.traced_step(shapes), native.LANES[64])
+        return steps.assembly(steps.traced_step(shapes, ActiveTerms.everything()), native.LANES[64])
 
     return assembled, asked
 

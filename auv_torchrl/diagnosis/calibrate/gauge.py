@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import quaternion_from_euler, rotation_matrix
+from auv_torchrl.physics.surface import given_in_water
 from auv_torchrl.physics.thrusters import body_wrench, thrust_target
 from auv_torchrl.vehicle import Vehicle
 
@@ -70,5 +71,6 @@ def _accelerations(vehicles: Vehicle, moves: np.ndarray) -> Floats:
     roll, pitch = (drawn(-TILT, TILT) * free for free in moves[3:5])
     attitude = quaternion_from_euler(roll, pitch, drawn(-np.pi, np.pi))
     thrust = thrust_target(by_motion, terms, drawn(-1.0, 1.0, vehicles.thrusters))
-    wrench = body_wrench(by_motion, terms, thrust, np.zeros(shape))
-    return acceleration(by_motion, terms, rotation_matrix(attitude), place, velocity, wrench)
+    rotation = rotation_matrix(attitude)
+    wrench = body_wrench(by_motion, terms, given_in_water(by_motion, terms, thrust, rotation, place), np.zeros(shape))
+    return acceleration(by_motion, terms, rotation, place, velocity, wrench)

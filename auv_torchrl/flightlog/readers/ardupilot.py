@@ -16,6 +16,7 @@ from auv_torchrl.flightlog.readers.inertial import inertial
 from auv_torchrl.flightlog.readers.lanes import latest, of_lane, primary_lane, rows
 from auv_torchrl.flightlog.readers.messages import Columns, Messages
 from auv_torchrl.flightlog.streams.attitude import euler_angles
+from auv_torchrl.flightlog.streams.compass import COMPASSES
 from auv_torchrl.flightlog.streams.configuration import changed_in_flight
 from auv_torchrl.flightlog.streams.stream import (
     Sampling,
@@ -47,6 +48,7 @@ WANTED = {
     "BARO": ("TimeUS", "I", "Alt"),
     "CTUN": ("TimeUS", "BAlt"),
     "VISO": ("TimeUS", "dt", "PosDX", "PosDY", "PosDZ"),
+    "MAG": ("TimeUS", "I", "MagX", "MagY", "MagZ"),
     "BAT": ("TimeUS", "I", "Inst", "Instance", "Volt", "Curr"),
 }
 _VELOCITY_KNOWN = 1 << 1  # of XKF4.SS: horizontal velocity; https://mavlink.io/en/messages/ardupilotmega.html
@@ -65,7 +67,7 @@ def streams_of(name: str, kind: str, messages: Messages) -> Streams:
     found = (
         _outputs(messages), _attitude(messages, primary, lane),
         *inertial(messages, primary, lane, vehicle.parameters), sounding,
-        *_filtered(messages, primary, lane), _doppler(messages), _battery(messages),
+        *_filtered(messages, primary, lane), _doppler(messages), _battery(messages), *_compasses(messages),
     )  # fmt: skip
     return Streams(
         name=name,
@@ -212,3 +214,19 @@ def _battery(messages: Messages) -> Stream | None:
     current = power["Curr"].astype(np.float64) if "Curr" in power else np.full(len(volts), np.nan)
     both = np.stack((volts, current), -1)
     return stream("battery", ("voltage", "current"), ("V", "A"), power["t"], both, Sampling.MEASURED, "BAT")
+
+
+def _compasses(messages: Messages) -> Iterator[Stream | None]:
+    """What each compass feels, less its offsets and what the autopilot takes out of it already."""
+    told = messages.get("MAG", "MagX", "MagY", "MagZ")
+    if told is None:
+        return
+    for number, name in enumerate(COMPASSES):
+        if "I" in told:
+            kept = rows(told, told["I"] == number)
+        elif number:
+            return
+        else:
+            kept = told
+        felt = np.stack([kept[f"Mag{axis}"].astype(np.float64) for axis in "XYZ"], -1)
+        yield stream(name, ("mx", "my", "mz"), "mG", kept["t"], felt, Sampling.MEASURED, f"MAG {number}")

@@ -26,6 +26,7 @@ WANTED = {
     "SYS_STATUS": ("voltage_battery", "current_battery"),
     **{name: ("time_boot_ms", "press_abs") for name in _PRESSURES},
 }
+ADDED = {"SERVO_OUTPUT_RAW": _SERVOS[8:]}  # fields of MAVLink 2 that an older message lacks: 0, no output
 TEXTS = ("param_id", "text")  # fields that are no number
 AUTOPILOT = 1  # number of the component that flies
 _NO_AUTOPILOT, _GROUND_STATION = 8, 6  # HEARTBEAT.autopilot, .type

@@ -1,7 +1,9 @@
 """MCAP recordings: MAVLink as JSON, as the recorder of BlueOS writes it, or a ROS 2 bag.
 
 BlueOS records what goes over its bus under the same names: a message is at ``mavlink/SYSTEM/COMPONENT/NAME`` and reads
-``{"header": {...}, "message": {"type": "ATTITUDE", "roll": ...}}``, with enumerations by name.
+``{"header": {...}, "message": {"type": "ATTITUDE", "roll": ...}}``, with enumerations by name. The same is at
+``mavlink/out``, and each field below its message. Fields that MAVLink 2 added to a message may be missing: outputs
+beyond the eighth are (github.com/bluerobotics/mavlink-server, src/lib/drivers/zenoh/json.rs).
 """
 
 import json
@@ -19,6 +21,7 @@ from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
 MAGIC = b"\x89MCAP"
 _TOPIC = re.compile(r"/?mavlink/(\d+)/(\d+)/(?:in/|out/)?([A-Z0-9_]+)")
+_ALL = re.compile(r"/?mavlink/out")  # under which the bus has every message, beside the topic of its own
 _FLAGS = (  # EKF_STATUS_REPORT.flags from the lowest bit
     "EKF_ATTITUDE", "EKF_VELOCITY_HORIZ", "EKF_VELOCITY_VERT", "EKF_POS_HORIZ_REL", "EKF_POS_HORIZ_ABS",
     "EKF_POS_VERT_ABS", "EKF_POS_VERT_AGL", "EKF_CONST_POS_MODE",
@@ -37,19 +40,23 @@ def read(path: Path, options: ReadOptions) -> Streams:
     tables: dict[int, MavlinkTable] = {}
     heard: set[tuple[int, int, int]] = set()
     encodings: set[str] = set()
-    topics = broken = 0
+    broken, by_name = 0, False
     for topic, encoding, time_ns, data in _messages(path, cut):
         encodings.add(encoding)
-        place = _TOPIC.fullmatch(topic) if encoding == "json" else None
-        if place is None or int(place[2]) != mavlink.AUTOPILOT or place[3] not in mavlink.WANTED:
-            topics += place is not None
+        if encoding != "json":
             continue
+        if not by_name and _TOPIC.fullmatch(topic):
+            by_name = True
+            tables.clear()  # of what came under the common topic: it comes again under its own
+            heard.clear()
         try:
-            fields = _fields(json.loads(data)["message"])
+            told = _message(topic, data, by_name)
         except (ValueError, KeyError, TypeError, AttributeError):
             broken += 1
             continue
-        system, name = int(place[1]), place[3]
+        if told is None:
+            continue
+        system, name, fields = told
         if name == "HEARTBEAT" and {"type", "autopilot"} <= fields.keys():
             heard.add((system, int(fields["type"]), int(fields["autopilot"])))
         tables.setdefault(system, MavlinkTable()).add(name, time_ns * 1e-9, fields)
@@ -84,6 +91,24 @@ def _messages(path: Path, cut: list[str]) -> Iterator[tuple[str, str, int, bytes
                 channels[record.id] = (record.topic, record.message_encoding)
             elif isinstance(record, records.Message) and record.channel_id in channels:
                 yield (*channels[record.channel_id], record.log_time, record.data)
+
+
+def _message(topic: str, data: bytes, by_name: bool) -> tuple[int, str, dict[str, Any]] | None:
+    """System, name and fields of a message that is wanted, from the topic of its own or from the common one."""
+    place = _TOPIC.fullmatch(topic)
+    if place is not None:
+        system, component, name = int(place[1]), int(place[2]), place[3]
+        if component != mavlink.AUTOPILOT or name not in mavlink.WANTED:
+            return None
+        told = json.loads(data, strict=False)  # names come with the zeros behind them
+    elif not by_name and _ALL.fullmatch(topic):
+        told = json.loads(data, strict=False)
+        system, name = int(told["header"]["system_id"]), str(told["message"]["type"])
+        if int(told["header"]["component_id"]) != mavlink.AUTOPILOT or name not in mavlink.WANTED:
+            return None
+    else:
+        return None
+    return system, name, dict.fromkeys(mavlink.ADDED.get(name, ()), 0) | _fields(told["message"])
 
 
 def _fields(message: Mapping[str, Any]) -> dict[str, Any]:

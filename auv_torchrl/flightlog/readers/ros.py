@@ -25,6 +25,7 @@ class Topic(NamedTuple):
 
     name: str
     kind: str  # type of its messages
+    frame: str  # in which its first message is; empty where messages bear none
     received: np.ndarray  # (T,) s
     stamp: np.ndarray  # (T,) s; NaN where messages bear none
     samples: list[Sample]
@@ -66,17 +67,17 @@ def read(path: Path, options: ReadOptions) -> Streams:
 
 def _topics(reader: Any) -> tuple[list[Topic], list[str]]:
     known = [c for c in reader.connections if _short(c.msgtype) in _SAMPLES]
-    rows: dict[str, tuple[str, list[tuple[float, float, Sample]]]] = {}
+    rows: dict[str, tuple[str, str, list[tuple[float, float, Sample]]]] = {}
     for connection, time_ns, raw in reader.messages(connections=known) if known else ():
         message = reader.deserialize(raw, connection.msgtype)
         kind = _short(connection.msgtype)
-        rows.setdefault(connection.topic, (kind, []))[1].append(
-            (time_ns * 1e-9, _stamp(message), _SAMPLES[kind](message))
-        )
+        frame = getattr(getattr(message, "header", None), "frame_id", "")
+        told = (time_ns * 1e-9, _stamp(message), _SAMPLES[kind](message))
+        rows.setdefault(connection.topic, (kind, frame, []))[2].append(told)
     topics = []
-    for name, (kind, samples) in rows.items():
+    for name, (kind, frame, samples) in rows.items():
         received, stamp, values = zip(*samples, strict=True)
-        topics.append(Topic(name, kind, np.array(received), np.array(stamp), list(values)))
+        topics.append(Topic(name, kind, frame, np.array(received), np.array(stamp), list(values)))
     return topics, sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
 
 
@@ -152,8 +153,10 @@ _SAMPLES: dict[str, Callable[[Any], Sample]] = {
     "geometry_msgs/TwistWithCovarianceStamped": lambda m: _body_twist(m.twist.twist, m.header.frame_id),
     "sensor_msgs/BatteryState": lambda m: {"battery": [float(m.voltage), float(m.current)]},
 }
-_CHANNELS = {  # of each stream: names, unit, how it is sampled; the first kind of message that has it gives it
-    "attitude": (("roll", "pitch", "yaw"), "rad", Sampling.ESTIMATED, ("sensor_msgs/Imu",)),
+_POSES = ("geometry_msgs/PoseStamped", "geometry_msgs/PoseWithCovarianceStamped")
+_CHANNELS = {  # of each stream: names, unit, how it is sampled, and the kinds of message that give it before others
+    # headings of an IMU and of odometry begin at different norths: the one that goes with the positions counts
+    "attitude": (("roll", "pitch", "yaw"), "rad", Sampling.ESTIMATED, ("nav_msgs/Odometry", *_POSES)),
     "gyro": ("pqr", "rad/s", Sampling.MEASURED, ("sensor_msgs/Imu",)),
     "accelerometer": (("ax", "ay", "az"), "m/s^2", Sampling.MEASURED, ("sensor_msgs/Imu",)),
     "position": ("xyz", "m", Sampling.ESTIMATED, ("nav_msgs/Odometry",)),
@@ -168,19 +171,30 @@ def _streams(name: str, topics: list[Topic]) -> Streams:
     times = {t.name: np.where(np.isfinite(t.stamp) & stamped, t.stamp, t.received) for t in topics}
     start = min(float(values.min()) for values in times.values())
     found: dict[str, Stream] = {}
+    sources: dict[str, Topic] = {}
     for key, (channels, unit, sampling, preferred) in _CHANNELS.items():
         holds = [t for t in topics if key in t.samples[0]]
         holds.sort(key=lambda t: (t.kind not in preferred, -len(t.samples)))  # noqa: B023
         for topic in holds[:1]:
             rows = [s.get(key, [np.nan] * len(tuple(channels))) for s in topic.samples]
+            sources[key] = topic
             made = stream(key, channels, unit, times[topic.name] - start, rows, sampling, topic.name)
             found.update({key: made} if made else {})
     told, missing = _commands(topics, times, start)
     found.update({told.name: told} if told else {})
     armed, modes = _state(topics, times, start, max((float(s.t[-1]) for s in found.values()), default=0.0))
     sentence = "vectors are read as ENU and FLU (REP 103) unless their frame is called ned or frd"
-    findings = [Finding(Severity.INFO, "ros_frames", sentence), *missing]
+    findings = [Finding(Severity.INFO, "ros_frames", sentence), *_mounting(sources.get("accelerometer")), *missing]
     return Streams(name, "ROS bag", found, VehicleFacts(), armed, modes, findings=tuple(findings))
+
+
+def _mounting(imu: Topic | None) -> list[Finding]:
+    """What is taken for granted of an IMU whose frame is another one than the body's."""
+    if imu is None or not imu.frame or "base" in imu.frame.lower():
+        return []
+    sentence = f"{imu.name} is in the frame {imu.frame}: it is read as mounted along the axes of the body"
+    remedy = "Record it turned into the frame of the body if it is not"
+    return [Finding(Severity.INFO, "imu_frame", sentence, remedy, ("p", "q", "r", "ax", "ay", "az"))]
 
 
 def _commands(topics: list[Topic], times: dict[str, np.ndarray], start: float) -> tuple[Stream | None, list[Finding]]:

@@ -26,7 +26,8 @@ TOPICS = (
 )  # fmt: skip
 _ARMED = 2  # vehicle_status.arming_state
 _MODES = {  # vehicle_status.nav_state
-    0: "MANUAL", 1: "ALTCTL", 2: "POSCTL", 3: "AUTO_MISSION", 4: "AUTO_LOITER", 10: "ACRO", 14: "OFFBOARD", 15: "STAB",
+    0: "MANUAL", 1: "ALTCTL", 2: "POSCTL", 3: "AUTO_MISSION", 4: "AUTO_LOITER", 5: "AUTO_RTL", 10: "ACRO",
+    12: "DESCEND", 13: "TERMINATION", 14: "OFFBOARD", 15: "STAB", 17: "AUTO_TAKEOFF", 18: "AUTO_LAND",
 }  # fmt: skip
 _MOTORS = 12  # that actuator_motors has room for
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.log import ACCELERATION, ANGLES, AXES, POSE, VELOCITY, SampleErrors
+from auv_torchrl.flightlog.streams.compass import check_compass
 from auv_torchrl.flightlog.streams.configuration import check_configuration
 from auv_torchrl.flightlog.streams.drift import drift_of
 from auv_torchrl.flightlog.streams.motors import commands_of
@@ -67,7 +68,7 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     if "battery" in streams.streams:
         columns["battery"] = sampled(streams.streams["battery"], "voltage", t, interval)
     autopilot = {**options.parameters, **streams.vehicle.parameters}
-    findings += check_configuration(streams, autopilot)
+    findings += [*check_configuration(streams, autopilot), *check_compass(streams, autopilot)]
     return Table(
         streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True,
         measured=_measured_rows(told, t, interval), errors=_errors(streams, commands, chosen), autopilot=autopilot,

@@ -57,7 +57,7 @@ class Adjoint:
         """For the vehicles of compiled ``steps``."""
         self._steps = steps
         self._layout = _layout(steps.shapes)
-        self._run = cast(Callable[[int], None], _function(steps.shapes, 8 * steps.dtype.itemsize))
+        self._run = cast(Callable[[int], None], _function(steps.shapes, steps.terms.compiled, 8 * steps.dtype.itemsize))
 
     def run(
         self, states: Array, thrust: Array, targets: Array, time: Array, body_slope: Array, thrust_slope: Array
@@ -112,13 +112,13 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
-    name = f"adjoint-{coefficient_sizes(shapes)['full_thrust']}-{bits}"
-    return load(name, lambda: assembly(traced_adjoint(shapes), LANES[bits], bits))
+def _function(shapes: Shapes, terms: ActiveTerms, bits: int) -> Callable[[int], None] | None:
+    name = f"adjoint-{terms.kind}-{coefficient_sizes(shapes)['full_thrust']}-{bits}"
+    return load(name, lambda: assembly(traced_adjoint(shapes, terms), LANES[bits], bits))
 
 
-def traced_adjoint(shapes: Shapes) -> Program:
-    """The vector-Jacobian product of a Runge-Kutta step with all terms."""
+def traced_adjoint(shapes: Shapes, terms: ActiveTerms) -> Program:
+    """The vector-Jacobian product of a Runge-Kutta step with these terms."""
     tape, layout = Tape(), _layout(shapes)
     c = recorded_coefficients(tape, shapes)
     sizes = layout.given | layout.carried
@@ -127,6 +127,6 @@ def traced_adjoint(shapes: Shapes) -> Program:
     )
     time, h = tape.inputs("time", ()), tape.inputs("h", ())
     step: Any = runge_kutta_step  # on a third array library
-    later: tuple[Symbols, Symbols] = step(c, ActiveTerms.everything(), body, thrust, target, time, h)
+    later: tuple[Symbols, Symbols] = step(c, terms, body, thrust, target, time, h)
     by_body, by_thrust, by_target = pulled_back(tape, later, slopes, (body, thrust, target))
     return program(tape, layout, {"body slope": by_body, "thrust slope": by_thrust, "target slope": by_target})

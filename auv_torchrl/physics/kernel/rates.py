@@ -15,6 +15,7 @@ from auv_torchrl.physics.kernel.steps import Shapes, coefficient_sizes, recorded
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.kinematics import rotation_matrix
+from auv_torchrl.physics.surface import given_in_water
 from auv_torchrl.physics.thrusters import body_wrench
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -38,7 +39,7 @@ def rates(c: Coefficients, terms: ActiveTerms, states: Array, thrust: Array, tim
         np.broadcast_shapes(vehicles, states.shape[:3], thrust.shape[:3], time.shape),
     )
     shapes = tuple(field.shape[1:] for field in c)
-    run = _function(shapes) if is_wanted() and 0 not in shape else None
+    run = _function(shapes, terms.compiled) if is_wanted() and 0 not in shape else None
     if run is None:
         by_step = c.rows((slice(None), None))  # (R, 1, ...) so that steps are a batch axis
         rate = _rate(by_step, terms, states, thrust, time)
@@ -57,8 +58,8 @@ def rates(c: Coefficients, terms: ActiveTerms, states: Array, thrust: Array, tim
 
 
 def _rate(c: Coefficients, terms: ActiveTerms, state: Any, thrust: Any, time: Any) -> Any:
-    wrench = body_wrench(c, terms, thrust, time)
     rotation = rotation_matrix(state[..., 3:7])
+    wrench = body_wrench(c, terms, given_in_water(c, terms, thrust, rotation, state[..., :3]), time)
     if isinstance(state, np.ndarray):
         state = np.broadcast_to(state, (*wrench.shape[:-1], state.shape[-1]))
     return acceleration(c, terms, rotation, state[..., :3], state[..., 7:], wrench)
@@ -72,15 +73,15 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes) -> Callable[[int], None] | None:
-    name = f"rates-{coefficient_sizes(shapes)['full_thrust']}"
-    return load(name, lambda: assembly(traced_rate(shapes), LANES[64], 64))
+def _function(shapes: Shapes, terms: ActiveTerms) -> Callable[[int], None] | None:
+    name = f"rates-{terms.kind}-{coefficient_sizes(shapes)['full_thrust']}"
+    return load(name, lambda: assembly(traced_rate(shapes, terms), LANES[64], 64))
 
 
-def traced_rate(shapes: Shapes) -> Program:
-    """The acceleration with all terms, of vehicles whose coefficients have these shapes."""
+def traced_rate(shapes: Shapes, terms: ActiveTerms) -> Program:
+    """The acceleration with these terms, of vehicles whose coefficients have these shapes."""
     tape, layout = Tape(), _layout(shapes)
     c = recorded_coefficients(tape, shapes)
     state, thrust = (tape.inputs(name, (layout.given[name],)) for name in ("states", "thrust"))
-    rate: Symbols = _rate(c, ActiveTerms.everything(), state, thrust, tape.inputs("time", ()))
+    rate: Symbols = _rate(c, terms, state, thrust, tape.inputs("time", ()))
     return program(tape, layout, {"rate": rate})

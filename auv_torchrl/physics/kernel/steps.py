@@ -21,7 +21,7 @@ Shapes = tuple[tuple[int, ...], ...]
 class Steps:
     """Vehicles (R,) of which :func:`~auv_torchrl.physics.step.runge_kutta_step` is run again and again.
 
-    The compiled step has all terms: one for vehicles of as many thrusters, whatever they do.
+    The compiled step has all terms: one for vehicles of as many thrusters, whatever they do, and one more at a surface.
     """
 
     def __init__(self, c: Coefficients, terms: ActiveTerms, h: float):
@@ -36,7 +36,7 @@ class Steps:
         self.shapes = tuple(field.shape[1:] for field in c)
         self.dtype = c.lag.dtype
         self._layout = _layout(self.shapes)
-        self._run = _function(self.shapes, 8 * self.dtype.itemsize) if is_wanted() else None
+        self._run = _function(self.shapes, terms.compiled, 8 * self.dtype.itemsize) if is_wanted() else None
         if self._run is not None:
             rows = len(c.full_thrust)
             numbers = [np.asarray(field, self.dtype).reshape(rows, -1) for field in c]
@@ -143,13 +143,13 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
-    name = f"steps-{_layout(shapes).carried['thrust']}-{bits}"
-    return load(name, lambda: assembly(traced_step(shapes), LANES[bits], bits))
+def _function(shapes: Shapes, terms: ActiveTerms, bits: int) -> Callable[[int], None] | None:
+    name = f"steps-{terms.kind}-{_layout(shapes).carried['thrust']}-{bits}"
+    return load(name, lambda: assembly(traced_step(shapes, terms), LANES[bits], bits))
 
 
-def traced_step(shapes: Shapes) -> Program:
-    """A Runge-Kutta step with all terms, of vehicles whose coefficients have these shapes."""
+def traced_step(shapes: Shapes, terms: ActiveTerms) -> Program:
+    """A Runge-Kutta step with these terms, of vehicles whose coefficients have these shapes."""
     tape, layout = Tape(), _layout(shapes)
     c = recorded_coefficients(tape, shapes)
     body, thrust, target, force = (
@@ -157,5 +157,5 @@ def traced_step(shapes: Shapes) -> Program:
     )
     time, h = tape.inputs("time", ()), tape.inputs("h", ())
     step: Any = runge_kutta_step  # on a third array library
-    body, thrust = step(c, ActiveTerms.everything(), body, thrust, target, time, h, force)
+    body, thrust = step(c, terms, body, thrust, target, time, h, force)
     return program(tape, layout, {"body": body, "thrust": thrust, "time": time + h, "states": Symbols(body.numbers)})

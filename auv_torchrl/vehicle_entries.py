@@ -1,0 +1,50 @@
+"""Entries of a vehicle file as tensors; what is no number, or too many, is refused by name."""
+
+import math
+from reprlib import repr as short
+from typing import Any
+
+import torch
+from torch import Tensor
+
+
+def drag_matrix(value: Any) -> Tensor:
+    """Six numbers of the diagonal, or six rows of six where one degree of freedom drags on another."""
+    if isinstance(value, list | tuple) and len(value) == 6 and all(isinstance(row, list | tuple) for row in value):
+        return matrix("linear_drag", value, 6)
+    return torch.diag(numbers("linear_drag", value, (6,), "6 numbers, or 6 rows of 6"))
+
+
+def each_thruster(label: str, values: Any, position: Any) -> Tensor:
+    """One number for each row of the thrusters' ``position``."""
+    n = len(matrix("thrusters.position", position, 3))
+    return numbers(label, values, (n,), f"one number, or {n}, one per thruster")
+
+
+def numbers(label: str, value: Any, shape: tuple[int, ...], wanted: str = "") -> Tensor:
+    """Finite numbers of a shape; ``wanted`` is what an error asks for.
+
+    Raises:
+        ValueError: for anything else, naming the entry by its ``label``.
+    """
+    wanted = wanted or (f"{math.prod(shape)} numbers" if shape else "one number")
+    if any(isinstance(entry, bool) for entry in (value if isinstance(value, list | tuple) else (value,))):
+        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}")
+    try:
+        tensor = torch.as_tensor(value, dtype=torch.float64)
+    except (TypeError, ValueError, RuntimeError, OverflowError) as error:
+        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}") from error
+    if tensor.shape != shape or not tensor.isfinite().all():
+        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}, finite")
+    return tensor
+
+
+def matrix(label: str, value: Any, columns: int) -> Tensor:
+    """Rows of as many numbers, at least one.
+
+    Raises:
+        ValueError: for anything else, naming the entry.
+    """
+    if not isinstance(value, list | tuple) or not value:
+        raise ValueError(f"vehicle: {label} is {short(value)}: give one row of {columns} numbers per thruster")
+    return torch.stack([numbers(f"{label}[{row}]", entry, (columns,)) for row, entry in enumerate(value)])
