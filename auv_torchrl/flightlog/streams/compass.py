@@ -110,7 +110,7 @@ def _finding(found: Interference, number: int, most: float, unit: str, parameter
         names = [_named(f"COMPASS_MOT_{axis}", number) for axis in "XYZ"]
         before = [parameters.get(name, 0.0) if way == 2 else 0.0 for name in names]
         new = [old - float(value) for old, value in zip(before, found.field, strict=True)]
-        told = ", ".join(f"{name} to {value:.1f}" for name, value in zip(names, new, strict=True))
+        told = ", ".join(f"{name} to {value:.2f}" for name, value in zip(names, new, strict=True))
         remedy += f"; or let the autopilot take it out: set COMPASS_MOTCT to 2 and {told}"
     return Finding(Severity.WARNING, "compass_interference", sentence, remedy, ("yaw",))
 
