@@ -58,6 +58,7 @@ free_surface = Effect(
         Parameter("air", "1", own("air"), 0.0, 1.0, "above the surface {value:.2f} of the water's density is missing"),
     ),
     change=_surface,
+    advice=advice.said("nothing is broken: fly clear of the surface, or enter where it lies in the vehicle file"),
     is_searched=False,  # what was flown at the surface is left out of a log, unless the vehicle's file says where it is
 )
 

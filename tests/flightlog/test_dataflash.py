@@ -1,5 +1,7 @@
 """ArduPilot's own logs: what is read from them, and what is said of those that are cut, damaged or incomplete."""
 
+import subprocess
+import sys
 import time
 import tracemalloc
 
@@ -243,15 +245,15 @@ def test_the_excerpt_of_the_firmware_is_read():
 def test_text_and_binary_logs_say_the_same(tmp_path):
     """The excerpt as mavlogdump would write it."""
     binary = dataflash.read_messages(EXCERPT, ardupilot.WANTED)
-    lines = [(0, f"FMT, 1, 1, {name}, x, {','.join(_fields(name, c))}") for name, c in binary.types.items()]
-    lines.insert(0, (0, "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"))
+    lines = [(-1, f"FMT, 1, 1, {name}, x, {','.join(_fields(name, c))}") for name, c in binary.types.items()]
+    lines.insert(0, (-1, "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"))
     for name, columns in binary.types.items():
         fields = _fields(name, columns)
         texts = [
             np.char.decode(columns[f]) if columns[f].dtype.kind == "S" else columns[f].astype(str) for f in fields[1:]
         ]
         times = (columns["t"] * 1e6).round().astype(int).astype(str)
-        lines += zip(columns["at"], (", ".join([name, *row]) for row in zip(times, *texts, strict=True)), strict=True)
+        lines += zip(columns["t"], (", ".join([name, *row]) for row in zip(times, *texts, strict=True)), strict=True)
     lines.sort(key=lambda line: line[0])
     path = tmp_path / "flight.log"
     path.write_text("\n".join(line for _, line in lines) + "\n")
@@ -293,6 +295,25 @@ def test_a_hundred_megabytes_are_read_in_little_memory(tmp_path):
     assert time.perf_counter() - begin < 30
     assert tracemalloc.get_traced_memory()[1] < 0.4e9
     tracemalloc.stop()
+
+
+@pytest.mark.thorough
+def test_two_gigabytes_are_read_in_less_memory(tmp_path):
+    """By a process of its own, which holds nothing else."""
+    whole = shared("ardusub_sitl/healthy_a.BIN").read_bytes()
+    path = tmp_path / "long.BIN"
+    with path.open("wb") as file:
+        for _ in range(2_000_000_000 // len(whole)):
+            file.write(whole)
+    read = (
+        "import resource, sys; from auv_torchrl.flightlog.readers import read_streams; read_streams(sys.argv[1]); "
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    try:
+        done = subprocess.run([sys.executable, "-c", read, str(path)], capture_output=True, text=True, check=True)
+    finally:
+        path.unlink()
+    assert int(done.stdout) * 1024 < 2e9
 
 
 def test_the_real_dive_asks_for_its_parameters_and_is_read_with_them():

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.streams import tabulate
+from auv_torchrl.flightlog.streams.stream import ReadOptions
 from tests.flightlog.dataflash_writer import ALL
 from tests.flightlog.vehicle_log import streams_of
 
@@ -76,7 +77,7 @@ def test_no_damage_of_a_px4_log_ends_in_a_traceback(tmp_path, data):
         assert "\n" not in str(error)
 
 
-def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0"):
+def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0", systems=(1,)):
     """MAVLink as BlueOS records it: JSON by topic, enumerations by name."""
     writer = pytest.importorskip("mcap.writer")
     channels = {}
@@ -85,9 +86,13 @@ def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0")
         out.start()
 
         def put(t, name, **fields):
-            body = {"header": {"system_id": 1, "component_id": 1}, "message": {"type": name, **fields}}
-            text = json.dumps(body).replace("\\u0000", zero).encode()
-            for topic in (form.format(system=1, name=name) for form in topics):
+            for system in systems:
+                body = {"header": {"system_id": system, "component_id": 1}, "message": {"type": name, **fields}}
+                text = json.dumps(body).replace("\\u0000", zero).encode()
+                record(t, text, [form.format(system=system, name=name) for form in topics])
+
+        def record(t, text, names):
+            for topic in names:
                 if topic not in channels:
                     schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
                     channels[topic] = out.register_channel(topic, "json", schema)
@@ -138,6 +143,17 @@ def test_all_that_the_bus_of_blueos_says_is_read_once(tmp_path, topics):
     assert streams.vehicle.parameters == plain.vehicle.parameters and streams.armed == plain.armed
     assert tabulate(streams).columns["cmd_2"] == pytest.approx(0.25)
     assert "damaged_file" not in {finding.code for finding in streams.findings}
+
+
+@pytest.mark.parametrize("topics", [("mavlink/out",), ("mavlink/{system}/1/{name}",)])
+def test_of_several_vehicles_in_an_mcap_one_is_chosen(tmp_path, topics):
+    """By number; without one, the numbers are told."""
+    path = mcap_file(tmp_path / "recorder.mcap", topics, systems=(1, 2))
+    with pytest.raises(FlightLogError, match="has several vehicles, 1, 2: choose one, such as system=1"):
+        streams_of(path)
+    alone = streams_of(mcap_file(tmp_path / "alone.mcap", topics))
+    chosen = streams_of(path, ReadOptions(system=2))
+    assert {name: len(s) for name, s in chosen.streams.items()} == {name: len(s) for name, s in alone.streams.items()}
 
 
 def test_an_mcap_that_was_cut_is_read_as_far_as_it_goes(tmp_path):

@@ -16,7 +16,7 @@ from auv_torchrl.flightlog.readers.inertial import inertial
 from auv_torchrl.flightlog.readers.lanes import latest, of_lane, primary_lane, rows
 from auv_torchrl.flightlog.readers.messages import Columns, Messages
 from auv_torchrl.flightlog.streams.attitude import euler_angles
-from auv_torchrl.flightlog.streams.compass import COMPASSES
+from auv_torchrl.flightlog.streams.compass import COMPASSES, MOST_SAMPLES
 from auv_torchrl.flightlog.streams.configuration import changed_in_flight
 from auv_torchrl.flightlog.streams.stream import (
     Sampling,
@@ -221,12 +221,9 @@ def _compasses(messages: Messages) -> Iterator[Stream | None]:
     told = messages.get("MAG", "MagX", "MagY", "MagZ")
     if told is None:
         return
+    unit = told["I"] if "I" in told else np.zeros(len(told["t"]), np.uint8)
     for number, name in enumerate(COMPASSES):
-        if "I" in told:
-            kept = rows(told, told["I"] == number)
-        elif number:
-            return
-        else:
-            kept = told
-        felt = np.stack([kept[f"Mag{axis}"].astype(np.float64) for axis in "XYZ"], -1)
-        yield stream(name, ("mx", "my", "mz"), "mG", kept["t"], felt, Sampling.MEASURED, f"MAG {number}")
+        kept = np.flatnonzero(unit == number)
+        kept = kept[:: 1 + len(kept) // MOST_SAMPLES]
+        felt = np.stack([told[f"Mag{axis}"][kept].astype(np.float64) for axis in "XYZ"], -1)
+        yield stream(name, ("mx", "my", "mz"), "mG", told["t"][kept], felt, Sampling.MEASURED, f"MAG {number}")

@@ -1,14 +1,31 @@
 """Gyro and accelerometer of an ArduPilot log: of the unit in use, less what the filter found it to be off by."""
 
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from auv_torchrl.flightlog.readers.lanes import latest, of_lane, rows
+from auv_torchrl.flightlog.readers.lanes import latest, of_lane
 from auv_torchrl.flightlog.readers.messages import Columns, Messages
 from auv_torchrl.flightlog.streams.stream import Sampling, Stream, stream
 
 BIASES = {"XKF1": ("GX", "GY", "GZ"), "XKF2": ("AX", "AY", "AZ")}  # that the filter found of gyro and accelerometer
+
+
+class _Sensor(NamedTuple):
+    name: str
+    channels: tuple[str, ...]
+    unit: str
+    field: str  # of IMU, but for its axis
+    estimate: str  # message in which the filter tells its bias
+    per: float  # units of the stream in one of that
+    filter: str  # parameter with the corner of the low pass before the log
+
+
+_SENSORS = (
+    _Sensor("gyro", ("p", "q", "r"), "rad/s", "Gyr", "XKF1", np.pi / 180, "INS_GYRO_FILTER"),
+    _Sensor("accelerometer", ("ax", "ay", "az"), "m/s^2", "Acc", "XKF2", 1.0, "INS_ACCEL_FILTER"),
+)
 _GROUP_DELAY = np.sqrt(2) / (2 * np.pi)  # periods, of a Butterworth filter of second order below its corner
 
 
@@ -26,20 +43,23 @@ def inertial(
     if source is not None and len(source["t"]):
         used = of_lane(source, primary, lane)["GI"].astype(np.int64).clip(0, 255)
         unit = int(np.bincount(used).argmax()) if len(used) else lane
-    if "I" in imu:
-        imu = rows(imu, imu["I"] == unit)
-    turning = np.stack([imu[f"Gyr{axis}"].astype(np.float64) for axis in "XYZ"], -1)
-    late = {name: _late(parameters.get(f"INS_{name}_FILTER")) for name in ("GYRO", "ACCEL")}
-    pushing = np.stack([imu[f"Acc{axis}"].astype(np.float64) for axis in "XYZ"], -1)
-    drift, off = (_bias(messages, name, primary, lane, imu["t"]) for name in BIASES)
-    what = [f"IMU {unit}" + ("" if bias is None else f" less the bias of {name}")
-            for name, bias in zip(BIASES, (drift, off), strict=True)]  # fmt: skip
-    turning = turning if drift is None else turning - np.deg2rad(drift)
-    pushing = pushing if off is None else pushing - off
-    gyro = stream("gyro", "pqr", "rad/s", imu["t"] - late["GYRO"], turning, Sampling.MEASURED, what[0])
-    return gyro, stream(
-        "accelerometer", ("ax", "ay", "az"), "m/s^2", imu["t"] - late["ACCEL"], pushing, Sampling.MEASURED, what[1],
-    )  # fmt: skip
+    kept = np.flatnonzero(imu["I"] == unit) if "I" in imu else slice(None)
+    gyro, accelerometer = (  # one after the other: of a large log their copies are most of the memory
+        _read(sensor, imu, kept, _bias(messages, sensor.estimate, primary, lane, imu["t"][kept]), unit, parameters)
+        for sensor in _SENSORS
+    )
+    return gyro, accelerometer
+
+
+def _read(
+    sensor: _Sensor, imu: Columns, kept: Any, bias: np.ndarray | None, unit: int, parameters: Mapping[str, float]
+) -> Stream | None:
+    values = np.stack([imu[f"{sensor.field}{axis}"][kept].astype(np.float64) for axis in "XYZ"], -1)
+    if bias is not None:
+        values -= sensor.per * bias
+    source = f"IMU {unit}" + ("" if bias is None else f" less the bias of {sensor.estimate}")
+    t = imu["t"][kept] - _late(parameters.get(sensor.filter))
+    return stream(sensor.name, sensor.channels, sensor.unit, t, values, Sampling.MEASURED, source)
 
 
 def _bias(messages: Messages, name: str, primary: Columns | None, lane: int, t: np.ndarray) -> np.ndarray | None:

@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, Severity
 
 Columns = Mapping[str, np.ndarray]  # by field; all of one length
-AT = "at"  # the column that says where in the file a message was: a byte, a line or a number
+AT = "at"  # column, until they are in order: where in the file a message was, as a byte, a line or a number
 _JUMP_S = 1.0  # messages are written up to some tenths of a second late; what steps back further is another clock
 _TAIL_S = 600.0  # s, for which single messages may follow the last one of the most frequent type
 _NEIGHBOURS = 5  # whose median a time must agree with
@@ -61,7 +61,7 @@ def in_order(types: dict[str, dict[str, np.ndarray]]) -> Messages:
         if not good.all():
             lost += int((~good).sum())
             columns, t = {field: values[good] for field, values in columns.items()}, t[good]
-        kept[name] = {**columns, "t": t}
+        kept[name] = {field: values for field, values in columns.items() if field != AT} | {"t": t}
         first = min(first, float(t.min())) if len(t) else first
     for name in timed:
         kept[name]["t"][:] -= first if np.isfinite(first) else 0.0

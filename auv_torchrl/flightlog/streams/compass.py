@@ -20,7 +20,8 @@ COMPASSES = ("compass", "compass_2", "compass_3")  # streams
 SURE = 0.999  # quantile that what is found must exceed if there were nothing
 LEAST_RAD = 0.05  # heading error at the largest current, below which it does no harm: 3 degrees
 USUAL = 0.95  # quantile of the current that counts as its largest; what is below the opposite one as its least
-SAMPLES = 4000  # of a compass, at most; more of them say the same again
+SAMPLES = 4000  # of a compass that are looked at, at most; more of them say the same again
+MOST_SAMPLES = 20_000  # that are kept of a long log
 DRIFT_S = 20.0  # within which the heading of the gyro is straight; a current that changes slower shows nothing
 MOST_DRIFTS = 60  # knots of that; longer logs are straight for longer
 BLOCK_S = 10.0  # errors of samples that are farther apart are independent
@@ -109,7 +110,7 @@ def _finding(found: Interference, number: int, most: float, unit: str, parameter
         names = [_named(f"COMPASS_MOT_{axis}", number) for axis in "XYZ"]
         before = [parameters.get(name, 0.0) if way == 2 else 0.0 for name in names]
         new = [old - float(value) for old, value in zip(before, found.field, strict=True)]
-        told = ", ".join(f"{name} to {value:.1f}" for name, value in zip(names, new, strict=True))
+        told = ", ".join(f"{name} to {value:.2f}" for name, value in zip(names, new, strict=True))
         remedy += f"; or let the autopilot take it out: set COMPASS_MOTCT to 2 and {told}"
     return Finding(Severity.WARNING, "compass_interference", sentence, remedy, ("yaw",))
 
