@@ -93,6 +93,25 @@ def runge_kutta_steps(
     return body, thrust
 
 
+def stage_wrenches(
+    c: Coefficients, terms: ActiveTerms, thrust: Array, targets: list[Array], time: Array, h: float
+) -> tuple[Array, Array]:
+    """Wrench (S, ..., 6) at each of the four stages of steps of ``h`` seconds, S of them, and the last thrust.
+
+    Where the wrench is the same at all stages, there is one. See :func:`runge_kutta_steps` for the arguments.
+    """
+    xp = array_namespace(thrust)
+    if not (terms.lag or terms.battery_sag) and all(target is targets[0] for target in targets):
+        return body_wrench(c, terms, targets[0], time)[None], targets[0]
+    wrenches = []
+    for target in targets:
+        for elapsed in (0.0, h / 2, h / 2, h):
+            given = thrust_after(c, terms, thrust, target, elapsed)
+            wrenches.append(body_wrench(c, terms, given, time + elapsed))
+        thrust, time = thrust_after(c, terms, thrust, target, h), time + h
+    return xp.stack(wrenches), thrust
+
+
 def runge_kutta_step(
     c: Coefficients,
     terms: ActiveTerms,

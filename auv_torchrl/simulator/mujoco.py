@@ -1,20 +1,25 @@
 """The simulator in MuJoCo: the same physics, with contacts and MuJoCo's integrator."""
 
+from itertools import count
 from typing import Any, Unpack
 
 import mujoco
 import numpy as np
+from torch import Tensor
 
 from auv_torchrl.physics import SUBSTEPS, ActiveTerms, Coefficients, State
-from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import cross, matvec, rotation_matrix
-from auv_torchrl.physics.step import push
-from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
+from auv_torchrl.physics.free_body import free_body_force
+from auv_torchrl.physics.kernel import Forces
+from auv_torchrl.physics.kinematics import matvec, rotation_matrix
+from auv_torchrl.physics.step import push, stage_wrenches
+from auv_torchrl.physics.thrusters import thrust_targets
 from auv_torchrl.simulator.base import FASTEST, Options, Simulator
 from auv_torchrl.simulator.mujoco_model import compiled, fleet_model
 from auv_torchrl.vehicle import Vehicle
 
-RUNAWAY = FASTEST / 1e-3  # m/s^2, rad/s^2; beyond it a vehicle has diverged, and MuJoCo would give up on all
+RUNAWAY = (
+    FASTEST / 1e-3
+)  # m/s^2, rad/s^2, of all six together; beyond it a vehicle has diverged, and MuJoCo would give up on all
 
 
 class MujocoSimulator(Simulator):
@@ -37,6 +42,7 @@ class MujocoSimulator(Simulator):
         walls: tuple[float, float, float] | None = None,
         **options: Unpack[Options],
     ) -> None:
+        self._read: tuple[Coefficients, Forces] | None = None  # compiled forces, and the coefficients they know
         super().__init__(vehicles, control_dt, **options)
         self.physics = compiled(fleet_model(self._flown, self.count, control_dt, walls))
         self._model, self._data = self.physics.model.ptr, self.physics.data.ptr
@@ -46,58 +52,62 @@ class MujocoSimulator(Simulator):
         self._passive = self._data.qfrc_passive.reshape(self.count, 6)
         body = self.physics.model.body("vehicle_0")
         self._inertia = np.repeat((float(body.mass[0]), float(body.inertia[0])), 3)
-        self._runaway = np.zeros(self.count, dtype=bool)  # vehicles that diverged within this control step
+        self._lost = np.zeros((self.count, 1))  # 1 for vehicles that diverged within this control step
         self._moved: State | None = None  # the state that MuJoCo's bodies are in
+
+    def _begin_phase(self, rows: Tensor, phase: int) -> None:
+        super()._begin_phase(rows, phase)
+        self._read = None
 
     def _advance(self, c: Coefficients, terms: ActiveTerms, command: np.ndarray) -> State:
         state, dt = self.state, self.control_dt
         commands = push(state.commands, command)
-        stretches = SUBSTEPS if commands.shape[-2] > 1 else 1  # a late command may arrive within a control step
-        thrust, time = state.thrust, state.time
         if state is not self._moved:
             self._write_bodies(state)
-        for target in thrust_targets(c, terms, commands, dt, stretches):
-            self._step_bodies(c, terms, thrust, target, time, SUBSTEPS // stretches)
-            thrust = thrust_after(c, terms, thrust, target, dt / stretches)
-            time = time + dt / stretches
+        targets = thrust_targets(c, terms, commands, dt, SUBSTEPS)
+        wrenches, thrust = stage_wrenches(c, terms, state.thrust, targets, state.time, dt / SUBSTEPS)
+        self._step_bodies(c, terms, wrenches)
         position, quaternion, velocity = self._read_bodies()
-        if self._runaway.any():
-            velocity[self._runaway] = np.nan
-            self._runaway[:] = False
+        if self._lost.any():
+            velocity[self._lost[:, 0] > 0] = np.nan
+            self._lost[:] = 0.0
         self._moved = State(position, quaternion, velocity, thrust, commands, state.time + dt)
         return self._moved
 
-    def _step_bodies(
-        self, c: Coefficients, terms: ActiveTerms, thrust: Any, target: Any, time: Any, substeps: int
-    ) -> None:
-        """Let MuJoCo take some of its steps while the thrust goes from ``thrust`` towards ``target``."""
-        data, began = self._data, self._data.time
-        constant = None if terms.lag or terms.battery_sag else body_wrench(c, terms, target, time)
+    def _step_bodies(self, c: Coefficients, terms: ActiveTerms, wrenches: np.ndarray) -> None:
+        """Let MuJoCo take its steps, with the wrench (S, N, 6) of each of the S stages, or the same in all."""
+        stage = count()
 
         def apply_physics(*_: Any) -> None:
-            elapsed = data.time - began
-            wrench = constant
-            if wrench is None:
-                wrench = body_wrench(c, terms, thrust_after(c, terms, thrust, target, elapsed), time + elapsed)
-            self._passive[:] = self._force(c, terms, wrench)
+            self._passive[:] = self._force(c, terms, wrenches[next(stage) % len(wrenches)])
 
-        mujoco.set_mjcb_passive(apply_physics)  # pyright: ignore[reportAttributeAccessIssue]
+        forces = self._forces(c)
+        mujoco.set_mjcb_passive(forces.callback(wrenches) if forces.compiled else apply_physics)  # pyright: ignore[reportAttributeAccessIssue]
         try:
-            mujoco.mj_step(self._model, data, substeps)  # pyright: ignore[reportAttributeAccessIssue]
+            mujoco.mj_step(self._model, self._data, SUBSTEPS)  # pyright: ignore[reportAttributeAccessIssue]
         finally:
             mujoco.set_mjcb_passive(None)  # pyright: ignore[reportAttributeAccessIssue]
 
+    def _forces(self, c: Coefficients) -> Forces:
+        """Compiled forces on vehicles with these coefficients, on MuJoCo's own arrays."""
+        if self._read is None or self._read[0] is not c:
+            bodies = {
+                "position": self._pose[:, :3],
+                "rate": self._rate,
+                "rotation": self._rotation.reshape(self.count, 9),
+                "lost": self._lost,
+                "body force": self._passive,
+            }
+            self._read = c, Forces(c, self._inertia, RUNAWAY, bodies)
+        return self._read[1]
+
     def _force(self, c: Coefficients, terms: ActiveTerms, wrench: np.ndarray) -> np.ndarray:
         """Generalized force (N, 6) that gives MuJoCo's bodies the Fossen acceleration at this stage."""
-        rotation, spin = self._rotation, self._rate[:, 3:]
-        velocity = np.concatenate((matvec(rotation.mT, self._rate[:, :3]), spin), axis=-1)
-        rate = acceleration(c, terms, rotation, self._pose[:, :3], velocity, wrench)
-        if not np.abs(rate).max() < RUNAWAY:
-            sane = np.abs(rate).max(axis=-1) < RUNAWAY
-            rate = np.where(sane[:, None], rate, 0.0)
-            self._runaway |= ~sane
-        linear = matvec(rotation, rate[:, :3] + cross(spin, velocity[:, :3]))
-        return np.concatenate((linear, rate[:, 3:]), axis=-1) * self._inertia
+        force, sane = free_body_force(
+            c, terms, self._inertia, RUNAWAY, self._pose[:, :3], self._rate, self._rotation, wrench
+        )
+        self._lost[~sane] = 1.0
+        return force
 
     def _write_bodies(self, state: State) -> None:
         self._pose[:, :3], self._pose[:, 3:] = state.position, state.quaternion

@@ -12,6 +12,7 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.envs import MujocoFleet, TorchFleet
 from auv_torchrl.envs.fleet import BODY
 from auv_torchrl.physics.hydrodynamics import acceleration
+from auv_torchrl.physics.kernel import native
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix
 from auv_torchrl.physics.thrusters import body_wrench
 from auv_torchrl.simulator.mujoco import MujocoSimulator
@@ -84,6 +85,9 @@ def test_the_callback_is_only_there_during_a_step(monkeypatch):
     fleet.reset()
     fleet.step(action)
     assert mujoco.get_mjcb_passive() is None
+    monkeypatch.setenv(native.CHOICE, "numpy")
+    fleet = MujocoFleet(load_vehicle("paper"), StationKeeping(), 2, seed=0)
+    fleet.reset()
     monkeypatch.setattr(fleet.simulator, "_force", None)  # not callable: the next step fails inside the callback
     with pytest.raises(TypeError):
         fleet.step(action)

@@ -1,6 +1,5 @@
 """Runge-Kutta steps that gradients flow back through: compiled forwards and backwards, as one function of torch."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, cast
 
@@ -11,10 +10,11 @@ from torch.autograd.function import once_differentiable
 
 from auv_torchrl.physics.coefficients import ActiveTerms
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, load
+from auv_torchrl.physics.kernel.native import LANES, Code, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
+from auv_torchrl.physics.kernel.recorded import Shapes, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.reverse import pulled_back
-from auv_torchrl.physics.kernel.steps import Shapes, Steps, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.steps import Steps
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.step import runge_kutta_step
@@ -57,7 +57,7 @@ class Adjoint:
         """For the vehicles of compiled ``steps``."""
         self._steps = steps
         self._layout = _layout(steps.shapes)
-        self._run = cast(Callable[[int], None], _function(steps.shapes, 8 * steps.dtype.itemsize))
+        self._run = cast(Code, _function(steps.shapes, 8 * steps.dtype.itemsize))
 
     def run(
         self, states: Array, thrust: Array, targets: Array, time: Array, body_slope: Array, thrust_slope: Array
@@ -112,7 +112,7 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
+def _function(shapes: Shapes, bits: int) -> Code | None:
     name = f"adjoint-{coefficient_sizes(shapes)['full_thrust']}-{bits}"
     return load(name, lambda: assembly(traced_adjoint(shapes), LANES[bits], bits))
 

@@ -1,6 +1,5 @@
 """Accelerations of many vehicles along motions that are known, in one call of compiled code."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, cast
 
@@ -9,9 +8,9 @@ import numpy as np
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, is_wanted, load
+from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.steps import Shapes, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.recorded import Shapes, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.kinematics import rotation_matrix
@@ -72,7 +71,7 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes) -> Callable[[int], None] | None:
+def _function(shapes: Shapes) -> Code | None:
     name = f"rates-{coefficient_sizes(shapes)['full_thrust']}"
     return load(name, lambda: assembly(traced_rate(shapes), LANES[64], 64))
 

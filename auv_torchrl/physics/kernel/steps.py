@@ -1,6 +1,5 @@
 """Many Runge-Kutta steps of many vehicles over many windows in one call of compiled code."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, cast
 
@@ -8,14 +7,14 @@ import numpy as np
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, is_wanted, load
+from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
+from auv_torchrl.physics.kernel.recorded import Shapes, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.step import runge_kutta_step
 
 Array = np.ndarray[Any, np.dtype[Any]]
-Shapes = tuple[tuple[int, ...], ...]
 
 
 class Steps:
@@ -96,7 +95,7 @@ class Steps:
             "final time": np.empty((windows, rows, 1), dtype),
         }
         words = table(self._layout, arrays, shape)
-        cast(Callable[[int], None], self._run)(words.ctypes.data)
+        cast(Code, self._run)(words.ctypes.data)
         return states, later
 
     def _by_numpy(
@@ -121,16 +120,6 @@ def _by_number(rows: Array) -> Array:
     return np.ascontiguousarray(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
-def coefficient_sizes(shapes: Shapes) -> dict[str, int]:
-    """Numbers that each of the coefficients of a vehicle has, by name."""
-    return {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
-
-
-def recorded_coefficients(tape: Tape, shapes: Shapes) -> Coefficients:
-    """Coefficients of one vehicle as inputs of what a tape records."""
-    return Coefficients(*(tape.inputs(name, shape) for name, shape in zip(Coefficients._fields, shapes, strict=True)))
-
-
 def _layout(shapes: Shapes) -> Layout:
     sizes = coefficient_sizes(shapes)
     thrusters = sizes["full_thrust"]
@@ -143,7 +132,7 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, bits: int) -> Callable[[int], None] | None:
+def _function(shapes: Shapes, bits: int) -> Code | None:
     name = f"steps-{_layout(shapes).carried['thrust']}-{bits}"
     return load(name, lambda: assembly(traced_step(shapes), LANES[bits], bits))
 
