@@ -9,7 +9,7 @@ from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.assembly import assembly
 from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.recorded import Shapes, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.step import runge_kutta_step
@@ -20,22 +20,23 @@ Array = np.ndarray[Any, np.dtype[Any]]
 class Steps:
     """Vehicles (R,) of which :func:`~auv_torchrl.physics.step.runge_kutta_step` is run again and again.
 
-    The compiled step has all terms: one for vehicles of as many thrusters, whatever they do.
+    The compiled step has all terms: one for vehicles of as many thrusters, whatever they do; or those of a variant.
     """
 
-    def __init__(self, c: Coefficients, terms: ActiveTerms, h: float):
+    def __init__(self, c: Coefficients, terms: ActiveTerms, h: float, variant: Variant = Variant.EVERYTHING):
         """Read the coefficients once.
 
         Args:
             c: (R, ...), numpy, in the precision that is computed in, double or single.
             terms: of them.
             h: length of a Runge-Kutta step in s.
+            variant: that does all that the vehicles need.
         """
         self.c, self.terms, self.h = c, terms, h
         self.shapes = tuple(field.shape[1:] for field in c)
         self.dtype = c.lag.dtype
-        self._layout = _layout(self.shapes)
-        self._run = _function(self.shapes, 8 * self.dtype.itemsize) if is_wanted() else None
+        self.layout = _layout(self.shapes)
+        self._run = _function(self.shapes, 8 * self.dtype.itemsize, variant) if is_wanted() else None
         if self._run is not None:
             rows = len(c.full_thrust)
             numbers = [np.asarray(field, self.dtype).reshape(rows, -1) for field in c]
@@ -45,6 +46,15 @@ class Steps:
     def compiled(self) -> bool:
         """Whether compiled code runs, not numpy."""
         return self._run is not None
+
+    @property
+    def kept(self) -> int:
+        """Numbers of a vehicle that compiled code works out of its coefficients."""
+        return cast(Code, self._run).kept
+
+    def call(self, words: Array) -> None:
+        """Run compiled code on a table, see :func:`~auv_torchrl.physics.kernel.table.table`."""
+        cast(Code, self._run)(words.ctypes.data)
 
     def run(
         self, body: Array, thrust: Array, targets: Array, time: Array, force: Array | None = None
@@ -94,8 +104,7 @@ class Steps:
             "final thrust": later,
             "final time": np.empty((windows, rows, 1), dtype),
         }
-        words = table(self._layout, arrays, shape)
-        cast(Code, self._run)(words.ctypes.data)
+        self.call(table(self.layout, arrays, shape))
         return states, later
 
     def _by_numpy(
@@ -132,19 +141,19 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, bits: int) -> Code | None:
-    name = f"steps-{_layout(shapes).carried['thrust']}-{bits}"
-    return load(name, lambda: assembly(traced_step(shapes), LANES[bits], bits))
+def _function(shapes: Shapes, bits: int, variant: Variant) -> Code | None:
+    name = f"steps-{_layout(shapes).carried['thrust']}-{bits}-{variant.value}"
+    return load(name, lambda: assembly(traced_step(shapes, variant), LANES[bits], bits))
 
 
-def traced_step(shapes: Shapes) -> Program:
-    """A Runge-Kutta step with all terms, of vehicles whose coefficients have these shapes."""
+def traced_step(shapes: Shapes, variant: Variant = Variant.EVERYTHING) -> Program:
+    """A Runge-Kutta step of vehicles whose coefficients have these shapes."""
     tape, layout = Tape(), _layout(shapes)
-    c = recorded_coefficients(tape, shapes)
+    c = recorded_coefficients(tape, shapes, variant)
     body, thrust, target, force = (
         tape.inputs(name, (size,)) for name, size in (layout.carried | layout.given).items() if name != "time"
     )
     time, h = tape.inputs("time", ()), tape.inputs("h", ())
     step: Any = runge_kutta_step  # on a third array library
-    body, thrust = step(c, ActiveTerms.everything(), body, thrust, target, time, h, force)
+    body, thrust = step(c, variant.terms, body, thrust, target, time, h, force)
     return program(tape, layout, {"body": body, "thrust": thrust, "time": time + h, "states": Symbols(body.numbers)})
