@@ -10,7 +10,7 @@ from tensordict import TensorDict
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.envs import MujocoFleet, TorchFleet
-from auv_torchrl.envs.fleet import BODY
+from auv_torchrl.envs.start import BODY
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kernel import native
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix

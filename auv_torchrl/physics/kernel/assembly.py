@@ -29,7 +29,10 @@ TABLE, KEPT = "table_of_rows", "kept_of_rows"  # variables: of the callback, and
 Pointers = dict[str, list[str]]  # of each array, by name: one pointer for each lane, or the words of the table
 
 _BINARY = {"add": "fadd contract", "sub": "fsub contract", "mul": "fmul contract"}  # may fuse product and sum
-_FUNCTIONS = {"abs": "fabs", "sqrt": "sqrt", "exp": "exp"}
+_FUNCTIONS = {
+    "abs": "fabs", "sqrt": "sqrt", "round": "rint",
+    **{name: name for name in ("exp", "sin", "cos", "tanh", "atan2")},
+}  # fmt: skip
 
 
 def array_names(layout: Layout) -> list[str]:
@@ -56,7 +59,10 @@ class _Writer(Lines):
         self._suffix = f"v{lanes}f{bits}"
 
     def module(self) -> str:
-        declared = [f"declare {self.vector} @llvm.{name}.{self._suffix}({self.vector})" for name in _FUNCTIONS.values()]
+        declared = [
+            f"declare {self.vector} @llvm.{name}.{self._suffix}({', '.join([self.vector] * (1 + (name == 'atan2')))})"
+            for name in _FUNCTIONS.values()
+        ]
         self._function()
         function = [f"define void @{ENTRY}(ptr %table) {{", *self.text, "}"]
         self.text.clear()
@@ -167,7 +173,8 @@ class _Writer(Lines):
         if kind in _BINARY:
             return self.let(f"{_BINARY[kind]} {vector} {given[0]}, {given[1]}")
         if kind in _FUNCTIONS:
-            return self.let(f"call {vector} @llvm.{_FUNCTIONS[kind]}.{self._suffix}({vector} {given[0]})")
+            read = ", ".join(f"{vector} {each}" for each in given)
+            return self.let(f"call {vector} @llvm.{_FUNCTIONS[kind]}.{self._suffix}({read})")
         if kind == "inverse":
             return self.let(f"fdiv {vector} {self.constant(1.0)}, {given[0]}")
         if kind == "neg":

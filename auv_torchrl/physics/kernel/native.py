@@ -151,8 +151,9 @@ def _linked(code: bytes) -> Code:
 
     machine = _target()
     library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
-    for name in ("exp", "expf"):  # an unknown one would end the process
-        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+    for name in ("exp", "sin", "cos", "tanh", "atan2"):  # an unknown one would end the process
+        for symbol in (name, f"{name}f"):
+            llvm.add_symbol(symbol, ctypes.cast(getattr(library, symbol), ctypes.c_void_p).value)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

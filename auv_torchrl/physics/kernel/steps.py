@@ -1,7 +1,7 @@
 """Many Runge-Kutta steps of many vehicles over many windows in one call of compiled code."""
 
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -48,13 +48,10 @@ class Steps:
         return self._run is not None
 
     @property
-    def kept(self) -> int:
-        """Numbers of a vehicle that compiled code works out of its coefficients."""
-        return cast(Code, self._run).kept
-
-    def call(self, words: Array) -> None:
-        """Run compiled code on a table, see :func:`~auv_torchrl.physics.kernel.table.table`."""
-        cast(Code, self._run)(words.ctypes.data)
+    def code(self) -> Code:
+        """What runs then."""
+        assert self._run is not None
+        return self._run
 
     def run(
         self, body: Array, thrust: Array, targets: Array, time: Array, force: Array | None = None
@@ -104,7 +101,7 @@ class Steps:
             "final thrust": later,
             "final time": np.empty((windows, rows, 1), dtype),
         }
-        self.call(table(self.layout, arrays, shape))
+        self.code(table(self.layout, arrays, shape).ctypes.data)
         return states, later
 
     def _by_numpy(

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.physics.kernel.assembly import array_names
-from auv_torchrl.physics.kernel.native import LANES
+from auv_torchrl.physics.kernel.assembly import COUNTS, WORDS, array_names
+from auv_torchrl.physics.kernel.native import LANES, Code
 from auv_torchrl.physics.kernel.program import Layout
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -84,3 +84,39 @@ def _windows_are_lanes(shape: tuple[int, int, int, int], constants: list[int], l
     else:
         work = [vectors[0] * steps * parts, vectors[1] * steps * parts]
     return work[0] <= work[1]
+
+
+class Call:
+    """Calls of code that differ in nothing but where some of their arrays lie.
+
+    Args:
+        code: what is called.
+        layout, arrays, shape, memory: of :func:`table`; arrays that :meth:`run` is not given stay where they are.
+    """
+
+    def __init__(
+        self,
+        code: Code,
+        layout: Layout,
+        arrays: dict[str, Array],
+        shape: tuple[int, int, int, int],
+        memory: Memory | None = None,
+    ):
+        self._code, self._arrays, self._memory = code, arrays, memory
+        self._words = table(layout, arrays, shape, memory)
+        self._places = {name: COUNTS + WORDS * place for place, name in enumerate(array_names(layout))}
+
+    def run(self, given: dict[str, Array]) -> None:
+        """Call, with these arrays in place of those of the same shape, precision and order.
+
+        Raises:
+            ValueError: for an array of another shape, precision or order; compiled code would read beside it.
+        """
+        for name, array in given.items():
+            known = self._arrays[name]
+            if array.size != known.size or array.dtype != known.dtype or not array.flags.c_contiguous:
+                raise ValueError(
+                    f"{name} must be {known.size} numbers in one piece, {known.dtype}, and is {array.shape}"
+                )
+            self._words[self._places[name]] = array.ctypes.data
+        self._code(self._words.ctypes.data)
