@@ -77,9 +77,10 @@ class _Sampled:
         loc, scale = self._extract(self._values[-1])
         count = len(now)
         noise_later, self._noise = torch.randn_like(loc[count:]), torch.randn_like(loc[:count])
+        drawn = tanh_normal(loc, scale, torch.cat((self._noise, noise_later)))
+        self._squashed, self.action, self.log_prob = (part[:count] for part in drawn)
+        self.following = drawn[1][count:], drawn[2][count:]
         self._scale = scale[:count]
-        self.following = tanh_normal(loc[count:], scale[count:], noise_later)[1:]
-        self._squashed, self.action, self.log_prob = tanh_normal(loc[:count], self._scale, self._noise)
 
     def backward(self, by_action: Tensor, per_log_prob: Tensor) -> None:
         """Gradients of the actor's weights, from those of a loss by actions (B, a) and by log-probabilities ()."""

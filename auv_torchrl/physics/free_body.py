@@ -6,7 +6,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import cross, matvec
+from auv_torchrl.physics.kinematics import cross, matvec, rotation_matrix
 
 Array = Any
 
@@ -42,3 +42,12 @@ def free_body_force(
     over_ground = matvec(rotation, rates[..., :3] + cross(spin, linear))
     force = xp.concat((over_ground, rates[..., 3:]), axis=-1) * inertia
     return xp.where(sane[..., None], force, xp.zeros_like(force)), sane
+
+
+def body_velocity(pose: Array, rate: Array) -> Array:
+    """Velocity (..., 6) in the body frame of bodies with ``pose`` (..., 7), position and quaternion, and ``rate``.
+
+    The rate (..., 6) is the velocity along the axes of the earth in m/s, and the angular velocity in the body frame.
+    """
+    linear = matvec(rotation_matrix(pose[..., 3:]).mT, rate[..., :3])
+    return array_namespace(rate).concat((linear, rate[..., 3:]), axis=-1)

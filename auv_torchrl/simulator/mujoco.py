@@ -8,18 +8,18 @@ import numpy as np
 from torch import Tensor
 
 from auv_torchrl.physics import SUBSTEPS, ActiveTerms, Coefficients, State
-from auv_torchrl.physics.free_body import free_body_force
-from auv_torchrl.physics.kernel import Forces
+from auv_torchrl.physics.free_body import body_velocity, free_body_force
+from auv_torchrl.physics.kernel import ByRow, Forces, Targets
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix
 from auv_torchrl.physics.step import push, stage_wrenches
-from auv_torchrl.physics.thrusters import thrust_targets
 from auv_torchrl.simulator.base import FASTEST, Options, Simulator
 from auv_torchrl.simulator.mujoco_model import compiled, fleet_model
 from auv_torchrl.vehicle import Vehicle
 
-RUNAWAY = (
-    FASTEST / 1e-3
-)  # m/s^2, rad/s^2, of all six together; beyond it a vehicle has diverged, and MuJoCo would give up on all
+# m/s^2 and rad/s^2, of all six together; beyond it a vehicle has diverged, and MuJoCo would give up on all
+RUNAWAY = FASTEST / 1e-3
+
+_BODY_VELOCITY = ByRow("body-velocity", body_velocity, {"pose": 7, "rate": 6})
 
 
 class MujocoSimulator(Simulator):
@@ -43,6 +43,7 @@ class MujocoSimulator(Simulator):
         **options: Unpack[Options],
     ) -> None:
         self._read: tuple[Coefficients, Forces] | None = None  # compiled forces, and the coefficients they know
+        self._targets = Targets(vehicles.thrusters)
         super().__init__(vehicles, control_dt, **options)
         self.physics = compiled(fleet_model(self._flown, self.count, control_dt, walls))
         self._model, self._data = self.physics.model.ptr, self.physics.data.ptr
@@ -64,7 +65,7 @@ class MujocoSimulator(Simulator):
         commands = push(state.commands, command)
         if state is not self._moved:
             self._write_bodies(state)
-        targets = thrust_targets(c, terms, commands, dt, SUBSTEPS)
+        targets = self._targets(c, terms, commands, dt, SUBSTEPS)
         wrenches, thrust = stage_wrenches(c, terms, state.thrust, targets, state.time, dt / SUBSTEPS)
         self._step_bodies(c, terms, wrenches)
         position, quaternion, velocity = self._read_bodies()
@@ -116,6 +117,4 @@ class MujocoSimulator(Simulator):
 
     def _read_bodies(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         pose = self._pose.copy()
-        position, quaternion = pose[:, :3], pose[:, 3:]
-        linear = matvec(rotation_matrix(quaternion).mT, self._rate[:, :3])
-        return position, quaternion, np.concatenate((linear, self._rate[:, 3:]), axis=-1)
+        return pose[:, :3], pose[:, 3:], _BODY_VELOCITY(pose, self._rate)

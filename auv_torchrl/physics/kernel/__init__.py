@@ -5,5 +5,6 @@ from auv_torchrl.physics.kernel.by_row import ByRow
 from auv_torchrl.physics.kernel.forces import Forces
 from auv_torchrl.physics.kernel.rates import rates
 from auv_torchrl.physics.kernel.steps import Steps
+from auv_torchrl.physics.kernel.targets import Targets
 
-__all__ = ["Advance", "ByRow", "Forces", "Steps", "rates"]
+__all__ = ["Advance", "ByRow", "Forces", "Steps", "Targets", "rates"]

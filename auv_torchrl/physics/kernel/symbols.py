@@ -114,6 +114,14 @@ def _of(function: Callable[..., Any]) -> Callable[..., Symbols]:
     return moved
 
 
+def _minimum(a: Any, b: Any) -> Symbols:
+    return _elementwise("where", _elementwise("less", b, a), b, a)  # no number where ``a`` is none, as of numpy
+
+
+def _maximum(a: Any, b: Any) -> Symbols:
+    return _elementwise("where", _elementwise("less", a, b), b, a)
+
+
 NAMESPACE = SimpleNamespace(
     __name__="symbols",
     concat=_of(np.concatenate),
@@ -127,5 +135,8 @@ NAMESPACE = SimpleNamespace(
     ones_like=lambda a: Symbols(np.ones(a.shape)),
     asarray=lambda a, dtype=None, device=None: Symbols(np.asarray(a, float)),
     **{kind: partial(_elementwise, kind) for kind in ("abs", "sqrt", "exp", "sin", "cos", "tanh", "atan2", "round")},
+    minimum=_minimum,
+    maximum=_maximum,
+    clip=lambda a, low, high: _minimum(_maximum(a, low), high),
     where=lambda condition, a, b: _elementwise("where", condition, a, b),
 )
