@@ -9,7 +9,7 @@ from torch import Tensor
 
 from auv_torchrl.physics import SUBSTEPS, ActiveTerms, Coefficients, State
 from auv_torchrl.physics.free_body import body_velocity, free_body_force
-from auv_torchrl.physics.kernel import ByRow, Forces, Targets
+from auv_torchrl.physics.kernel import ByRow, Forces, RowFunction, Targets
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix
 from auv_torchrl.physics.step import push, stage_wrenches
 from auv_torchrl.simulator.base import FASTEST, Options, Simulator
@@ -19,7 +19,7 @@ from auv_torchrl.vehicle import Vehicle
 # m/s^2 and rad/s^2, of all six together; beyond it a vehicle has diverged, and MuJoCo would give up on all
 RUNAWAY = FASTEST / 1e-3
 
-_BODY_VELOCITY = ByRow("body-velocity", body_velocity, {"pose": 7, "rate": 6})
+_BODY_VELOCITY = RowFunction("body-velocity", body_velocity, {"pose": 7, "rate": 6})
 
 
 class MujocoSimulator(Simulator):
@@ -43,7 +43,7 @@ class MujocoSimulator(Simulator):
         **options: Unpack[Options],
     ) -> None:
         self._read: tuple[Coefficients, Forces] | None = None  # compiled forces, and the coefficients they know
-        self._targets = Targets(vehicles.thrusters)
+        self._targets, self._body_velocity = Targets(vehicles.thrusters), ByRow(_BODY_VELOCITY)
         super().__init__(vehicles, control_dt, **options)
         self.physics = compiled(fleet_model(self._flown, self.count, control_dt, walls))
         self._model, self._data = self.physics.model.ptr, self.physics.data.ptr
@@ -117,4 +117,4 @@ class MujocoSimulator(Simulator):
 
     def _read_bodies(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         pose = self._pose.copy()
-        return pose[:, :3], pose[:, 3:], _BODY_VELOCITY(pose, self._rate)
+        return pose[:, :3], pose[:, 3:], self._body_velocity(pose, self._rate)

@@ -1,9 +1,10 @@
 """What a task observes and rewards, in one call of compiled code each where that can be."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
-from auv_torchrl.physics.kernel import ByRow
+from auv_torchrl.physics.kernel import ByRow, RowFunction
 from auv_torchrl.tasks.task import Task
 
 Array = Any
@@ -26,5 +27,12 @@ class Judge:
         self.observe: Callable[..., Array] = task.observe
         self.reward: Callable[..., Array] = task.reward
         if vars(type(task)).get("compiles", False):
-            self.observe = ByRow("observe", task.observe, {**_STATE, "time": 0})
-            self.reward = ByRow("reward", task.reward, {**_STATE, "action": actions, "time": 0})
+            self.observe, self.reward = (ByRow(function) for function in _functions(task, actions))
+
+
+@lru_cache(maxsize=8)  # fleets are made anew again and again for the same task
+def _functions(task: Task, actions: int) -> tuple[RowFunction, RowFunction]:
+    return (
+        RowFunction("observe", task.observe, {**_STATE, "time": 0}),
+        RowFunction("reward", task.reward, {**_STATE, "action": actions, "time": 0}),
+    )
