@@ -35,17 +35,17 @@ class FusedSACLoss(SACLoss):
 
     def __init__(self, **settings: Any):
         super().__init__(**settings)
-        self._extract = NormalParamExtractor()
-        self._layers: dict[str, Layers] = {}
+        self.extract = NormalParamExtractor()  # of mean and scale from what the actor's network gives
+        self._known: dict[str, Layers] = {}
 
     def _apply(self, fn):
-        self._layers.clear()  # a move to another device or dtype makes new tensors
+        self._known.clear()  # a move to another device or dtype makes new tensors
         return super()._apply(fn)
 
     def make_value_estimator(self, value_type: ValueEstimators | None = None, *, gamma: float, **unused):
         """TD(0) with discount ``gamma``."""
         super().make_value_estimator(ValueEstimators.TD0 if value_type is None else value_type, gamma=gamma, **unused)
-        self._gamma = gamma
+        self.discount = gamma
 
     @dispatch()
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
@@ -75,31 +75,31 @@ class FusedSACLoss(SACLoss):
         with torch.no_grad():
             next_action, next_log_prob = self.sample(next_observation)
             next_value = perceptron(
-                self._parameters_of("target_qvalue_network_params"), torch.cat((next_observation, next_action), -1)
+                self.layers("target_qvalue_network_params"), torch.cat((next_observation, next_action), -1)
             )
             soft_value = next_value.amin(0) - self.log_alpha.exp() * next_log_prob.unsqueeze(-1)
-            target = torch.where(terminated, reward, reward + self._gamma * soft_value)
-        value = perceptron(self._parameters_of("qvalue_network_params"), torch.cat((observation, action), -1))
+            target = torch.where(terminated, reward, reward + self.discount * soft_value)
+        value = perceptron(self.layers("qvalue_network_params"), torch.cat((observation, action), -1))
         return F.mse_loss(value, target.expand_as(value)) * len(value)
 
     def _actor_loss(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         action, log_prob = self.sample(observation)
-        critics = [(weight.detach(), bias.detach()) for weight, bias in self._parameters_of("qvalue_network_params")]
+        critics = [(weight.detach(), bias.detach()) for weight, bias in self.layers("qvalue_network_params")]
         value = perceptron(critics, torch.cat((observation, action), -1))
         loss = (self.log_alpha.detach().exp() * log_prob - value.amin(0).squeeze(-1)).mean()
         return loss, log_prob.detach()
 
     def sample(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Actions (B, a) of the actor in observations (B, d), with gradients, and their log-probabilities (B,)."""
-        return sample_tanh_normal(*self._extract(perceptron(self._parameters_of("actor_network_params"), observation)))
+        return sample_tanh_normal(*self.extract(perceptron(self.layers("actor_network_params"), observation)))
 
-    def _parameters_of(self, network: str) -> Layers:
+    def layers(self, network: str) -> Layers:
         """Weights and biases of ``network`` in order; looked up once, because they are only changed in place."""
-        if network not in self._layers:
+        if network not in self._known:
             leaves = getattr(self, network).flatten_keys(".")
             names = [key.removesuffix("weight") for key in list(leaves.keys()) if key.endswith("weight")]
-            self._layers[network] = [(leaves[f"{name}weight"], leaves[f"{name}bias"]) for name in names]
-        return self._layers[network]
+            self._known[network] = [(leaves[f"{name}weight"], leaves[f"{name}bias"]) for name in names]
+        return self._known[network]
 
 
 LOSSES = {"fused": FusedSACLoss, "stock": SACLoss}

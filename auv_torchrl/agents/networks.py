@@ -84,21 +84,31 @@ def set_spread(policy: TensorDictModule, spread: float) -> None:
 
 def perceptron(layers: Layers, x: Tensor) -> Tensor:
     """Layers with ReLU between them on ``x`` (B, d): weights (out, in), or (k, out, in) for k networks at once."""
+    return perceptron_values(layers, x)[-1]
+
+
+def perceptron_values(layers: Layers, x: Tensor) -> list[Tensor]:
+    """What goes into each layer of :func:`perceptron`, and what comes out of the last."""
     stacked = layers[0][0].ndim == 3
-    if stacked:
-        x = x.expand(len(layers[0][0]), *x.shape)
+    values = [x.expand(len(layers[0][0]), *x.shape) if stacked else x]
     for i, (weight, bias) in enumerate(layers):
         if i:
-            x = x.relu_()  # no gradient needs the value before
-        x = torch.baddbmm(bias.unsqueeze(-2), x, weight.mT) if stacked else torch.addmm(bias, x, weight.mT)
-    return x
+            values[-1].relu_()  # no gradient needs the value before
+        x = values[-1]
+        values.append(torch.baddbmm(bias.unsqueeze(-2), x, weight.mT) if stacked else torch.addmm(bias, x, weight.mT))
+    return values
 
 
 def sample_tanh_normal(loc: Tensor, scale: Tensor) -> tuple[Tensor, Tensor]:
     """Reparametrised action (B, a) and its log-probability (B,), as ``TanhNormal.rsample_and_log_prob``."""
-    noise = torch.randn_like(loc)
+    return tanh_normal(loc, scale, torch.randn_like(loc))[1:]
+
+
+def tanh_normal(loc: Tensor, scale: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Tanh (B, a) of the sample that standard normal noise makes, the action (B, a), and its log-probability (B,)."""
     raw = torch.addcmul(loc, scale, noise)
-    action = raw.tanh().clamp(-ACTION_LIMIT, ACTION_LIMIT)
+    squashed = raw.tanh()
     # log N(raw) - log(1 - tanh(raw)^2), the latter in the form that cannot overflow
     density = 2 * (raw + F.softplus(-2 * raw)) - scale.log() - 0.5 * noise.square()
-    return action, density.sum(-1) - loc.shape[-1] * (LOG_ROOT_TWO_PI + 2 * LOG_TWO)
+    log_prob = density.sum(-1) - loc.shape[-1] * (LOG_ROOT_TWO_PI + 2 * LOG_TWO)
+    return squashed, squashed.clamp(-ACTION_LIMIT, ACTION_LIMIT), log_prob

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from auv_torchrl.agents.feed_forward import FeedForward
 from auv_torchrl.envs.expected import EXPECTED, MEASURED, TIME, expected_along
-from auv_torchrl.envs.fleet import ALONG, BODY
+from auv_torchrl.envs.start import ALONG, BODY
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import euler_angles, matvec, rotation_matrix, wrap_angle
 from auv_torchrl.tasks import Task

@@ -10,7 +10,7 @@ from torchrl.data import Bounded, Composite, TensorSpec
 from torchrl.envs.transforms import Compose, Transform
 
 from auv_torchrl.envs.expected import EXPECTED, expected_along
-from auv_torchrl.envs.fleet import BODY
+from auv_torchrl.envs.start import BODY
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED
 

@@ -7,7 +7,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import Composite, Unbounded
 
-from auv_torchrl.envs.fleet import ALONG, BODY
+from auv_torchrl.envs.start import ALONG, BODY
 
 TIME = "time"
 MEASURED = "measured"  # the fleet's report of position, quaternion and velocity

@@ -10,19 +10,18 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
+from auv_torchrl.envs.start import ALONG, BODY, read_start
 from auv_torchrl.physics import State
 from auv_torchrl.simulator import Simulator
 from auv_torchrl.simulator.base import FARTHEST, FASTEST
 from auv_torchrl.simulator.rows import with_rows
 from auv_torchrl.simulator.scene import SIZE, Scene
 from auv_torchrl.tasks import Task
+from auv_torchrl.tasks.judge import Judge
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 Array = Any
 log = logging.getLogger(__name__)
-
-BODY = {"position": 3, "quaternion": 4, "velocity": 6}  # entries of a start, with their lengths
-ALONG = "along"  # s along the task: of a start, where it begins; of a report, where the vehicle is
 
 
 class FleetEnv(EnvBase):
@@ -74,6 +73,7 @@ class FleetEnv(EnvBase):
         self._start: dict[str, Array] = dict(zip(BODY, simulator.state[:3], strict=True))
         self._start[ALONG] = self._ahead[:, None]
         self._scene: tuple[int, Scene] | None = None
+        self._judge = Judge(task, self.action_spec.shape[-1])
 
     @property
     def vehicle(self) -> Vehicle:
@@ -174,20 +174,22 @@ class FleetEnv(EnvBase):
                 terminated.nonzero()[:, 0].tolist(), FASTEST, FARTHEST,
             )  # fmt: skip
         state, time = self._state[:3], self._along
-        reward = self.task.reward(*state, native(action), time)
+        reward = self._judge.reward(*state, native(action), time)
         terminated = terminated | self._tensor(self.task.terminated(*state, time)[:, None], torch.bool)
         truncated = self._tensor(self._state.time[:, None] > self.task.episode_s - self.task.control_dt / 2, torch.bool)
-        return TensorDict(
+        return self._together(
             {
                 **self._report(time),
                 "reward": self._tensor(reward[:, None], torch.float32),
                 "done": terminated | truncated,
                 "terminated": terminated,
                 "truncated": truncated,
-            },
-            self.batch_size,
-            device=self.device,
+            }
         )
+
+    def _together(self, entries: dict[str, Any]) -> TensorDict:
+        """Tensors of the fleet's batch and device, which nothing checks anew at every step."""
+        return TensorDict._new_unsafe(entries, self.batch_size, device=self.device)
 
     def _report(self, along: Array) -> dict[str, Tensor | TensorDict]:
         state, dtype = self._state, self.state_dtype
@@ -196,11 +198,11 @@ class FleetEnv(EnvBase):
         if skipped is not None:
             self._ahead = self._ahead + skipped
             along = self._along
-        observation = self.task.observe(*report, along)
+        observation = self._judge.observe(*report, along)
         measured = {key: self._tensor(part, dtype) for key, part in zip(BODY, report, strict=True)}
         return {
             "observation": self._tensor(observation, torch.float32),
-            "measured": TensorDict(measured, self.batch_size, device=self.device),
+            "measured": self._together(measured),
             "position": self._tensor(state.position, dtype),
             "quaternion": self._tensor(state.quaternion, dtype),
             "velocity": self._tensor(state.velocity, dtype),
@@ -209,41 +211,3 @@ class FleetEnv(EnvBase):
             "time": self._tensor(state.time[:, None], dtype),
             ALONG: self._tensor(along[:, None], dtype),
         }
-
-
-def vehicles_of(vehicle: Vehicle, num_envs: int) -> Vehicle:
-    """One vehicle per environment, from one nominal vehicle or a batch.
-
-    Raises:
-        ValueError: for no vehicles, or a batch of vehicles that is not one per environment.
-    """
-    if num_envs < 1:
-        raise ValueError(f"fleet: num_envs is {num_envs}: give 1 or more")
-    if vehicle.batch_size not in (torch.Size([]), torch.Size([num_envs])):
-        raise ValueError(f"fleet: the vehicle has batch {list(vehicle.batch_size)}: give one vehicle or {num_envs}")
-    return vehicle.expand(num_envs)
-
-
-def read_start(start: TensorDictBase | None, rows: Tensor) -> tuple[Tensor, ...]:
-    """Checked position, quaternion, velocity and s along the task (0 if not given) of the rows that are reset, float64.
-
-    Raises:
-        ValueError: for a missing entry, a wrong shape, values that are not finite or no unit quaternion.
-    """
-    if start is None:
-        raise ValueError(f"fleet: set_state=True needs a 'start' entry with {', '.join(BODY)}")
-    parts = []
-    given = {ALONG: torch.zeros(*start.batch_size, 1), **dict(start.items())}
-    for key, length in (*BODY.items(), (ALONG, 1)):
-        value = given.get(key)
-        if value is None or value.shape[-1:] != (length,):
-            found = "missing" if value is None else f"of shape {list(value.shape)}"
-            raise ValueError(f"fleet: start.{key} is {found}: give [num_envs, {length}]")
-        value = value.cpu()[rows].double()
-        if not value.isfinite().all():
-            raise ValueError(f"fleet: start.{key} has values that are not finite")
-        parts.append(value)
-    if not torch.allclose(parts[1].norm(dim=-1), torch.ones(()).double(), atol=1e-3):
-        raise ValueError("fleet: start.quaternion is not of unit length: give w, x, y, z of a rotation")
-    parts[1] = torch.nn.functional.normalize(parts[1], dim=-1)
-    return tuple(parts)

@@ -11,8 +11,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from tensordict import TensorDict, TensorDictBase
 
-from auv_torchrl.envs.fleet import BODY, FleetEnv
+from auv_torchrl.envs.fleet import FleetEnv
 from auv_torchrl.envs.make import make_fleet
+from auv_torchrl.envs.start import BODY
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.simulator.base import FARTHEST

@@ -2,7 +2,8 @@
 
 import torch
 
-from auv_torchrl.envs.fleet import FleetEnv, vehicles_of
+from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.envs.start import vehicles_of
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.simulator import NumpyArrays
 from auv_torchrl.simulator.mujoco import MujocoSimulator

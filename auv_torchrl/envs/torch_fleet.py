@@ -3,7 +3,8 @@
 import torch
 from torch import Tensor
 
-from auv_torchrl.envs.fleet import FleetEnv, vehicles_of
+from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.envs.start import vehicles_of
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.simulator import PlainSimulator, TorchArrays
 from auv_torchrl.tasks import Task

@@ -127,16 +127,6 @@ class ActiveTerms(NamedTuple):
         """All terms, for code that must not look at values (``vmap``, ``compile``, gradients)."""
         return ActiveTerms(*(True for _ in ActiveTerms._fields))
 
-    @property
-    def compiled(self) -> "ActiveTerms":
-        """All terms, but the surface where there is none: it takes a quarter of a step, and few vehicles meet one."""
-        return ActiveTerms.everything()._replace(surface=self.surface)
-
-    @property
-    def kind(self) -> str:
-        """Tells programs with these terms compiled from others."""
-        return "surface" if self.surface else "deep"
-
 
 def _sensors_are_true(c: Coefficients) -> bool:
     scales = (c.position_scale, c.depth_scale, c.velocity_scale)

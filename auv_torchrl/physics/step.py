@@ -94,6 +94,22 @@ def runge_kutta_steps(
     return body, thrust
 
 
+def stage_thrusts(
+    c: Coefficients, terms: ActiveTerms, thrust: Array, targets: list[Array], time: Array, h: float
+) -> tuple[list[tuple[Array, Array]], Array]:
+    """Thrust (..., n) and time (...) at each of the four stages of steps of ``h`` seconds, and the last thrust.
+
+    Where the push of the thrusters is the same at all stages, there is one. Arguments as of :func:`runge_kutta_steps`.
+    """
+    if not (terms.lag or terms.battery_sag) and all(target is targets[0] for target in targets):
+        return [(targets[0], time)], targets[0]
+    stages = []
+    for target in targets:
+        stages += [(thrust_after(c, terms, thrust, target, e), time + e) for e in (0.0, h / 2, h / 2, h)]
+        thrust, time = thrust_after(c, terms, thrust, target, h), time + h
+    return stages, thrust
+
+
 def runge_kutta_step(
     c: Coefficients,
     terms: ActiveTerms,

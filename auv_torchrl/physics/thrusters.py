@@ -33,17 +33,27 @@ def delayed(memory: Array, delay: Array, control_dt: float) -> Array:
 def thrust_target(c: Coefficients, terms: ActiveTerms, command: Array) -> Array:
     """Thrust in N that commands in [-1, 1] call for, (..., n): routing, curve, limit and dead band; no lag, no gain."""
     xp = array_namespace(command)
+    if not (terms.routing or terms.curve):
+        return limited_thrust(command, c.full_thrust, c.limit, c.dead_band)
     command = xp.clip(command, -1.0, 1.0)
     if terms.routing:
         command = matvec(c.routing, command)
     if terms.curve:
         size = xp.abs(command) ** c.exponent
         reverse = xp.where(command < 0, 1.0 - c.asymmetry, xp.ones_like(c.asymmetry))
-        force = c.full_thrust * reverse * xp.sign(command) * size
-    else:
-        force = c.full_thrust * command
-    force = xp.minimum(xp.maximum(force, -c.limit), c.limit)
-    return xp.where(xp.abs(force) < c.dead_band, xp.zeros_like(force), force)
+        return _within(c.full_thrust * reverse * xp.sign(command) * size, c.limit, c.dead_band)
+    return _within(c.full_thrust * command, c.limit, c.dead_band)
+
+
+def limited_thrust(command: Array, full_thrust: Array, limit: Array, dead_band: Array) -> Array:
+    """Thrust in N that commands in [-1, 1] call for, (..., n), of thrusters that follow their own commands linearly."""
+    return _within(full_thrust * array_namespace(command).clip(command, -1.0, 1.0), limit, dead_band)
+
+
+def _within(force: Array, limit: Array, dead_band: Array) -> Array:
+    xp = array_namespace(force)
+    force = xp.minimum(xp.maximum(force, -limit), limit)
+    return xp.where(xp.abs(force) < dead_band, xp.zeros_like(force), force)
 
 
 def thrust_targets(

@@ -205,14 +205,15 @@ class Simulator(ABC):
         self.state = self._advance(c, terms, command)
         position, _, velocity = self.state[:3]
         xp = array_namespace(position)
-        sane = xp.all(xp.abs(velocity) < FASTEST, axis=-1) & xp.all(xp.abs(position) < FARTHEST, axis=-1)
-        if not xp.all(sane):
+        lost = xp.zeros_like(position[:, 0], dtype=xp.bool)
+        if not (xp.max(xp.abs(velocity)) < FASTEST and xp.max(xp.abs(position)) < FARTHEST):
+            lost = ~(xp.all(xp.abs(velocity) < FASTEST, axis=-1) & xp.all(xp.abs(position) < FARTHEST, axis=-1))
             held = zip(self.state[:4], before[:4], strict=True)
-            kept = (with_rows(new, ~sane, old[~sane]) for new, old in held)
+            kept = (with_rows(new, lost, old[lost]) for new, old in held)
             self.state = self.state._replace(**dict(zip(State._fields, kept, strict=False)))
         pose = xp.concat(self.state[:2], axis=-1)
         self.poses = push(self.poses, pose) if self.poses.shape[1] > 1 else pose[:, None]
-        return ~sane
+        return lost
 
     def report(self, noise: Array | None = None) -> Report:
         """What the sensors say now, late, scaled, biased and noisy as the vehicles have it.

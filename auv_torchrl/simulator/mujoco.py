@@ -1,21 +1,27 @@
 """The simulator in MuJoCo: the same physics, with contacts and MuJoCo's integrator."""
 
+from itertools import cycle
 from typing import Any, Unpack
 
 import mujoco
 import numpy as np
+from torch import Tensor
 
 from auv_torchrl.physics import SUBSTEPS, ActiveTerms, Coefficients, State
-from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import cross, matvec, rotation_matrix
-from auv_torchrl.physics.step import push
+from auv_torchrl.physics.free_body import body_velocity, free_body_force
+from auv_torchrl.physics.kernel import ByRow, Forces, RowFunction, Targets
+from auv_torchrl.physics.kinematics import matvec, rotation_matrix
+from auv_torchrl.physics.step import push, stage_thrusts
 from auv_torchrl.physics.surface import given_in_water
-from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_targets
+from auv_torchrl.physics.thrusters import body_wrench
 from auv_torchrl.simulator.base import FASTEST, Options, Simulator
 from auv_torchrl.simulator.mujoco_model import compiled, fleet_model
 from auv_torchrl.vehicle import Vehicle
 
-RUNAWAY = FASTEST / 1e-3  # m/s^2, rad/s^2; beyond it a vehicle has diverged, and MuJoCo would give up on all
+# m/s^2 and rad/s^2, of all six together; beyond it a vehicle has diverged, and MuJoCo would give up on all
+RUNAWAY = FASTEST / 1e-3
+
+_BODY_VELOCITY = RowFunction("body-velocity", body_velocity, {"pose": 7, "rate": 6})
 
 
 class MujocoSimulator(Simulator):
@@ -38,6 +44,8 @@ class MujocoSimulator(Simulator):
         walls: tuple[float, float, float] | None = None,
         **options: Unpack[Options],
     ) -> None:
+        self._read: tuple[Coefficients, Forces] | None = None  # compiled forces, and the coefficients they know
+        self._targets, self._body_velocity = Targets(vehicles.thrusters), ByRow(_BODY_VELOCITY)
         super().__init__(vehicles, control_dt, **options)
         self.physics = compiled(fleet_model(self._flown, self.count, control_dt, walls))
         self._model, self._data = self.physics.model.ptr, self.physics.data.ptr
@@ -47,61 +55,66 @@ class MujocoSimulator(Simulator):
         self._passive = self._data.qfrc_passive.reshape(self.count, 6)
         body = self.physics.model.body("vehicle_0")
         self._inertia = np.repeat((float(body.mass[0]), float(body.inertia[0])), 3)
-        self._runaway = np.zeros(self.count, dtype=bool)  # vehicles that diverged within this control step
+        self._lost = np.zeros((self.count, 1))  # 1 for vehicles that diverged within this control step
         self._moved: State | None = None  # the state that MuJoCo's bodies are in
+
+    def _begin_phase(self, rows: Tensor, phase: int) -> None:
+        super()._begin_phase(rows, phase)
+        self._read = None
 
     def _advance(self, c: Coefficients, terms: ActiveTerms, command: np.ndarray) -> State:
         state, dt = self.state, self.control_dt
         commands = push(state.commands, command)
-        stretches = SUBSTEPS if commands.shape[-2] > 1 else 1  # a late command may arrive within a control step
-        thrust, time = state.thrust, state.time
         if state is not self._moved:
             self._write_bodies(state)
-        for target in thrust_targets(c, terms, commands, dt, stretches):
-            self._step_bodies(c, terms, thrust, target, time, SUBSTEPS // stretches)
-            thrust = thrust_after(c, terms, thrust, target, dt / stretches)
-            time = time + dt / stretches
+        targets = self._targets(c, terms, commands, dt, SUBSTEPS)
+        stages, thrust = stage_thrusts(c, terms, state.thrust, targets, state.time, dt / SUBSTEPS)
+        self._step_bodies(c, terms, stages)
         position, quaternion, velocity = self._read_bodies()
-        if self._runaway.any():
-            velocity[self._runaway] = np.nan
-            self._runaway[:] = False
+        if self._lost.any():
+            velocity[self._lost[:, 0] > 0] = np.nan
+            self._lost[:] = 0.0
         self._moved = State(position, quaternion, velocity, thrust, commands, state.time + dt)
         return self._moved
 
-    def _step_bodies(
-        self, c: Coefficients, terms: ActiveTerms, thrust: Any, target: Any, time: Any, substeps: int
-    ) -> None:
-        """Let MuJoCo take some of its steps while the thrust goes from ``thrust`` towards ``target``."""
-        data, began = self._data, self._data.time
-        changing = terms.lag or terms.battery_sag or terms.surface
-        constant = None if changing else body_wrench(c, terms, target, time)
+    def _step_bodies(self, c: Coefficients, terms: ActiveTerms, stages: list[tuple[np.ndarray, np.ndarray]]) -> None:
+        """Let MuJoCo take its steps, with the thrust (N, n) and the time (N,) of each stage, or the same in all."""
+        forces = self._forces(c)
+        if forces.compiled:
+            call = forces.callback(np.stack([body_wrench(c, terms, *stage) for stage in stages]))
+        else:
+            following = cycle(stages)
 
-        def apply_physics(*_: Any) -> None:
-            elapsed = data.time - began
-            wrench = constant
-            if wrench is None:
-                given = thrust_after(c, terms, thrust, target, elapsed)
-                given = given_in_water(c, terms, given, self._rotation, self._pose[:, :3])
-                wrench = body_wrench(c, terms, given, time + elapsed)
-            self._passive[:] = self._force(c, terms, wrench)
+            def call(*_: Any) -> None:
+                self._passive[:] = self._force(c, terms, *next(following))
 
-        mujoco.set_mjcb_passive(apply_physics)  # pyright: ignore[reportAttributeAccessIssue]
+        mujoco.set_mjcb_passive(call)  # pyright: ignore[reportAttributeAccessIssue]
         try:
-            mujoco.mj_step(self._model, data, substeps)  # pyright: ignore[reportAttributeAccessIssue]
+            mujoco.mj_step(self._model, self._data, SUBSTEPS)  # pyright: ignore[reportAttributeAccessIssue]
         finally:
             mujoco.set_mjcb_passive(None)  # pyright: ignore[reportAttributeAccessIssue]
 
-    def _force(self, c: Coefficients, terms: ActiveTerms, wrench: np.ndarray) -> np.ndarray:
+    def _forces(self, c: Coefficients) -> Forces:
+        """Compiled forces on vehicles with these coefficients, on MuJoCo's own arrays."""
+        if self._read is None or self._read[0] is not c:
+            bodies = {
+                "position": self._pose[:, :3],
+                "rate": self._rate,
+                "rotation": self._rotation.reshape(self.count, 9),
+                "lost": self._lost,
+                "body force": self._passive,
+            }
+            self._read = c, Forces(c, self._inertia, RUNAWAY, bodies)
+        return self._read[1]
+
+    def _force(self, c: Coefficients, terms: ActiveTerms, thrust: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Generalized force (N, 6) that gives MuJoCo's bodies the Fossen acceleration at this stage."""
-        rotation, spin = self._rotation, self._rate[:, 3:]
-        velocity = np.concatenate((matvec(rotation.mT, self._rate[:, :3]), spin), axis=-1)
-        rate = acceleration(c, terms, rotation, self._pose[:, :3], velocity, wrench)
-        if not np.abs(rate).max() < RUNAWAY:
-            sane = np.abs(rate).max(axis=-1) < RUNAWAY
-            rate = np.where(sane[:, None], rate, 0.0)
-            self._runaway |= ~sane
-        linear = matvec(rotation, rate[:, :3] + cross(spin, velocity[:, :3]))
-        return np.concatenate((linear, rate[:, 3:]), axis=-1) * self._inertia
+        wrench = body_wrench(c, terms, given_in_water(c, terms, thrust, self._rotation, self._pose[:, :3]), time)
+        force, sane = free_body_force(
+            c, terms, self._inertia, RUNAWAY, self._pose[:, :3], self._rate, self._rotation, wrench
+        )
+        self._lost[~sane] = 1.0
+        return force
 
     def _write_bodies(self, state: State) -> None:
         self._pose[:, :3], self._pose[:, 3:] = state.position, state.quaternion
@@ -110,6 +123,4 @@ class MujocoSimulator(Simulator):
 
     def _read_bodies(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         pose = self._pose.copy()
-        position, quaternion = pose[:, :3], pose[:, 3:]
-        linear = matvec(rotation_matrix(quaternion).mT, self._rate[:, :3])
-        return position, quaternion, np.concatenate((linear, self._rate[:, 3:]), axis=-1)
+        return pose[:, :3], pose[:, 3:], self._body_velocity(pose, self._rate)

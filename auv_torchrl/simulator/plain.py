@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step
-from auv_torchrl.physics.kernel import Advance
+from auv_torchrl.physics.kernel import Advance, Targets
 from auv_torchrl.physics.step import runge_kutta_step, runge_kutta_steps
-from auv_torchrl.physics.thrusters import straight_through_targets, thrust_targets
+from auv_torchrl.physics.thrusters import straight_through_targets
 from auv_torchrl.simulator.arrays import Array
 from auv_torchrl.simulator.base import Options, Simulator
 from auv_torchrl.vehicle import Vehicle
@@ -38,7 +38,7 @@ class PlainSimulator(Simulator):
         **options: Unpack[Options],
     ) -> None:
         self._steps = Advance()
-        self._aim = straight_through_targets if straight_through else thrust_targets
+        self._aim = straight_through_targets if straight_through else Targets(vehicles.thrusters)
         super().__init__(vehicles, control_dt, **options)
         self._advance_body: Callable[..., tuple[Array, Array]] = (
             partial(runge_kutta_steps, step=torch.compile(runge_kutta_step, fullgraph=True))

@@ -16,6 +16,7 @@ class StationKeeping(Following):
     """Follow a reference that rests at the origin."""
 
     name = "station_keeping"
+    compiles = True
 
     def reference(self, time: Array) -> Reference:
         """The origin, level, heading north, at rest, at all times (...)."""

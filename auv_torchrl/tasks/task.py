@@ -59,6 +59,7 @@ class Task(ABC):
     """
 
     name: ClassVar[str]  # by which ``task=<name>`` chooses it
+    compiles: ClassVar[bool] = False  # whether what a class observes and rewards is a straight line of arithmetic
 
     episode_s: Annotated[float, In("(0, 3600]")] = 20.0  # s, section 5
     control_dt: Annotated[float, In("[0.001, 1]")] = CONTROL_DT  # s

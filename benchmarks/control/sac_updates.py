@@ -69,27 +69,29 @@ def stable_baselines(hidden: int, batch: int) -> Callable[[int], None]:
     return lambda count: model.train(gradient_steps=count, batch_size=batch)
 
 
-def rate(update: Callable[[int], None], updates: int, rounds: int = 3) -> float:
-    """Best of several rounds, in updates per CPU second: the machine may be shared."""
-    update(updates // 4)
-    seconds = []
-    for _ in range(rounds):
-        start = time.process_time()
-        update(updates)
-        seconds.append(time.process_time() - start)
-    return updates / min(seconds)
+def seconds(update: Callable[[int], None], updates: int) -> float:
+    """CPU seconds of so many updates."""
+    start = time.process_time()
+    update(updates)
+    return time.process_time() - start
 
 
-def measure(hidden: int = 64, batch: int = 256, updates: int = 400) -> dict[str, float]:
-    """Updates per CPU second of each; without stable-baselines3 where it is not installed."""
+def measure(hidden: int = 64, batch: int = 256, updates: int = 400, rounds: int = 5) -> dict[str, float]:
+    """Updates per CPU second of each, the best of rounds in which all take turns: the machine may be shared.
+
+    Without stable-baselines3 where it is not installed.
+    """
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    rates = {f"ours, {kind}": rate(ours(kind, hidden, batch), updates) for kind in ("fused", "stock")}
+    methods = {f"ours, {kind}": ours(kind, hidden, batch) for kind in ("fused", "stock")}
     try:
-        rates["stable-baselines3"] = rate(stable_baselines(hidden, batch), updates)
+        methods["stable-baselines3"] = stable_baselines(hidden, batch)
     except ModuleNotFoundError:
         print("stable-baselines3 is not installed: pip install 'auv-torchrl[bench]'\n")
-    return rates
+    for update in methods.values():
+        update(updates // 4)
+    taken = [{name: seconds(update, updates) for name, update in methods.items()} for _ in range(rounds)]
+    return {name: updates / min(each[name] for each in taken) for name in methods}
 
 
 if __name__ == "__main__":

@@ -7,7 +7,8 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from auv_torchrl.agents.losses import make_loss
+from auv_torchrl.agents.closed_form import ClosedForm
+from auv_torchrl.agents.losses import FusedSACLoss, make_loss
 from auv_torchrl.agents.networks import make_actor, make_policy, sample_tanh_normal
 from auv_torchrl.agents.updater import SACUpdater, leaves
 
@@ -51,6 +52,42 @@ def test_fused_loss_equals_stock_loss(hidden, spread):
     for name, gradient in stock_gradients.items():
         assert gradient.abs().max() > 0, name
         torch.testing.assert_close(gradients[name], gradient, rtol=1e-4, atol=1e-5, msg=name)
+
+
+@pytest.mark.parametrize("actor", [True, False], ids=["all", "critics alone"])
+@pytest.mark.parametrize("spread", [1.0, 30.0], ids=["ordinary", "saturated"])
+@pytest.mark.parametrize("hidden", [(16,), (16, 16), (8, 12, 10)], ids=str)
+def test_the_closed_form_is_what_autograd_finds(hidden, spread, actor):
+    """With the same parameters and random numbers, all losses and all gradients agree, and none is left behind."""
+    torch.manual_seed(0)
+    _, fused = both(hidden)
+    batch = batch_of(40, spread)
+    torch.manual_seed(1)
+    expected = fused(batch)
+    total = expected["loss_qvalue"]
+    (total + expected["loss_actor"] + expected["loss_alpha"] if actor else total).backward()
+    gradients = {name: parameter.grad for name, parameter in fused.named_parameters()}
+    torch.manual_seed(1)
+    losses = ClosedForm(cast(FusedSACLoss, fused))(batch, actor)
+    torch.testing.assert_close(losses.detach(), expected.detach(), rtol=1e-5, atol=1e-5)
+    for name, parameter in fused.named_parameters():
+        torch.testing.assert_close(parameter.grad, gradients[name], rtol=1e-4, atol=1e-5, msg=name)
+
+
+def test_a_loss_of_ones_own_is_differentiated():
+    """A class that inherits from the fused loss is asked for its losses, and autograd for their gradients."""
+
+    class Halved(FusedSACLoss):
+        def forward(self, batch):  # pyright: ignore[reportIncompatibleMethodOverride]
+            return super().forward(batch) * 0.5
+
+    torch.manual_seed(0)
+    loss = make_loss(Halved, hidden=(16,), **SETTINGS)
+    batch = batch_of(40)
+    torch.manual_seed(1)
+    expected = loss(batch)
+    torch.manual_seed(1)
+    torch.testing.assert_close(SACUpdater(loss, 0.0, 0.0, 0.5).step(batch).detach(), expected.detach())
 
 
 def test_actor_loss_gives_critics_no_gradient():

@@ -5,7 +5,7 @@ from typing import Any
 import torch
 from tensordict import TensorDict
 
-from auv_torchrl.envs.fleet import BODY
+from auv_torchrl.envs.start import BODY
 
 
 def fly(fleet, actions, start=None) -> Any:

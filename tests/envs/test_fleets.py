@@ -13,7 +13,7 @@ from torchrl.envs import Compose, RewardSum, StepCounter, TransformedEnv, check_
 
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.envs import BACKENDS, RandomizeVehicle, make_fleet
-from auv_torchrl.envs.fleet import BODY
+from auv_torchrl.envs.start import BODY
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.sensors import MOTION

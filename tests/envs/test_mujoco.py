@@ -10,8 +10,9 @@ from tensordict import TensorDict
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.envs import MujocoFleet, TorchFleet
-from auv_torchrl.envs.fleet import BODY
+from auv_torchrl.envs.start import BODY
 from auv_torchrl.physics.hydrodynamics import acceleration
+from auv_torchrl.physics.kernel import native
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix
 from auv_torchrl.physics.thrusters import body_wrench
 from auv_torchrl.simulator.mujoco import MujocoSimulator
@@ -39,7 +40,7 @@ def loaded(name):
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_mujoco_accelerates_as_the_model_says(name):
-    """Qacc equals the Fossen acceleration, turned into MuJoCo's coordinates, to 1e-13 of its size."""
+    """Qacc equals the Fossen acceleration in MuJoCo's coordinates, to 1e-13 of its size, compiled and on numpy."""
     fleet = MujocoFleet(loaded(name), StationKeeping(start_tilt=1.0), 16, seed=0)
     fleet.reset()
     simulator = fleet.simulator
@@ -48,17 +49,19 @@ def test_mujoco_accelerates_as_the_model_says(name):
     simulator._write_bodies(state)
     thrust = np.random.default_rng(0).uniform(-30, 30, state.thrust.shape)
     wrench = body_wrench(c, terms, thrust, state.time)
-    mujoco.set_mjcb_passive(lambda *_: np.copyto(simulator._passive, simulator._force(c, terms, wrench)))
-    try:
-        mujoco.mj_forward(simulator.physics.model.ptr, simulator.physics.data.ptr)
-    finally:
-        mujoco.set_mjcb_passive(None)
     rotation = rotation_matrix(state.quaternion)
     rate = acceleration(c, terms, rotation, state.position, state.velocity, wrench)
     linear = matvec(rotation, rate[:, :3] + np.cross(state.velocity[:, 3:], state.velocity[:, :3]))
     expected = np.concatenate((linear, rate[:, 3:]), axis=-1)
-    found = simulator.physics.data.qacc.reshape(16, 6)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+    on_numpy = lambda *_: np.copyto(simulator._passive, simulator._force(c, terms, thrust, state.time))  # noqa: E731
+    for call in (on_numpy, simulator._forces(c).callback(wrench[None])):
+        mujoco.set_mjcb_passive(call)
+        try:
+            mujoco.mj_forward(simulator.physics.model.ptr, simulator.physics.data.ptr)
+        finally:
+            mujoco.set_mjcb_passive(None)
+        found = simulator.physics.data.qacc.reshape(16, 6)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("name", "apart_m"), [("paper", 2e-4), ("bluerov2", 3e-2), ("bluerov2_heavy", 1e-2)])
@@ -84,6 +87,9 @@ def test_the_callback_is_only_there_during_a_step(monkeypatch):
     fleet.reset()
     fleet.step(action)
     assert mujoco.get_mjcb_passive() is None
+    monkeypatch.setenv(native.CHOICE, "numpy")
+    fleet = MujocoFleet(load_vehicle("paper"), StationKeeping(), 2, seed=0)
+    fleet.reset()
     monkeypatch.setattr(fleet.simulator, "_force", None)  # not callable: the next step fails inside the callback
     with pytest.raises(TypeError):
         fleet.step(action)

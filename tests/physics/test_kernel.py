@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import ActiveTerms, control_step, prepare
-from auv_torchrl.physics.kernel import Steps, native, steps
+from auv_torchrl.physics.kernel import Steps, Targets, native, steps
+from auv_torchrl.physics.kernel.recorded import Variant
 from auv_torchrl.physics.kernel.symbols import Tape
 from auv_torchrl.physics.step import runge_kutta_step
+from auv_torchrl.physics.thrusters import thrust_targets
 from auv_torchrl.simulator import PlainSimulator, TorchArrays
 from auv_torchrl.simulator.rows import lengthened
 from auv_torchrl.vehicle import Vehicle
@@ -152,7 +154,7 @@ def small_program():
 
     def assembled():
         asked.append(1)
-        return steps.assembly(steps.traced_step(shapes, ActiveTerms.everything()), native.LANES[64])
+        return steps.assembly(steps.traced_step(shapes, Variant.SURFACE), native.LANES[64])
 
     return assembled, asked
 
@@ -252,6 +254,19 @@ def test_a_simulator_goes_where_the_written_physics_goes(dtype, close, name, see
     for ours, theirs in zip(simulator.state, expected, strict=True):
         assert type(ours) is type(theirs) and ours.dtype == theirs.dtype
         np.testing.assert_allclose(np.asarray(ours), np.asarray(theirs), rtol=close, atol=close)
+
+
+@pytest.mark.parametrize("name", ["paper", "bluerov2"])
+def test_compiled_targets_are_the_written_ones(name):
+    """Beyond the limits, within the dead band and between, and where a command is no number, so is the target."""
+    rng = np.random.default_rng(0)
+    c = prepare(EFFECTS["thrust_limit"].apply(load_any(name).expand(9), {}).clone()).numpy()
+    commands = rng.uniform(-1.5, 1.5, (9, 1, c.limit.shape[-1])) * np.geomspace(0.01, 1.0, 9)[:, None, None]
+    commands[3, 0, 1] = np.nan
+    for parts in (c, c._replace(limit=0.4 * c.full_thrust, dead_band=0.2 * c.full_thrust)):
+        terms = ActiveTerms.of(parts)
+        found = Targets(commands.shape[-1])(parts, terms, commands, 0.05, 2)
+        np.testing.assert_allclose(found, thrust_targets(parts, terms, commands, 0.05, 2), rtol=1e-15)
 
 
 def test_a_simulator_is_differentiated_through():

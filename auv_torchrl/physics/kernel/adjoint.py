@@ -1,6 +1,5 @@
 """Runge-Kutta steps that gradients flow back through: compiled forwards and backwards, as one function of torch."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, cast
 
@@ -9,12 +8,12 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from auv_torchrl.physics.coefficients import ActiveTerms
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, load
+from auv_torchrl.physics.kernel.native import LANES, Code, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.reverse import pulled_back
-from auv_torchrl.physics.kernel.steps import Shapes, Steps, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.steps import Steps
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.step import runge_kutta_step
@@ -57,7 +56,7 @@ class Adjoint:
         """For the vehicles of compiled ``steps``."""
         self._steps = steps
         self._layout = _layout(steps.shapes)
-        self._run = cast(Callable[[int], None], _function(steps.shapes, steps.terms.compiled, 8 * steps.dtype.itemsize))
+        self._run = cast(Code, _function(steps.shapes, Variant.full(steps.terms), 8 * steps.dtype.itemsize))
 
     def run(
         self, states: Array, thrust: Array, targets: Array, time: Array, body_slope: Array, thrust_slope: Array
@@ -112,13 +111,13 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, terms: ActiveTerms, bits: int) -> Callable[[int], None] | None:
-    name = f"adjoint-{terms.kind}-{coefficient_sizes(shapes)['full_thrust']}-{bits}"
-    return load(name, lambda: assembly(traced_adjoint(shapes, terms), LANES[bits], bits))
+def _function(shapes: Shapes, variant: Variant, bits: int) -> Code | None:
+    name = f"adjoint-{variant.value}-{coefficient_sizes(shapes)['full_thrust']}-{bits}"
+    return load(name, lambda: assembly(traced_adjoint(shapes, variant), LANES[bits], bits))
 
 
-def traced_adjoint(shapes: Shapes, terms: ActiveTerms) -> Program:
-    """The vector-Jacobian product of a Runge-Kutta step with these terms."""
+def traced_adjoint(shapes: Shapes, variant: Variant) -> Program:
+    """The vector-Jacobian product of a Runge-Kutta step with the terms of a variant."""
     tape, layout = Tape(), _layout(shapes)
     c = recorded_coefficients(tape, shapes)
     sizes = layout.given | layout.carried
@@ -127,6 +126,6 @@ def traced_adjoint(shapes: Shapes, terms: ActiveTerms) -> Program:
     )
     time, h = tape.inputs("time", ()), tape.inputs("h", ())
     step: Any = runge_kutta_step  # on a third array library
-    later: tuple[Symbols, Symbols] = step(c, terms, body, thrust, target, time, h)
+    later: tuple[Symbols, Symbols] = step(c, variant.terms, body, thrust, target, time, h)
     by_body, by_thrust, by_target = pulled_back(tape, later, slopes, (body, thrust, target))
     return program(tape, layout, {"body slope": by_body, "thrust slope": by_thrust, "target slope": by_target})

@@ -8,7 +8,10 @@ from torch import Tensor
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.adjoint import DifferentiableSteps
+from auv_torchrl.physics.kernel.memory import differentiated, in_plain_memory
+from auv_torchrl.physics.kernel.recorded import Variant
 from auv_torchrl.physics.kernel.steps import Steps
+from auv_torchrl.physics.kernel.table import Call, Memory
 from auv_torchrl.physics.step import runge_kutta_steps
 
 Array = Any
@@ -24,6 +27,8 @@ class Advance:
     def __init__(self):
         self._read: tuple[Coefficients, float] | None = None
         self._steps: Steps | None = None
+        self._vehicles_vary = False  # whether gradients by the vehicles may be wanted
+        self._flights: dict[tuple[int, bool], _Flight] = {}
 
     def forget(self) -> None:
         """Read the coefficients again: they were changed in place."""
@@ -40,37 +45,72 @@ class Advance:
         h: float,
     ) -> tuple[Array, Array]:
         """As of the plain one; arrays (N, ...)."""
-        if isinstance(body, Tensor) and (
-            _differentiated(time, *c) or not _plain_memory(body, thrust, time, *targets, *c)
-        ):
+        goals = targets[:1] if all(target is targets[0] for target in targets) else targets
+        steps = None
+        if not isinstance(body, Tensor) or (in_plain_memory(body, thrust, time, *goals) and not differentiated(time)):
+            steps = self._steps_of(c, terms, h)
+        if steps is None or not steps.compiled or (self._vehicles_vary and torch.is_grad_enabled()):
             return runge_kutta_steps(c, terms, body, thrust, targets, time, h)
-        steps = self._steps_of(c, terms, h)
-        if not steps.compiled:
-            return runge_kutta_steps(c, terms, body, thrust, targets, time, h)
-        if isinstance(body, Tensor) and _differentiated(body, thrust, *targets):
+        if isinstance(body, Tensor) and differentiated(body, thrust, *targets):
             return DifferentiableSteps.apply(steps, body, thrust, torch.stack(targets, dim=-2), time)
-        one = all(target is targets[0] for target in targets)
-        parts = np.asarray(targets[0])[:, None] if one else np.stack([np.asarray(each) for each in targets], axis=-2)
-        parts = np.broadcast_to(parts, (len(parts), len(targets), parts.shape[-1]))[None, :, None]
-        states, later = steps.run(np.asarray(body)[None], np.asarray(thrust)[None], parts, np.asarray(time)[None])
-        body_later, thrust_later = states[0, :, 1], later[0]
+        one = len(goals) == 1
+        target = np.asarray(goals[0])[:, None] if one else np.stack([np.asarray(goal) for goal in goals], axis=-2)
+        later = self._flight(steps, len(targets), one).run(body=body, thrust=thrust, target=target, time=time)
         if isinstance(body, Tensor):
-            return torch.from_numpy(body_later), torch.from_numpy(thrust_later)
-        return body_later, thrust_later
+            return torch.from_numpy(later[0]), torch.from_numpy(later[1])
+        return later
 
-    def _steps_of(self, c: Coefficients, terms: ActiveTerms, h: float) -> Steps:
-        if self._steps is None or self._read is None or self._read[0] is not c or self._read[1] != h:
-            self._steps, self._read = Steps(c.numpy() if isinstance(c.lag, Tensor) else c, terms, h), (c, h)
+    def _steps_of(self, c: Coefficients, terms: ActiveTerms, h: float) -> Steps | None:
+        """Steps of vehicles with these coefficients; None where these cannot be read."""
+        if self._read is None or self._read[0] is not c or self._read[1] != h:
+            self._read, self._steps = (c, h), None
+            self._flights.clear()
+            self._vehicles_vary = any(isinstance(field, Tensor) and field.requires_grad for field in c)
+            if not isinstance(c.lag, Tensor) or in_plain_memory(*c):
+                known = c.numpy() if isinstance(c.lag, Tensor) else c
+                self._steps = Steps(known, terms, h, Variant.of(known))
         return self._steps
 
-
-def _plain_memory(*tensors: Tensor) -> bool:
-    """Whether tensors are on the CPU and not mapped over."""
-    return not torch.compiler.is_compiling() and all(
-        tensor.device.type == "cpu" and not torch._C._functorch.is_functorch_wrapped_tensor(tensor)  # pyright: ignore[reportAttributeAccessIssue]
-        for tensor in tensors
-    )
+    def _flight(self, steps: Steps, parts: int, one: bool) -> "_Flight":
+        if (parts, one) not in self._flights:
+            self._flights[parts, one] = _Flight(steps, parts, one)
+        return self._flights[parts, one]
 
 
-def _differentiated(*tensors: Tensor) -> bool:
-    return torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
+class _Flight:
+    """Steps of the same vehicles (R,) again and again, their coefficients read once.
+
+    Args:
+        steps: of the vehicles.
+        parts: Runge-Kutta steps P of a call.
+        one: whether all of them have the same targets.
+    """
+
+    def __init__(self, steps: Steps, parts: int, one: bool):
+        rows, thrusters = steps.c.full_thrust.shape
+        self._dtype = steps.dtype
+        body, thrust, time = (np.empty((1, rows, size), steps.dtype) for size in (13, thrusters, 1))
+        arrays = {
+            "constants": steps.constants,
+            "body": body,
+            "thrust": thrust,
+            "time": time,
+            "target": np.empty((1, rows, 1, 1 if one else parts, thrusters), steps.dtype),
+            "force": np.zeros((1, 1, 1, 6), steps.dtype),
+            "states": body[:, :, None],
+            "final body": body,
+            "final thrust": thrust,
+            "final time": np.empty_like(time),
+        }
+        memory = Memory(rows, steps.code.kept, steps.dtype)
+        self._call = Call(steps.code, steps.layout, arrays, (1, rows, 1, parts), memory)
+
+    def run(self, **given: Array) -> tuple[Array, Array]:
+        """Body (R, 13) and thrust (R, n) after steps from ``body``, ``thrust`` and ``time`` (R,) to ``target``.
+
+        The target is (R, P, n), or (R, 1, n) where it is the same for all.
+        """
+        given = {name: np.ascontiguousarray(array, self._dtype) for name, array in given.items()}
+        body, thrust = np.empty_like(given["body"]), np.empty_like(given["thrust"])
+        self._call.run({**given, "states": body, "final body": body, "final thrust": thrust})
+        return body, thrust

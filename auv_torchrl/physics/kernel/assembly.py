@@ -3,9 +3,14 @@
 The function reads one table of 8-byte words::
 
     outer, inner, steps, parts                  lengths of both batch axes, steps, and parts of a step
+    memory, filled                              where what is worked out of the constants stays, and whether it is there
     pointer, outer, inner, step, part           of each array: where it begins, and its strides in bytes
 
 The numbers of a row lie side by side in every array. A vector that reaches beyond the last row repeats that one.
+Without a memory (0) the constants are read at every call.
+
+A second function is a callback of MuJoCo's: it runs the table that a global variable points to, and moves all its
+arrays on by a step, so that each call finds the next one.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,14 +19,20 @@ from contextlib import contextmanager
 from auv_torchrl.physics.kernel.lines import Lines
 from auv_torchrl.physics.kernel.program import Layout, Program, offsets
 
-COUNTS = 4  # words of the table before the first array
+MEMORY, FILLED = 4, 5  # words of the table
+COUNTS = 6  # words of the table before the first array
 WORDS = 5  # of each array
-ENTRY = "run_rows"
+STEP = 3  # the one of an array that tells how far its steps are apart
+ENTRY, CALLBACK = "run_rows", "run_rows_of_table"  # functions
+TABLE, KEPT = "table_of_rows", "kept_of_rows"  # variables: of the callback, and the numbers of a row in the memory
 
 Pointers = dict[str, list[str]]  # of each array, by name: one pointer for each lane, or the words of the table
 
 _BINARY = {"add": "fadd contract", "sub": "fsub contract", "mul": "fmul contract"}  # may fuse product and sum
-_FUNCTIONS = {"abs": "fabs", "sqrt": "sqrt", "exp": "exp"}
+_FUNCTIONS = {
+    "abs": "fabs", "sqrt": "sqrt", "round": "rint",
+    **{name: name for name in ("exp", "sin", "cos", "tanh", "atan2")},
+}  # fmt: skip
 
 
 def array_names(layout: Layout) -> list[str]:
@@ -48,24 +59,43 @@ class _Writer(Lines):
         self._suffix = f"v{lanes}f{bits}"
 
     def module(self) -> str:
-        declared = [f"declare {self.vector} @llvm.{name}.{self._suffix}({self.vector})" for name in _FUNCTIONS.values()]
+        declared = [
+            f"declare {self.vector} @llvm.{name}.{self._suffix}({', '.join([self.vector] * (1 + (name == 'atan2')))})"
+            for name in _FUNCTIONS.values()
+        ]
         self._function()
-        return "\n".join([*declared, f"define void @{ENTRY}(ptr %table) {{", *self.text, "}", ""])
+        function = [f"define void @{ENTRY}(ptr %table) {{", *self.text, "}"]
+        self.text.clear()
+        self._callback()
+        callback = [f"define void @{CALLBACK}(ptr %model, ptr %data) {{", *self.text, "}"]
+        variables = [f"@{TABLE} = global ptr null", f"@{KEPT} = constant i64 {len(self._program.kept)}"]
+        return "\n".join([*declared, *variables, *function, *callback, ""])
+
+    def _callback(self) -> None:
+        self.label("entry")
+        self.put(f"%table = load ptr, ptr @{TABLE}")
+        self.put(f"call void @{ENTRY}(ptr %table)")
+        for place in range(len(array_names(self._layout))):
+            first = COUNTS + WORDS * place
+            later = self.let(f"add i64 {self.word('i64', first)}, {self.word('i64', first + STEP)}")
+            self.put(f"store i64 {later}, ptr {self.let(f'getelementptr i64, ptr %table, i64 {first}')}")
+        self.put("ret void")
 
     def _function(self) -> None:
         names = array_names(self._layout)
         self.label("entry")
-        counts = [self.word("i64", word) for word in range(COUNTS)]
+        counts = [self.word("i64", word) for word in range(MEMORY)]
         table = {
             name: [self.word("i64" if word else "ptr", COUNTS + WORDS * place + word) for word in range(WORDS)]
             for place, name in enumerate(names)
         }
         constants = self.buffer(sum(self._layout.constants.values()))
-        kept = self.buffer(len(self._program.kept))
+        own = self.buffer(len(self._program.kept))
         carried = self.buffer(sum(self._layout.carried.values()))
         with self.loop("outer", counts[0]) as outer, self.loop("row", counts[1], self.lanes) as first:
             rows = self.rows(first, counts[1])
             at = {name: self.pointers(words, outer, rows) for name, words in table.items()}
+            kept = self._remembered(own, counts[1], outer, first)
             with self._where_new(table["constants"], outer, first):
                 self._work_out_constants(at["constants"], constants, kept)
             for name, start in offsets(self._layout.carried).items():
@@ -77,7 +107,19 @@ class _Writer(Lines):
             for name, start in offsets(self._layout.carried).items():
                 for k in range(self._layout.carried[name]):
                     self.scatter(self.load(carried, start + k), at[f"final {name}"], k)
+        self.put(f"store i64 1, ptr {self.let(f'getelementptr i64, ptr %table, i64 {FILLED}')}")
         self.put("ret void")
+
+    def _remembered(self, own: str, inner: str, outer: str, first: str) -> str:
+        """Where these rows keep what is worked out of their constants: in the memory if there is one."""
+        vectors = self.let(f"udiv i64 {self.let(f'add i64 {inner}, {self.lanes - 1}')}, {self.lanes}")
+        vector = self.let(
+            f"add i64 {self.let(f'mul i64 {outer}, {vectors}')}, {self.let(f'udiv i64 {first}, {self.lanes}')}"
+        )
+        memory = self.word("ptr", MEMORY)
+        place = self.let(f"mul i64 {vector}, {len(self._program.kept)}")
+        there = self.let(f"getelementptr {self.vector}, ptr {memory}, i64 {place}")
+        return self.let(f"select i1 {self.let(f'icmp ne ptr {memory}, null')}, ptr {there}, ptr {own}")
 
     def _work_out_constants(self, pointers: Sequence[str], constants: str, kept: str) -> None:
         with self.loop("constant", str(sum(self._layout.constants.values()))) as k:
@@ -131,7 +173,8 @@ class _Writer(Lines):
         if kind in _BINARY:
             return self.let(f"{_BINARY[kind]} {vector} {given[0]}, {given[1]}")
         if kind in _FUNCTIONS:
-            return self.let(f"call {vector} @llvm.{_FUNCTIONS[kind]}.{self._suffix}({vector} {given[0]})")
+            read = ", ".join(f"{vector} {each}" for each in given)
+            return self.let(f"call {vector} @llvm.{_FUNCTIONS[kind]}.{self._suffix}({read})")
         if kind == "inverse":
             return self.let(f"fdiv {vector} {self.constant(1.0)}, {given[0]}")
         if kind == "neg":
@@ -145,11 +188,13 @@ class _Writer(Lines):
 
     @contextmanager
     def _where_new(self, words: list[str], outer: str, first: str) -> Iterator[None]:
-        """Lines that are left out where these rows have the vehicle of the ones before."""
+        """Lines that are left out where these rows have the vehicle of the ones before, or the memory has it."""
         by_row, by_outer = (self.let(f"icmp ne i64 {words[word]}, 0") for word in (2, 1))
         begins, starts = (self.let(f"icmp eq i64 {index}, 0") for index in (first, outer))
         either = self.let(f"or i1 {by_outer}, {starts}")
-        new = self.let(f"or i1 {by_row}, {self.let(f'and i1 {begins}, {either}')}")
+        other = self.let(f"or i1 {by_row}, {self.let(f'and i1 {begins}, {either}')}")
+        memory, empty = self.word("i64", MEMORY), self.let(f"icmp eq i64 {self.word('i64', FILLED)}, 0")
+        new = self.let(f"select i1 {self.let(f'icmp ne i64 {memory}, 0')}, i1 {empty}, i1 {other}")
         self.put(f"br i1 {new}, label %vehicle, label %known")
         self.label("vehicle")
         yield

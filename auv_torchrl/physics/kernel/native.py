@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_torchrl.files import locked, write_whole
-from auv_torchrl.physics.kernel.assembly import ENTRY
+from auv_torchrl.physics.kernel.assembly import CALLBACK, ENTRY, KEPT, TABLE
 
 log = logging.getLogger(__name__)
 
@@ -22,7 +22,29 @@ LANES = {
 }  # of an AVX2 register, by bits; 8 doubles were slower without AVX-512, and compile three times as long
 LEVEL = 2  # of code generation: 3 makes nothing faster, nor do LLVM's passes over what is one straight line
 
-_engines: list[Any] = []  # LLVM frees code with its engine
+_engines: list[Any] = []  # LLVM frees code with its engine, and stumbles over what others had added to it
+
+
+class Code:
+    """Machine code in memory; called with the address of a table, it runs the table's rows."""
+
+    def __init__(self, engine: Any):
+        self._run = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(engine.get_function_address(ENTRY))
+        self._table = ctypes.c_void_p.from_address(engine.get_global_value_address(TABLE))
+        self._callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(engine.get_function_address(CALLBACK))
+        self.kept = ctypes.c_int64.from_address(engine.get_global_value_address(KEPT)).value  # numbers of a row
+
+    def __call__(self, table: int) -> None:
+        """Run the table at this address."""
+        self._run(table)
+
+    def callback(self, table: int, owner: Any) -> Any:
+        """A C function that runs the table at this address at each call, one step further each; one at a time.
+
+        What the table belongs to lives on until there is another one.
+        """
+        self._table.value, self._owner = table, owner
+        return self._callback
 
 
 def is_wanted() -> bool:
@@ -30,8 +52,8 @@ def is_wanted() -> bool:
     return os.environ.get(CHOICE, "") != "numpy"
 
 
-def load(name: str, assembled: Callable[[], str]) -> Callable[[int], None] | None:
-    """The function of a program, which takes the address of its table; None, with a warning, where LLVM does not run.
+def load(name: str, assembled: Callable[[], str]) -> Code | None:
+    """The code of a program; None, with a warning, where LLVM does not run.
 
     Args:
         name: tells it from other programs of the same source.
@@ -124,15 +146,16 @@ def _compiled(text: str) -> bytes:
     return machine.emit_object(module)
 
 
-def _linked(code: bytes) -> Callable[[int], None]:
+def _linked(code: bytes) -> Code:
     import llvmlite.binding as llvm
 
     machine = _target()
     library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
-    for name in ("exp", "expf"):  # an unknown one would end the process
-        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+    for name in ("exp", "sin", "cos", "tanh", "atan2"):  # an unknown one would end the process
+        for symbol in (name, f"{name}f"):
+            llvm.add_symbol(symbol, ctypes.cast(getattr(library, symbol), ctypes.c_void_p).value)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _engines.append(engine)
-    return ctypes.CFUNCTYPE(None, ctypes.c_void_p)(engine.get_function_address(ENTRY))
+    return Code(engine)

@@ -1,6 +1,5 @@
 """Accelerations of many vehicles along motions that are known, in one call of compiled code."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, cast
 
@@ -9,9 +8,9 @@ import numpy as np
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, is_wanted, load
+from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.steps import Shapes, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.kinematics import rotation_matrix
@@ -39,7 +38,7 @@ def rates(c: Coefficients, terms: ActiveTerms, states: Array, thrust: Array, tim
         np.broadcast_shapes(vehicles, states.shape[:3], thrust.shape[:3], time.shape),
     )
     shapes = tuple(field.shape[1:] for field in c)
-    run = _function(shapes, terms.compiled) if is_wanted() and 0 not in shape else None
+    run = _function(shapes, Variant.full(terms)) if is_wanted() and 0 not in shape else None
     if run is None:
         by_step = c.rows((slice(None), None))  # (R, 1, ...) so that steps are a batch axis
         rate = _rate(by_step, terms, states, thrust, time)
@@ -73,15 +72,15 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, terms: ActiveTerms) -> Callable[[int], None] | None:
-    name = f"rates-{terms.kind}-{coefficient_sizes(shapes)['full_thrust']}"
-    return load(name, lambda: assembly(traced_rate(shapes, terms), LANES[64], 64))
+def _function(shapes: Shapes, variant: Variant) -> Code | None:
+    name = f"rates-{variant.value}-{coefficient_sizes(shapes)['full_thrust']}"
+    return load(name, lambda: assembly(traced_rate(shapes, variant), LANES[64], 64))
 
 
-def traced_rate(shapes: Shapes, terms: ActiveTerms) -> Program:
-    """The acceleration with these terms, of vehicles whose coefficients have these shapes."""
+def traced_rate(shapes: Shapes, variant: Variant) -> Program:
+    """The acceleration with the terms of a variant, of vehicles whose coefficients have these shapes."""
     tape, layout = Tape(), _layout(shapes)
     c = recorded_coefficients(tape, shapes)
     state, thrust = (tape.inputs(name, (layout.given[name],)) for name in ("states", "thrust"))
-    rate: Symbols = _rate(c, terms, state, thrust, tape.inputs("time", ()))
+    rate: Symbols = _rate(c, variant.terms, state, thrust, tape.inputs("time", ()))
     return program(tape, layout, {"rate": rate})

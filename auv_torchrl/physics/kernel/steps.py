@@ -1,42 +1,44 @@
 """Many Runge-Kutta steps of many vehicles over many windows in one call of compiled code."""
 
-from collections.abc import Callable
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, is_wanted, load
+from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, Program, program
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.step import runge_kutta_step
 
 Array = np.ndarray[Any, np.dtype[Any]]
-Shapes = tuple[tuple[int, ...], ...]
 
 
 class Steps:
     """Vehicles (R,) of which :func:`~auv_torchrl.physics.step.runge_kutta_step` is run again and again.
 
-    The compiled step has all terms: one for vehicles of as many thrusters, whatever they do, and one more at a surface.
+    The compiled step has all terms: one for vehicles of as many thrusters, whatever they do, and one more at a surface;
+    or those of a variant.
     """
 
-    def __init__(self, c: Coefficients, terms: ActiveTerms, h: float):
+    def __init__(self, c: Coefficients, terms: ActiveTerms, h: float, variant: Variant | None = None):
         """Read the coefficients once.
 
         Args:
             c: (R, ...), numpy, in the precision that is computed in, double or single.
             terms: of them.
             h: length of a Runge-Kutta step in s.
+            variant: that does all that the vehicles need; None for all terms.
         """
         self.c, self.terms, self.h = c, terms, h
         self.shapes = tuple(field.shape[1:] for field in c)
         self.dtype = c.lag.dtype
-        self._layout = _layout(self.shapes)
-        self._run = _function(self.shapes, terms.compiled, 8 * self.dtype.itemsize) if is_wanted() else None
+        self.layout = _layout(self.shapes)
+        variant = variant or Variant.full(terms)
+        self._run = _function(self.shapes, 8 * self.dtype.itemsize, variant) if is_wanted() else None
         if self._run is not None:
             rows = len(c.full_thrust)
             numbers = [np.asarray(field, self.dtype).reshape(rows, -1) for field in c]
@@ -46,6 +48,12 @@ class Steps:
     def compiled(self) -> bool:
         """Whether compiled code runs, not numpy."""
         return self._run is not None
+
+    @property
+    def code(self) -> Code:
+        """What runs then."""
+        assert self._run is not None
+        return self._run
 
     def run(
         self, body: Array, thrust: Array, targets: Array, time: Array, force: Array | None = None
@@ -95,8 +103,7 @@ class Steps:
             "final thrust": later,
             "final time": np.empty((windows, rows, 1), dtype),
         }
-        words = table(self._layout, arrays, shape)
-        cast(Callable[[int], None], self._run)(words.ctypes.data)
+        self.code(table(self.layout, arrays, shape).ctypes.data)
         return states, later
 
     def _by_numpy(
@@ -121,16 +128,6 @@ def _by_number(rows: Array) -> Array:
     return np.ascontiguousarray(rows.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
-def coefficient_sizes(shapes: Shapes) -> dict[str, int]:
-    """Numbers that each of the coefficients of a vehicle has, by name."""
-    return {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
-
-
-def recorded_coefficients(tape: Tape, shapes: Shapes) -> Coefficients:
-    """Coefficients of one vehicle as inputs of what a tape records."""
-    return Coefficients(*(tape.inputs(name, shape) for name, shape in zip(Coefficients._fields, shapes, strict=True)))
-
-
 def _layout(shapes: Shapes) -> Layout:
     sizes = coefficient_sizes(shapes)
     thrusters = sizes["full_thrust"]
@@ -143,19 +140,19 @@ def _layout(shapes: Shapes) -> Layout:
 
 
 @cache
-def _function(shapes: Shapes, terms: ActiveTerms, bits: int) -> Callable[[int], None] | None:
-    name = f"steps-{terms.kind}-{_layout(shapes).carried['thrust']}-{bits}"
-    return load(name, lambda: assembly(traced_step(shapes, terms), LANES[bits], bits))
+def _function(shapes: Shapes, bits: int, variant: Variant) -> Code | None:
+    name = f"steps-{_layout(shapes).carried['thrust']}-{bits}-{variant.value}"
+    return load(name, lambda: assembly(traced_step(shapes, variant), LANES[bits], bits))
 
 
-def traced_step(shapes: Shapes, terms: ActiveTerms) -> Program:
-    """A Runge-Kutta step with these terms, of vehicles whose coefficients have these shapes."""
+def traced_step(shapes: Shapes, variant: Variant) -> Program:
+    """A Runge-Kutta step of vehicles whose coefficients have these shapes."""
     tape, layout = Tape(), _layout(shapes)
-    c = recorded_coefficients(tape, shapes)
+    c = recorded_coefficients(tape, shapes, variant)
     body, thrust, target, force = (
         tape.inputs(name, (size,)) for name, size in (layout.carried | layout.given).items() if name != "time"
     )
     time, h = tape.inputs("time", ()), tape.inputs("h", ())
     step: Any = runge_kutta_step  # on a third array library
-    body, thrust = step(c, terms, body, thrust, target, time, h, force)
+    body, thrust = step(c, variant.terms, body, thrust, target, time, h, force)
     return program(tape, layout, {"body": body, "thrust": thrust, "time": time + h, "states": Symbols(body.numbers)})

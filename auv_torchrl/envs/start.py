@@ -1,0 +1,48 @@
+"""What a fleet begins with: its vehicles, and starts that are given to it, checked."""
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from auv_torchrl.vehicle import Vehicle
+
+BODY = {"position": 3, "quaternion": 4, "velocity": 6}  # entries of a start, with their lengths
+ALONG = "along"  # s along the task: of a start, where it begins; of a report, where the vehicle is
+
+
+def vehicles_of(vehicle: Vehicle, num_envs: int) -> Vehicle:
+    """One vehicle per environment, from one nominal vehicle or a batch.
+
+    Raises:
+        ValueError: for no vehicles, or a batch of vehicles that is not one per environment.
+    """
+    if num_envs < 1:
+        raise ValueError(f"fleet: num_envs is {num_envs}: give 1 or more")
+    if vehicle.batch_size not in (torch.Size([]), torch.Size([num_envs])):
+        raise ValueError(f"fleet: the vehicle has batch {list(vehicle.batch_size)}: give one vehicle or {num_envs}")
+    return vehicle.expand(num_envs)
+
+
+def read_start(start: TensorDictBase | None, rows: Tensor) -> tuple[Tensor, ...]:
+    """Checked position, quaternion, velocity and s along the task (0 if not given) of the rows that are reset, float64.
+
+    Raises:
+        ValueError: for a missing entry, a wrong shape, values that are not finite or no unit quaternion.
+    """
+    if start is None:
+        raise ValueError(f"fleet: set_state=True needs a 'start' entry with {', '.join(BODY)}")
+    parts = []
+    given = {ALONG: torch.zeros(*start.batch_size, 1), **dict(start.items())}
+    for key, length in (*BODY.items(), (ALONG, 1)):
+        value = given.get(key)
+        if value is None or value.shape[-1:] != (length,):
+            found = "missing" if value is None else f"of shape {list(value.shape)}"
+            raise ValueError(f"fleet: start.{key} is {found}: give [num_envs, {length}]")
+        value = value.cpu()[rows].double()
+        if not value.isfinite().all():
+            raise ValueError(f"fleet: start.{key} has values that are not finite")
+        parts.append(value)
+    if not torch.allclose(parts[1].norm(dim=-1), torch.ones(()).double(), atol=1e-3):
+        raise ValueError("fleet: start.quaternion is not of unit length: give w, x, y, z of a rotation")
+    parts[1] = torch.nn.functional.normalize(parts[1], dim=-1)
+    return tuple(parts)

@@ -1,0 +1,86 @@
+"""A function of rows, written on the array API, as one call of compiled code."""
+
+import hashlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from auv_torchrl.physics.kernel.assembly import assembly
+from auv_torchrl.physics.kernel.memory import differentiated, in_plain_memory
+from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
+from auv_torchrl.physics.kernel.program import Layout, program
+from auv_torchrl.physics.kernel.symbols import Symbols, Tape
+from auv_torchrl.physics.kernel.table import Call
+
+Array = Any
+_NO_CONSTANTS = {"nothing": 1}  # a kernel reads one at least
+
+
+class RowFunction:
+    """A function of arrays (N, k), or (N,) where k is 0, to one array (N, m), or (N,), traced and compiled once.
+
+    Args:
+        name: of its machine code.
+        function: on the array API; what it does depends on shapes alone, not on values.
+        given: k of each of its arguments, in order.
+    """
+
+    def __init__(self, name: str, function: Callable[..., Array], given: dict[str, int]):
+        self.name, self.function, self.given = name, function, given
+        self._traced: tuple[Tape, Layout, Symbols] | None = None
+        self._codes: dict[int, Code | None] = {}  # by bits
+
+    def traced(self) -> tuple[Tape, Layout, Symbols]:
+        """What it computes, its arrays, and the symbols that it gives."""
+        if self._traced is None:
+            tape = Tape()
+            inputs = (tape.inputs(name, (size,) if size else ()) for name, size in self.given.items())
+            found: Symbols = self.function(*inputs)
+            given = {name: max(size, 1) for name, size in self.given.items()}
+            layout = Layout(constants=_NO_CONSTANTS, carried={}, given=given, written={"found": found.numbers.size})
+            self._traced = tape, layout, found
+        return self._traced
+
+    def code(self, bits: int) -> Code | None:
+        """Its machine code in a precision; None where there is none."""
+        if bits not in self._codes:
+            tape, layout, found = self.traced()
+            text = assembly(program(tape, layout, {"found": found}), LANES[bits], bits)
+            told = hashlib.sha256(text.encode()).hexdigest()[:16]  # its source is not that of the physics alone
+            self._codes[bits] = load(f"{self.name}-{bits}-{told}", lambda: text)
+        return self._codes[bits]
+
+
+class ByRow:
+    """Calls of one caller of a :class:`RowFunction`, on numpy or torch; callers in several threads need one each."""
+
+    def __init__(self, function: RowFunction):
+        self._of = function
+        self._calls: dict[tuple[int, int], Call] = {}  # by rows and bits
+
+    def __call__(self, *arrays: Array) -> Array:
+        """As of the function; arrays that compiled code cannot read are given to the function itself."""
+        first = arrays[0]
+        readable = not isinstance(first, Tensor) or (in_plain_memory(*arrays) and not differentiated(*arrays))
+        call = self._call_of(len(first), 8 * first.dtype.itemsize) if readable and is_wanted() and len(first) else None
+        if call is None:
+            return self._of.function(*arrays)
+        dtype = np.asarray(first[:0]).dtype
+        given = {name: np.ascontiguousarray(array, dtype) for name, array in zip(self._of.given, arrays, strict=True)}
+        found = np.empty((len(first), *self._of.traced()[2].shape), dtype)
+        call.run({**given, "found": found})
+        return torch.from_numpy(found) if isinstance(first, Tensor) else found
+
+    def _call_of(self, rows: int, bits: int) -> Call | None:
+        code = self._of.code(bits)
+        if code is not None and (rows, bits) not in self._calls:
+            layout = self._of.traced()[1]
+            dtype = np.dtype(f"f{bits // 8}")
+            sizes = {**layout.given, **layout.written}
+            arrays = {name: np.empty((1, rows, 1, size), dtype) for name, size in sizes.items()}
+            constants = {"constants": np.zeros((1, 1, 1), dtype)}
+            self._calls[rows, bits] = Call(code, layout, {**constants, **arrays}, (1, rows, 1, 1))
+        return self._calls.get((rows, bits))

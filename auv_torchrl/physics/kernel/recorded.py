@@ -1,0 +1,58 @@
+"""Coefficients of a vehicle as a tape records them: all, or what is left of them where little is out of line."""
+
+from enum import Enum
+
+import numpy as np
+
+from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.kernel.symbols import Symbols, Tape
+
+Shapes = tuple[tuple[int, ...], ...]
+
+_MATRICES = ("mass_inverse", "mass_matrix", "linear_drag")
+_OFF_DIAGONAL = 1.0 - np.eye(6)
+
+
+class Variant(Enum):
+    """What a compiled step computes; its value is the name of its machine code."""
+
+    SURFACE = "surface"  # all terms
+    DEEP = "deep"  # all but the surface of the water, which takes a quarter of a step, and which few vehicles meet
+    DIAGONAL = "diagonal"  # diagonal mass and drag; no current, tether, lag, sag, uneven drag: 2 to 3 times faster
+
+    @property
+    def terms(self) -> ActiveTerms:
+        """The terms that are there."""
+        if self is not Variant.DIAGONAL:
+            return ActiveTerms.everything()._replace(surface=self is Variant.SURFACE)
+        return ActiveTerms(*(False for _ in ActiveTerms._fields))._replace(coriolis=True)
+
+    @staticmethod
+    def full(terms: ActiveTerms) -> "Variant":
+        """All terms, but the surface where there is none."""
+        return Variant.SURFACE if terms.surface else Variant.DEEP
+
+    @staticmethod
+    def of(c: Coefficients) -> "Variant":
+        """The least that does all that vehicles (R,), numpy, need."""
+        needed, there = ActiveTerms.of(c), Variant.DIAGONAL.terms
+        of_motion = (
+            "current", "tether", "surface", "lag", "battery_sag", "coupled_drag", "uneven_drag", "coupled_mass",
+        )  # fmt: skip
+        more = any(getattr(needed, name) and not getattr(there, name) for name in of_motion)
+        coupled = any(bool((getattr(c, name) * _OFF_DIAGONAL).any()) for name in _MATRICES)
+        return Variant.full(needed) if more or coupled else Variant.DIAGONAL
+
+
+def coefficient_sizes(shapes: Shapes) -> dict[str, int]:
+    """Numbers that each of the coefficients of a vehicle has, by name."""
+    return {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
+
+
+def recorded_coefficients(tape: Tape, shapes: Shapes, variant: Variant = Variant.DEEP) -> Coefficients:
+    """Coefficients of one vehicle as inputs of what a tape records, with zeros where a variant needs none."""
+    c = Coefficients(*(tape.inputs(name, shape) for name, shape in zip(Coefficients._fields, shapes, strict=True)))
+    if variant is not Variant.DIAGONAL:
+        return c
+    diagonal = {name: Symbols(np.where(_OFF_DIAGONAL, 0.0, getattr(c, name).numbers)) for name in _MATRICES}
+    return c._replace(**diagonal)
