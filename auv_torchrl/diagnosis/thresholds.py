@@ -37,6 +37,9 @@ NOTICED = 0.15  # relative difference of speed or time that a pilot would notice
 NOTICED_DRIFT = 0.01  # m/s, likewise
 NOTICED_TURN = 0.05  # rad/s, likewise
 COMMON_SCALE = 0.3  # relative, by which a guessed file may be off in all forces and masses together: no motion tells
+# Of the variance of what a file has wrong about each thruster, the part that all share: volts and the scale of commands
+# make 0.35, the wake on the frame 0.2 for each by itself.
+TOGETHER = 0.75
 STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
 
 # Where the gap is

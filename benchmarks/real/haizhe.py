@@ -25,6 +25,7 @@ from benchmarks.real import DATA
 
 FILE = Path("haizhe") / "train.parquet"
 RATE = 20.0  # Hz
+AXES = ("z", "roll", "pitch", "r")
 STOPPED, REACH = 1100.0, 200.0  # us: no thrust, and what is called a full command
 PAUSE_S = 300.0  # between sessions
 TETHER = {"tether": {"stiffness": 15.0}}  # N/m: sound runs stop at half a metre as if on a spring
@@ -139,7 +140,7 @@ def _sessions(name: str, begun: Sequence[tuple[float, str]], columns: Mapping[st
         last = seconds
         rows = np.flatnonzero(columns["run"] == run)
         sessions[-1].append(_episode(number, run, {key: column[rows] for key, column in columns.items()}))
-    return [FlightLog(f"{name}, session {i + 1}", tuple(own), ("z", "r")) for i, own in enumerate(sessions)]
+    return [FlightLog(f"{name}, session {i + 1}", tuple(own), AXES) for i, own in enumerate(sessions)]
 
 
 def _seconds(clock: int) -> float:
@@ -150,9 +151,11 @@ def _episode(number: int, run: str, own: Mapping[str, np.ndarray]) -> Episode:
     count = len(own["depth"])
     pose, velocity = np.full((2, count, 6), np.nan)
     pose[:, 2] = own["depth"]
-    velocity[:, 5] = -np.radians(own["w_yaw"])  # its z points up
+    pose[:, 3], pose[:, 4] = np.radians(own["roll"]), -np.radians(own["pitch"])  # its y points to port,
+    velocity[:, 5] = -np.radians(own["w_yaw"])  # its z up
     pulses = np.stack([own[f"pwm{i}"] for i in range(1, 5)], axis=1).astype(float)
-    return Episode(number, np.arange(count) / RATE, pose, velocity, (pulses - STOPPED) / REACH, source=run)
+    volts = own["voltage"].astype(float)
+    return Episode(number, np.arange(count) / RATE, pose, velocity, (pulses - STOPPED) / REACH, volts, source=run)
 
 
 def main() -> None:

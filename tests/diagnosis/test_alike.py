@@ -1,6 +1,7 @@
 """Short runs of one manoeuvre, each held against sound ones."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from hypothesis.extra import numpy as arrays
 
 from auv_torchrl.command import BAD_INPUT
 from auv_torchrl.diagnosis import Verdict
+from auv_torchrl.diagnosis.alike.beginning import beginning
+from auv_torchrl.diagnosis.alike.evidence import VIBRATION
 from auv_torchrl.diagnosis.alike.judge import judge_runs, learn_sound
 from auv_torchrl.diagnosis.alike.marks import mark_effects
 from auv_torchrl.diagnosis.alike.normal import learn_normal
@@ -117,18 +120,102 @@ def test_a_tether_of_the_vehicle_stays():
     assert marks.change[weight, 0, 0, -1] < 1.1 * force / 20.0
 
 
+def tables(seen, begun, session):
+    """Runs with these numbers (N, C, B) that begin so (N, H), without spectra."""
+    count, known = len(seen), ("roll", "pitch", "volts")[: begun.shape[1]]
+    names, nothing = tuple(f"run {i}" for i in range(count)), np.empty((count, 0, 0))
+    return Runs(names, session, ("z", "r"), np.zeros((count, 60, 1)), seen, (), nothing, 0.0, known, begun)
+
+
 @given(arrays.arrays(float, (12, 2, 3), elements=st.floats(-1e3, 1e3)), st.integers(0, 9))
 def test_a_scatter_is_always_usable(seen, seed):
     """Whatever twelve runs show, their covariance is positive, and small differences are small in its units."""
     seen = seen + 1e-3 * np.random.default_rng(seed).standard_normal(seen.shape)
-    runs = Runs(tuple("abcdefghijkl"), np.arange(12) // 4, ("z", "r"), np.zeros((12, 60, 1)), seen)
+    runs = tables(seen, np.empty((12, 0)), np.arange(12) // 4)
     normal = learn_normal(runs, np.zeros_like(seen))
     assert np.isfinite(normal.root).all()
     assert (np.diag(normal.root) > 0).all()
     assert normal.session >= 0
-    scatter = normal.whitened(seen.reshape(12, -1) - normal.mean)
+    scatter = normal.whitened(seen.reshape(12, -1) - normal.expected(runs.begun))
     assert np.isfinite(scatter).all()
     assert np.abs(scatter).max() < 12
+
+
+def leaning(count, session, seed):
+    """Runs that show 0.3 m and 0.5 rad/s more for each radian that they lean, as they do from session to session."""
+    rng = np.random.default_rng(seed)
+    lean = (0.1 * np.random.default_rng(99).standard_normal(20))[session] + 0.02 * rng.standard_normal(count)
+    seen = np.array([0.3, 0.5])[None, :, None] * lean[:, None, None] + 0.01 * rng.standard_normal((count, 2, 3))
+    return tables(seen, lean[:, None], session)
+
+
+def test_how_a_run_begins_is_no_fault():
+    """Runs that lean further than most sound ones are expected to do what these do, and surely so where some did."""
+    healthy = leaning(60, np.repeat(np.arange(6), 10), seed=20)
+    normal = learn_normal(healthy, np.zeros_like(healthy.seen))
+    begun = np.array([[0.25]])
+    np.testing.assert_allclose(normal.expected(begun)[0], 0.25 * np.repeat([0.3, 0.5], 3), atol=0.02)
+    middle, far = (normal.unit(np.full((8, 1), lean), np.arange(8)) for lean in (normal.middle[0], 0.5))
+    assert far > 1.5 * middle
+
+
+def test_few_runs_depend_on_nothing():
+    """Fifteen sound runs are too few to learn what they depend on."""
+    healthy = leaning(15, np.repeat(np.arange(3), 5), seed=21)
+    assert learn_normal(healthy, np.zeros_like(healthy.seen)).line.shape == (1, 6)
+
+
+def test_runs_of_many_sessions_tell_more():
+    """Eight runs of one session are less sure together than eight of eight sessions, where sessions differ."""
+    rng = np.random.default_rng(22)
+    session = np.repeat(np.arange(10), 6)
+    seen = 0.05 * rng.standard_normal((10, 2, 3))[session] + 0.03 * rng.standard_normal((60, 2, 3))
+    healthy = tables(seen, np.empty((60, 0)), session)
+    normal = learn_normal(healthy, np.zeros_like(seen))
+    one, many = (normal.unit(np.empty((8, 0)), of) for of in (np.zeros(8), np.arange(8)))
+    assert one > 1.5 * many
+
+
+def test_how_a_run_begins_is_read_before_it_pushes():
+    """The beginning is what is measured until the commands change."""
+    t = np.arange(100) * 0.05
+    pose, velocity, commands = np.zeros((100, 6)), np.zeros((100, 6)), np.zeros((100, 6))
+    pose[:, 3], commands[6:] = np.where(t < 0.29, 0.1, 0.4), 0.5
+    episode = Episode(0, t, pose, velocity, commands, np.linspace(16.0, 15.0, 100))
+    np.testing.assert_allclose(beginning(episode, ("roll", "volts")), [0.1, 16.0], atol=0.05)
+
+
+def shaking(log, amplitude, frequency=3.1):
+    """The same dives with a propeller that shakes the gyro."""
+    rng = np.random.default_rng(30)
+    for episode in log.episodes:
+        wave = np.sin(2 * np.pi * frequency * episode.t + rng.uniform(0, 2 * np.pi))
+        episode.velocity[:, 5] += amplitude * wave
+    return log
+
+
+def test_a_propeller_out_of_balance_is_heard(sound):
+    """A line in the spectrum of the yaw rate, no larger than the noise of a sample, is named with its frequency."""
+    together = judge_runs([shaking(dives({}, 8, seed=31), 0.015)], sound, FILE, SETTINGS).together
+    assert together.causes[0].name == VIBRATION, together.sentence
+    assert abs(together.causes[0].parameters["frequency"].value - 3.1) < 0.5
+    assert together.causes[0].parameters["louder"].low > 1
+    assert "propeller" in together.sentence
+
+
+def test_a_fault_is_named_beside_what_shakes(sound):
+    """Where a weak thruster does not shake, it is the thruster that is named and no vibration."""
+    together = judge_runs([dives(FAULTS["weak thruster"][0], 8, seed=32)], sound, FILE, SETTINGS).together
+    assert VIBRATION not in {cause.name for cause in together.causes}
+
+
+def test_slower_samples_tell_no_vibration(sound):
+    """Runs sampled at a fifth of the rate say that a vibration would not show, and are judged by the rest."""
+    log = dives(FAULTS["load"][0], 8, seed=33)
+    slow = [replace(e, **{n: getattr(e, n)[::5] for n in ("t", "pose", "velocity", "commands")}) for e in log.episodes]
+    told = judge_runs([FlightLog("slow", tuple(slow), log.axes)], sound, FILE, SETTINGS)
+    assert VIBRATION in told.cannot_tell
+    assert told.together.verdict is Verdict.EXPLAINED
 
 
 @pytest.mark.parametrize(

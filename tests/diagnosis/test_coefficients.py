@@ -15,6 +15,7 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
+from auv_torchrl.diagnosis.calibrate.output_error import prior_covariance
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
@@ -106,6 +107,19 @@ def test_coefficients_that_are_right_stand():
     assert calibrated.vehicle is GIVEN
     assert not calibrated.effects
     assert [finding.code for finding in calibrated.findings] == ["coefficients_stand"]
+
+
+def test_thrusters_are_off_together_more_likely_than_apart():
+    """Gains of all thrusters that are half of the file's are likelier than two up and two down; drags stay apart."""
+    uncertain = read_uncertainty({"thruster_gain": {"gain": 0.4}, "hull": {"linear_surge": 30.0}}, GIVEN)
+    covariance = prior_covariance(uncertain)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [c.width for c in uncertain])
+    gains = np.array([c.effect == "thruster_gain" for c in uncertain])
+    together = np.where(gains, -0.5, 0.0)
+    apart = together * np.where(np.arange(len(gains)) % 2, 1, -1)
+    known = np.linalg.inv(covariance)
+    assert together @ known @ together < 0.3 * (apart @ known @ apart)
+    assert not covariance[np.ix_(gains, ~gains)].any()
 
 
 def test_a_log_too_short_is_not_calibrated_on():

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.alike.evidence import NONE, Weighed
+from auv_torchrl.diagnosis.alike.evidence import NONE, VIBRATION, Weighed
 from auv_torchrl.diagnosis.alike.marks import Marks
+from auv_torchrl.diagnosis.alike.shakes import BAND_HZ, Line
 from auv_torchrl.diagnosis.thresholds import Z95
 from auv_torchrl.diagnosis.verdict import Estimate, Verdict
 from auv_torchrl.effects import EFFECTS
@@ -18,7 +19,7 @@ AS_WELL = 0.2  # of the probability of the likeliest: effects, and thrusters, th
 
 @dataclass(frozen=True)
 class Cause:
-    """An effect that these runs may show."""
+    """An effect that these runs may show, or a vibration."""
 
     name: str
     probability: float
@@ -44,7 +45,8 @@ class Answer:
             return f"as the sound runs are (p {self.none:.2f})"
         if self.verdict is Verdict.UNEXPLAINED:
             return "unlike the sound runs, and nothing in the library explains it"
-        return ", or ".join(f"{cause.sentence} (p {cause.probability:.2f})" for cause in self.causes)
+        also = ", and something else that is not known" if self.verdict is Verdict.PARTLY_EXPLAINED else ""
+        return ", or ".join(f"{cause.sentence} (p {cause.probability:.2f})" for cause in self.causes) + also
 
 
 def answers(
@@ -55,9 +57,11 @@ def answers(
     for g, rows in enumerate(groups):
         none = float(weighed.probability[g, 0])
         verdict = Verdict.NO_GAP if none > 0.5 else Verdict.EXPLAINED
-        if weighed.strange[g] < STRANGE:
-            verdict = Verdict.UNEXPLAINED
-        causes = _causes(weighed, g, marks, vehicle) if verdict is Verdict.EXPLAINED else ()
+        if weighed.strange[g] < STRANGE:  # which a line in a spectrum stands beside
+            shakes = weighed.names[int(weighed.probability[g].argmax())] == VIBRATION
+            verdict = Verdict.PARTLY_EXPLAINED if shakes else Verdict.UNEXPLAINED
+        named = verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED)
+        causes = _causes(weighed, g, marks, vehicle) if named else ()
         found.append(
             Answer(tuple(str(names[row]) for row in rows.tolist()), verdict, none, causes, float(weighed.strange[g]))
         )
@@ -68,8 +72,23 @@ def _causes(weighed: Weighed, g: int, marks: Marks, vehicle: Vehicle) -> tuple[C
     order = [int(e) for e in np.argsort(-weighed.probability[g]) if weighed.names[e] != NONE]
     likeliest = weighed.probability[g, order[0]]
     return tuple(
-        _cause(weighed, g, e, marks, vehicle) for e in order if weighed.probability[g, e] > AS_WELL * likeliest
+        _vibration(weighed.lines[g], float(weighed.probability[g, e]))
+        if weighed.names[e] == VIBRATION
+        else _cause(weighed, g, e, marks, vehicle)
+        for e in order
+        if weighed.probability[g, e] > AS_WELL * likeliest
     )
+
+
+def _vibration(line: Line | None, probability: float) -> Cause:
+    assert line is not None, "without a spectrum no vibration is likely"
+    louder = Estimate(*line.louder, 1.0, "1")
+    sentence = (
+        f"it shakes at {line.frequency:.1f} Hz in {line.channel}, {louder.value:.1f} times as much as sound runs do: a "
+        "propeller may be cut, bent or fouled"
+    )
+    frequency = Estimate(line.frequency, line.frequency - BAND_HZ / 2, line.frequency + BAND_HZ / 2, 0.0, "Hz")
+    return Cause(VIBRATION, probability, {"louder": louder, "frequency": frequency}, (), sentence)
 
 
 def _cause(weighed: Weighed, g: int, e: int, marks: Marks, vehicle: Vehicle) -> Cause:

@@ -10,25 +10,38 @@ from scipy.stats import norm
 
 from auv_torchrl.diagnosis.alike.marks import Marks
 from auv_torchrl.diagnosis.alike.normal import Normal
+from auv_torchrl.diagnosis.alike.runs import Runs
+from auv_torchrl.diagnosis.alike.shakes import Line
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import plausible_range
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.effect import Origin
 from auv_torchrl.vehicle import Vehicle
 
 NONE = "none"
+VIBRATION = "vibration"  # a line in a spectrum: no effect of the simulator, which turns no propellers
 VISIBLE = 4.0  # chi-square of a plausible amount in one run: two standard deviations
 MARK_ERROR = 0.2  # relative, of the shape of a mark: that of a vehicle whose file is a guess
 IN_ITS_RANGE = 4.0  # standard deviations that the plausible range of a parameter holds
 
 
 @dataclass(frozen=True)
+class Told:
+    """What N runs, and G groups of them, are judged by."""
+
+    nominal: Floats  # (N, C, B) what is simulated of their commands
+    runs: Runs
+    lines: Sequence[Line | None]  # (G,) in their spectra
+
+
+@dataclass(frozen=True)
 class Weighed:
     """What runs say of each of M changes; G groups of one run or more."""
 
-    names: tuple[str, ...]  # "none", then effects
+    names: tuple[str, ...]  # "none", effects, "vibration"
     probability: Floats  # (G, E) of these names
     best: np.ndarray  # (G, E) the likeliest change of each effect; -1 for none
     amount: Floats  # (G, M) how much of each change
@@ -36,26 +49,33 @@ class Weighed:
     share: Floats  # (G, M) of each change in its effect
     hidden: tuple[str, ...]  # effects of which no plausible size would show in these runs
     strange: Floats  # (G,) probability that a run departs as far from the best explanation by chance
+    lines: tuple[Line | None, ...]  # (G,) of "vibration"
 
 
 def weigh(
-    beyond: Floats, marks: Marks, normal: Normal, vehicle: Vehicle, settings: Settings, groups: Sequence[np.ndarray]
+    told: Told, marks: Marks, normal: Normal, vehicle: Vehicle, settings: Settings, groups: Sequence[np.ndarray]
 ) -> Weighed:
     """Probabilities of the effects in groups of runs.
 
     Args:
-        beyond: (N, C, B) what was seen less what was simulated.
+        told: of N runs.
         marks: of M changes in these runs.
         normal: from healthy runs.
         vehicle: as its file says, empty batch.
         settings: ``prior_none`` is used.
-        groups: rows of ``beyond``; runs of a group are taken to have the same effect by the same amount.
+        groups: rows of the runs; runs of a group are taken to have the same effect by the same amount.
     """
-    apart = normal.whitened(beyond.reshape(len(beyond), -1) - normal.mean)  # (N, K)
-    columns = normal.whitened(marks.change.reshape(len(marks.atoms), len(beyond), -1))  # (M, N, K)
+    nominal, seen = (table.reshape(len(told.runs), -1) for table in (told.nominal, told.runs.seen))
+    apart = normal.whitened(seen - nominal - normal.expected(told.runs.begun))  # (N, K)
+    otherwise = normal.whitened(nominal - normal.flown)  # (N, K)
+    columns = normal.whitened(marks.change.reshape(len(marks.atoms), len(apart), -1))  # (M, N, K)
     centre, width = np.array([_amounts(atom, vehicle) for atom in marks.atoms]).T
     shows = (centre**2 + width**2) * np.median((columns**2).sum(-1), axis=1) > VISIBLE
-    fits = [_fit(apart[rows], columns[:, rows], centre, width, normal) for rows in groups]
+    unit = [normal.unit(told.runs.begun[rows], told.runs.session[rows]) for rows in groups]
+    fits = [
+        _fit(apart[rows] / one, otherwise[rows] / one, columns[:, rows] / one, centre, width, normal)
+        for rows, one in zip(groups, unit, strict=True)
+    ]
     loglik, amount, unsure, left = (np.stack(part) for part in zip(*fits, strict=True))
     effects = list(dict.fromkeys(atom.effect for atom, seen in zip(marks.atoms, shows, strict=True) if seen))
     score, best, share = loglik[:, :1], np.full((len(groups), 1), -1), np.zeros_like(amount)
@@ -65,33 +85,48 @@ def weigh(
         share[:, own] = np.exp(loglik[:, 1 + own] - total)
         score = np.append(score, total - np.log(len(own)), axis=1)
         best = np.append(best, own[share[:, own].argmax(1)][:, None], axis=1)
+    score = np.append(score, _shaking(score, effects, told.lines), axis=1)
+    best = np.append(best, np.full((len(groups), 1), -1), axis=1)
     score = score + np.log([settings.prior_none, *_prior(effects, settings.prior_none)])
     probability = np.exp(score - logsumexp(score, axis=1, keepdims=True))
     chosen = probability.argmax(1)
     least = left[np.arange(len(groups)), 1 + best[np.arange(len(groups)), chosen]]
     numbers = apart.shape[1]
     strange = distribution_of_f.sf(least / numbers, numbers, max(normal.freedom - numbers + 1, 1))
-    hidden = tuple(dict.fromkeys(atom.effect for atom in marks.atoms if atom.effect not in effects))
-    return Weighed((NONE, *effects), probability, best, amount, unsure, share, hidden, strange)
+    hidden = [atom.effect for atom in marks.atoms if atom.effect not in effects]
+    hidden += [] if any(told.lines) else [VIBRATION]
+    names = (NONE, *effects, VIBRATION)
+    return Weighed(
+        names, probability, best, amount, unsure, share, tuple(dict.fromkeys(hidden)), strange, tuple(told.lines)
+    )
+
+
+def _shaking(score: Floats, effects: Sequence[str], lines: Sequence[Line | None]) -> Floats:
+    """Log likelihood (G, 1) of a line in the spectrum beside nothing else, or beside what thrusters suffer with it."""
+    may_be = [0, *(1 + i for i, name in enumerate(effects) if EFFECTS[name].origin is Origin.ACTUATION)]
+    evidence = np.array([line.evidence if line else -np.inf for line in lines])
+    return (evidence + logsumexp(score[:, may_be], axis=1) - np.log(len(may_be)))[:, None]
 
 
 def _fit(
-    apart: Floats, columns: Floats, centre: Floats, width: Floats, normal: Normal
+    apart: Floats, otherwise: Floats, columns: Floats, centre: Floats, width: Floats, normal: Normal
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Log likelihood (1 + M,) of nothing and of each change, its amount (M,) with deviation, and what is left (1 + M,).
 
-    Several runs are judged by their mean, which is as sure as runs and sessions scatter.
+    Several runs (n, K) are judged by their mean, in whose deviations are what is ``apart`` from sound runs, what is due
+    to commands ``otherwise`` than theirs, and the marks (M, n, K).
     """
-    count, k = apart.shape
-    unit = np.sqrt(1 / count + normal.session) if count > 1 else 1.0
-    y, m = apart.mean(0) / unit, columns.mean(1) / unit  # (K,), (M, K)
+    k = apart.shape[1]
+    y, m = apart.mean(0), columns.mean(1)  # (K,), (M, K)
     y_off = y - centre[:, None] * m
     size, along = (m**2).sum(1), (m * y_off).sum(1)
     gain = width**2 / (1 + width**2 * size)
     amount, unsure = centre + gain * along, np.sqrt(gain)
-    wrong = 1 + MARK_ERROR**2 * amount**2 * size / k  # variance of what a mark has wrong, over its numbers
-    left = np.concatenate([[float(y @ y)], ((y_off**2).sum(1) - gain * along**2) / wrong])
-    spread = np.concatenate([[0.0], np.log1p(width**2 * size) + k * np.log(wrong)])
+    # Variance of what the file has wrong about other commands, and about a mark, over the numbers.
+    other = 1 + MARK_ERROR**2 * (otherwise.mean(0) ** 2).sum() / k
+    wrong = other + MARK_ERROR**2 * amount**2 * size / k
+    left = np.concatenate([[float(y @ y) / other], ((y_off**2).sum(1) - gain * along**2) / wrong])
+    spread = np.concatenate([[k * np.log(other)], np.log1p(width**2 * size) + k * np.log(wrong)])
     loglik = -0.5 * (normal.freedom + k) * np.log1p(left / normal.freedom) - 0.5 * spread
     # By a negative amount it would be the opposite, which is another change.
     loglik[1:] += np.asarray(norm.logcdf(amount / unsure)) - np.asarray(norm.logcdf(centre / width))
@@ -114,5 +149,6 @@ def _amounts(atom: Atom, vehicle: Vehicle) -> tuple[float, float]:
 
 
 def _prior(effects: Sequence[str], none: float) -> list[float]:
-    odds = np.array([EFFECTS[effect].odds for effect in effects])
+    """Of the effects, and of a vibration, which is no rarer than they are."""
+    odds = np.array([*(EFFECTS[effect].odds for effect in effects), 1.0])
     return ((1 - none) * odds / odds.sum()).tolist()

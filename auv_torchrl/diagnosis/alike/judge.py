@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.diagnosis.alike.answer import Answer, answers
-from auv_torchrl.diagnosis.alike.evidence import weigh
+from auv_torchrl.diagnosis.alike.evidence import Told, weigh
 from auv_torchrl.diagnosis.alike.marks import mark_effects, predicted
 from auv_torchrl.diagnosis.alike.normal import Normal, learn_normal
 from auv_torchrl.diagnosis.alike.runs import BIN_S, Runs, cut_runs
+from auv_torchrl.diagnosis.alike.shakes import Quiet, find_lines, learn_quiet
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.vehicle import Vehicle
@@ -36,6 +37,7 @@ class Sound:
 
     runs: Runs
     normal: Normal
+    quiet: Quiet | None  # how they shake; None where no rate is measured
 
 
 def learn_sound(healthy: Sequence[FlightLog], vehicle: Vehicle) -> Sound:
@@ -45,7 +47,7 @@ def learn_sound(healthy: Sequence[FlightLog], vehicle: Vehicle) -> Sound:
         FlightLogError: for runs that are too few, too short, or measure nothing that is compared.
     """
     runs = cut_runs(healthy)
-    return Sound(runs, learn_normal(runs, predicted(vehicle, runs, [{}])[0]))
+    return Sound(runs, learn_normal(runs, predicted(vehicle, runs, [{}])[0]), learn_quiet(runs))
 
 
 def judge_runs(
@@ -64,10 +66,11 @@ def judge_runs(
     Raises:
         FlightLogError: for runs of another kind than the sound ones.
     """
-    runs = cut_runs(logs, sound.runs.seen.shape[-1], sound.runs.channels)
+    runs = cut_runs(logs, sound.runs)
     nominal, marks = mark_effects(vehicle, runs, settings)
     groups = [np.array([row]) for row in range(len(runs))] + [np.arange(len(runs))]
-    weighed = weigh(runs.seen - nominal, marks, sound.normal, vehicle, settings, groups)
+    told = Told(nominal, runs, find_lines(runs, sound.quiet, groups))
+    weighed = weigh(told, marks, sound.normal, vehicle, settings, groups)
     *single, together = answers(weighed, marks, vehicle, groups, runs.names)
     return Alike(
         vehicle_name,

@@ -1,6 +1,6 @@
 """What sound runs look like: their mean beyond the simulator, how they scatter, and how sessions differ."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,15 +8,19 @@ from auv_torchrl.diagnosis.alike.runs import Runs
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.flightlog import FlightLogError
 
-FEWEST = 10  # runs, for a scatter to be measured
+FEWEST = 10  # runs, for a scatter to be measured, and for each number that they are taken to depend on
+ROUNDS = 2  # of the mean, which sessions weigh in, and of how much sessions differ from it
 
 
 @dataclass(frozen=True)
 class Normal:
-    """Of K numbers per run: N healthy runs."""
+    """Of K numbers per run: N healthy runs, of which H numbers are known before they start."""
 
-    mean: Floats  # (K,) of what is seen less what is simulated
-    root: Floats  # (K, K) lower triangle whose product with its transpose is the covariance of runs about the mean
+    line: Floats  # (1 + H, K) of what is seen less what is simulated: mean, and slopes with how a run begins
+    flown: Floats  # (K,) mean of what is simulated of their commands
+    middle: Floats  # (H,) of how they begin
+    unsure: Floats  # (1 + H, 1 + H) covariance of each column of the line, in variances of a run
+    root: Floats  # (K, K) lower triangle whose product with its transpose is the covariance of runs about the line
     count: int  # N
     freedom: float  # of Student's distribution that a further run follows
     session: float  # variance between sessions, times that between runs; 0 where nothing shows it
@@ -24,6 +28,16 @@ class Normal:
     def whitened(self, numbers: Floats) -> Floats:
         """(..., K) in standard deviations of a run that are independent of each other."""
         return np.linalg.solve(self.root, numbers[..., None])[..., 0]
+
+    def expected(self, begun: Floats) -> Floats:
+        """What runs (n, K) that begin so (n, H) show beyond the simulator."""
+        return _known(begun, self.middle) @ self.line
+
+    def unit(self, begun: Floats, session: np.ndarray) -> float:
+        """Standard deviation of the mean of runs that begin so (n, H) in sessions (n,), in those of one run."""
+        one = _known(begun, self.middle).mean(0)
+        own = 1 / len(session) + self.session * one_session(session) if len(session) > 1 else 1.0  # scatter has it
+        return float(np.sqrt(own + one @ self.unsure @ one))
 
 
 def learn_normal(healthy: Runs, nominal: Floats) -> Normal:
@@ -36,17 +50,36 @@ def learn_normal(healthy: Runs, nominal: Floats) -> Normal:
     if count < FEWEST:
         raise FlightLogError(f"{count} healthy runs: {FEWEST} at least are needed to tell how sound runs scatter")
     beyond = (healthy.seen - nominal).reshape(count, -1)
-    centred = beyond - beyond.mean(0)
-    covariance = _shrunk(centred)
-    root = np.linalg.cholesky(covariance * (1 + 1 / count))  # the mean is not known better than that
-    normal = Normal(beyond.mean(0), root, count, count - 1.0, 0.0)
-    return replace(normal, session=_between_sessions(normal.whitened(centred), healthy.session))
+    begun = healthy.begun if count >= FEWEST * (1 + healthy.begun.shape[1]) else healthy.begun[:, :0]
+    middle = np.nanmean(begun, axis=0)
+    known, same = _known(begun, middle), healthy.session[:, None] == healthy.session
+    session, freedom = 0.0, count - known.shape[1]
+
+    def weighed(session: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """By generalized least squares: the line, its covariance, what is left, and the root of how runs scatter."""
+        own = np.linalg.solve(np.eye(count) + session * same, known)
+        unsure = np.linalg.pinv(known.T @ own, hermitian=True)
+        line = unsure @ own.T @ beyond
+        left = beyond - known @ line
+        return line, unsure, left, np.linalg.cholesky(_shrunk(left - left.mean(0), freedom))
+
+    line, unsure, left, root = weighed(session)
+    for _ in range(ROUNDS):
+        session = between_sessions(np.linalg.solve(root, left.T).T, healthy.session)
+        line, unsure, left, root = weighed(session)
+    return Normal(line, nominal.reshape(count, -1).mean(0), middle, unsure, root, count, float(freedom), session)
 
 
-def _shrunk(centred: Floats) -> Floats:
+def _known(begun: Floats, middle: Floats) -> Floats:
+    """(n, 1 + H) by which the line is multiplied; what is not known of a run is as usual."""
+    away = np.nan_to_num(begun[:, : len(middle)] - middle)
+    return np.concatenate([np.ones((len(begun), 1)), away], axis=1)
+
+
+def _shrunk(centred: Floats, freedom: int) -> Floats:
     """A covariance (K, K) whose correlations are shrunk as far as chance made them (Schaefer and Strimmer 2005)."""
     count = len(centred)
-    size = np.sqrt((centred**2).sum(0) / (count - 1))
+    size = np.sqrt((centred**2).sum(0) / freedom)
     if not (size > 0).all():
         raise FlightLogError("a channel of the healthy runs never changes: leave its column out")
     scaled = centred / size
@@ -59,7 +92,13 @@ def _shrunk(centred: Floats) -> Floats:
     return correlation * np.outer(size, size)
 
 
-def _between_sessions(scatter: Floats, session: np.ndarray) -> float:
+def one_session(session: np.ndarray) -> float:
+    """Share of the variance between sessions that the mean of runs with these sessions (n,) keeps; 1 if it is one."""
+    _, runs = np.unique(session, return_counts=True)
+    return float(((runs / len(session)) ** 2).sum())
+
+
+def between_sessions(scatter: Floats, session: np.ndarray) -> float:
     """Variance between sessions in units of that between runs of one, from (N, K) of unit variance."""
     groups = [scatter[session == number] for number in np.unique(session)]
     if len(groups) < 2 or len(groups) == len(scatter):

@@ -1,10 +1,12 @@
-"""Runs of one manoeuvre as tables of equal size: what was commanded, and what was seen in each second."""
+"""Runs of one manoeuvre as tables of equal size: what was commanded, what was seen in each second, how it shook."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.alike.beginning import beginning, known_beginnings
+from auv_torchrl.diagnosis.alike.spectrum import SHAKEN, highest_frequency, log_power
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog, FlightLogError
 from auv_torchrl.physics import CONTROL_DT
@@ -25,6 +27,11 @@ class Runs:
     channels: tuple[str, ...]
     commands: Floats  # (N, S, n) each held for one control step
     seen: Floats  # (N, C, B) medians, in m, m/s, rad/s
+    shaken: tuple[str, ...]  # A channels whose spectra are compared
+    power: Floats  # (N, A, F) logarithms; NaN where samples are too few
+    highest: float  # frequency of these, Hz
+    known: tuple[str, ...]  # H numbers that are known of how a run begins
+    begun: Floats  # (N, H) these, in rad and V; NaN where one was not measured
     left_out: tuple[str, ...] = ()  # runs that are too short, or lack samples
 
     def __len__(self) -> int:
@@ -39,46 +46,58 @@ class Runs:
             session=self.session[rows],
             commands=self.commands[rows],
             seen=self.seen[rows],
+            power=self.power[rows],
+            begun=self.begun[rows],
             left_out=(),
         )
 
 
-def cut_runs(logs: Sequence[FlightLog], bins: int | None = None, channels: Sequence[str] | None = None) -> Runs:
+def cut_runs(logs: Sequence[FlightLog], sound: Runs | None = None) -> Runs:
     """The episodes of logs as runs; those that are too short are left out, and named.
 
     Args:
         logs: each is a session; each of its episodes is a run.
-        bins: how many seconds of each run; None for as many as most of the runs have.
-        channels: what to compare; None for all that every log measures.
+        sound: runs to compare them with, as long and in the same channels; None for as long as most of the runs are,
+            in all that every log measures.
 
     Raises:
         FlightLogError: if too little is left to compare.
     """
     axes = [axis for axis in SHOWN if all(axis in log.axes for log in logs)]
-    channels = tuple(axes if channels is None else channels)
+    channels = sound.channels if sound else tuple(axes)
     if missing := sorted(set(channels) - set(axes)):
         raise FlightLogError(f"{', '.join(missing)} of the healthy runs is not in {logs[0].name}: log the same again")
     if not channels:
         raise FlightLogError(f"no log measures any of {', '.join(SHOWN)}: alike runs are compared in these")
-    episodes = [(number, log, episode) for number, log in enumerate(logs) for episode in log.episodes]
-    typical = float(np.median([episode.duration for *_, episode in episodes]))
-    bins = int(LONG_ENOUGH * typical / BIN_S) if bins is None else bins
+    episodes = [episode for log in logs for episode in log.episodes]
+    sessions = np.repeat(np.arange(len(logs)), [len(log.episodes) for log in logs])
+    typical = float(np.median([episode.duration for episode in episodes]))
+    bins = sound.seen.shape[-1] if sound else int(LONG_ENOUGH * typical / BIN_S)
     if bins < FEWEST_BINS:
         raise FlightLogError(f"the runs last {typical:.1f} s: {FEWEST_BINS * BIN_S / LONG_ENOUGH:.0f} s are needed")
-    names, sessions, commands, seen, left_out = [], [], [], [], []
-    for number, log, episode in episodes:
-        name = episode.source or f"{log.name}, episode {episode.number}"
-        table = _medians(episode, channels, bins)
-        if table is None:
-            left_out.append(name)
-            continue
-        names.append(name)
-        sessions.append(number)
-        commands.append(_held(episode, round(bins * BIN_S / CONTROL_DT)))
-        seen.append(table)
-    if not names:
+    names = [e.source or f"{log.name}, episode {e.number}" for log in logs for e in log.episodes]
+    tables = [_medians(episode, channels, bins) for episode in episodes]
+    kept = [i for i, table in enumerate(tables) if table is not None]
+    if not kept:
         raise FlightLogError(f"none of {len(episodes)} runs has samples over {bins * BIN_S:.0f} s")
-    return Runs(tuple(names), np.array(sessions), channels, np.stack(commands), np.stack(seen), tuple(left_out))
+    shaken = tuple(name for name in SHAKEN if all(name in log.axes for log in logs))
+    shaken, highest = (
+        (sound.shaken, sound.highest) if sound else (shaken, highest_frequency([episodes[i] for i in kept]))
+    )
+    known = sound.known if sound else known_beginnings(logs)
+    return Runs(
+        tuple(names[i] for i in kept),
+        sessions[kept],
+        channels,
+        np.stack([_held(episodes[i], round(bins * BIN_S / CONTROL_DT)) for i in kept]),
+        np.stack([table for table in tables if table is not None]),
+        shaken,
+        np.stack([log_power(episodes[i], shaken, highest) for i in kept]),
+        highest,
+        known,
+        np.stack([beginning(episodes[i], known) for i in kept]),
+        tuple(name for name, table in zip(names, tables, strict=True) if table is None),
+    )
 
 
 def _medians(episode: Episode, channels: Sequence[str], bins: int) -> Floats | None:

@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER
+from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER, TOGETHER
 from auv_torchrl.flightlog import POSE
 from auv_torchrl.vehicle import Vehicle
 
@@ -86,6 +86,19 @@ def pseudo_huber(left: Floats, scale: Floats) -> Floats:
     return np.sign(r) * HUBER * np.sqrt(2 * (np.sqrt(1 + (r / HUBER) ** 2) - 1))
 
 
+def prior_covariance(coefficients: Sequence[Coefficient]) -> Floats:
+    """Covariance (k, k) of coefficients before any flight.
+
+    What makes all members of a family differ from flight to flight, as volts do all thrusters, is also what a file has
+    wrong of all of them. Else a fit would rather bend the curve of thrust than pay once for each thruster, and go wrong
+    where commands are larger than those that it has seen.
+    """
+    width = np.array([c.width for c in coefficients])
+    family = [c.family for c in coefficients]
+    same = np.array([[one is not None and one == other for other in family] for one in family])
+    return np.outer(width, width) * np.where(np.eye(len(width), dtype=bool), 1.0, TOGETHER * same)
+
+
 def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient], rounds: int = ROUNDS) -> Fitted:
     """Levenberg-Marquardt within the bounds, from the values of the vehicle, priors as wide as they are uncertain.
 
@@ -96,13 +109,13 @@ def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient],
     nominal = np.array([c.nominal for c in coefficients])
     width = np.array([c.width for c in coefficients])
     low, high = np.array([c.low for c in coefficients]), np.array([c.high for c in coefficients])
-    at, k = nominal.copy(), len(coefficients)
+    at, k, known = nominal.copy(), len(coefficients), np.linalg.inv(prior_covariance(coefficients))
     entries = start_entries(windows, vehicle)
     start, loose = windows.guess.copy(), START_WIDTH[entries]
 
     def cost(r: Floats, point: Floats, starts: Floats) -> float:
         moved = (starts - windows.guess)[:, entries] / loose
-        return float((r**2).sum() + (((point - nominal) / width) ** 2).sum() + (moved**2).sum())
+        return float((r**2).sum() + (point - nominal) @ known @ (point - nominal) + (moved**2).sum())
 
     while True:
         step = np.where(at + STEP * width > high, -STEP * width, STEP * width)
@@ -119,9 +132,9 @@ def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient],
         pull = np.einsum("lwn,wn->wl", local, r[0]) + (start - windows.guess)[:, entries] / loose**2
         response, offset = np.linalg.solve(gram, cross), np.linalg.solve(gram, pull[..., None])[..., 0]
         curvature = np.einsum("iwn,jwn->ij", slope, slope) - np.einsum("wli,wlj->ij", cross, response)
-        curvature = 0.5 * (curvature + curvature.T) + np.diag(width**-2.0)
+        curvature = 0.5 * (curvature + curvature.T) + known
         gradient = np.einsum("kwn,wn->k", slope, r[0]) - np.einsum("wlk,wl->k", cross, offset)
-        gradient += (at - nominal) / width**2
+        gradient += known @ (at - nominal)
         fitted, rounds = Fitted(at, np.linalg.inv(curvature), scale), rounds - 1
         if not rounds:  # the last one only takes the slopes
             return fitted
