@@ -191,10 +191,12 @@ class Effect:
         Raises:
             KeyError: for a parameter that the effect does not have.
         """
-        declared = self.member_parameters(vehicle)
-        if unknown := set(values) - set(declared):
-            raise KeyError(f"effect {self.name}: no parameters {sorted(unknown)}: there are {', '.join(declared)}")
-        like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
+        declared = {p.name: p.members(vehicle) for p in self.parameters}
+        known = [member for members in declared.values() for member in members]
+        if unknown := set(values).difference(known):
+            raise KeyError(f"effect {self.name}: no parameters {sorted(unknown)}: there are {', '.join(known)}")
+        mass = vehicle.mass
+        like = {"dtype": mass.dtype, "device": mass.device}
         given = {name: torch.as_tensor(value, **like) for name, value in values.items()}
         batch = torch.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
         if vehicle.batch_size != batch:
@@ -205,7 +207,7 @@ class Effect:
                 (
                     given[member] if member in given else torch.as_tensor(p.nominal_value(vehicle, member), **like)
                 ).expand(batch)
-                for member in p.members(vehicle)
+                for member in declared[p.name]
             ]
             arguments[p.name] = torch.stack(columns, dim=-1) if p.over is not None else columns[0]
         return self.change(vehicle, **arguments)
@@ -236,9 +238,9 @@ def in_proportion(values: Tensor, to: Tensor, zero: float = 0.0) -> Tensor:
 
 def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:
     """A copy of the vehicle with some fields replaced; the others are shared."""
-    copy = vehicle.clone(recurse=False)
+    copy, precision = vehicle.clone(recurse=False), vehicle.mass.dtype
     for name, value in fields.items():
-        copy.set(name, value.to(vehicle.mass.dtype))
+        copy.set(name, value.to(precision))
     return copy
 
 
