@@ -24,14 +24,14 @@ class _Watched:
 
 
 def coefficients_asked(c: Coefficients, channels: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the coefficients on which reports of a vehicle ``c`` (1,) depend in logs with ``channels``.
+    """Names of the coefficients on which the reports of vehicles ``c`` (R,) depend in logs with ``channels``.
 
-    A vehicle that equals it in all of these reports the same of a motion.
+    Those of them that are equal in all of these report the same of a motion.
     """
     watched = _Watched(c)
     seen = cast(Coefficients, watched)
-    motion, felt = np.zeros((1, 12)), tuple(np.array(channels)[is_felt(channels)])
-    read(seen, (*MOTION, *felt), motion, np.zeros(1))
+    motion, felt = np.zeros((len(c.lag), 12)), tuple(np.array(channels)[is_felt(channels)])
+    read(seen, (*MOTION, *felt), motion, np.zeros(len(c.lag)))
     ages(seen, channels)
     if felt:
         moving(seen, felt, motion)
@@ -41,9 +41,18 @@ def coefficients_asked(c: Coefficients, channels: tuple[str, ...]) -> tuple[str,
     return tuple(sorted(watched.names | set(loaded)))
 
 
-def report_otherwise(before: Coefficients, after: Coefficients, channels: tuple[str, ...]) -> np.ndarray:
-    """Numbers of the vehicles (R,) that differ from a vehicle (1,) in something that their sensors ask for."""
-    other = np.zeros(len(after.lag), bool)
-    for name in coefficients_asked(before, channels):
-        other |= (getattr(after, name) != getattr(before, name)).reshape(len(other), -1).any(1)
-    return np.flatnonzero(other)
+def report_alike(before: Coefficients, after: Coefficients, channels: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Vehicles (K,), of all (R,), that may report something else than a vehicle (1,), and which each (R,) is like.
+
+    -1 is one that reports what that vehicle does.
+    """
+    names = {*coefficients_asked(before, channels), *coefficients_asked(after, channels)}
+    fields = [[getattr(c, name).reshape(len(c.lag), -1) for name in sorted(names)] for c in (before, after)]
+    now, *rows = (row.tobytes() for row in np.concatenate([np.concatenate(its, axis=1) for its in fields]))
+    known, first, kind = {now: -1}, [], np.empty(len(rows), int)
+    for place, row in enumerate(rows):
+        if row not in known:
+            known[row] = len(first)
+            first.append(place)
+        kind[place] = known[row]
+    return np.array(first, int), kind

@@ -20,7 +20,7 @@ from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kernel import rates
 from auv_torchrl.physics.kinematics import matvec, normalise
 from auv_torchrl.physics.thrusters import lag_left
-from auv_torchrl.sensors import Inverse, motion_of, read, report_otherwise
+from auv_torchrl.sensors import Inverse, motion_of, read, report_alike
 
 CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
 READ_AT_ONCE = 300  # windows of vehicles: their arrays stay in the cache of a laptop
@@ -122,8 +122,8 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
     compass is off, moves otherwise than reported, and its other sensors tell. None where all of them report the same.
     ``states`` (W, S + 1, 13) are the true ones of the nominal vehicle.
     """
-    asked = report_otherwise(before, after, windows.channels)
-    if not len(asked):
+    first, kind = report_alike(before, after, windows.channels)
+    if not len(first):
         return None
     seen = Inverse.of(before, windows.channels).reported_state(states)[:, None]
     now = _readings(windows, before, seen)
@@ -134,14 +134,15 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
         return change
 
     few = np.linspace(0, len(windows) - 1, PROBED).astype(int)
-    other = asked[np.abs(beyond(after.rows(asked), few)).max((0, 2, 3)) > SAME]
+    other = np.flatnonzero(np.abs(beyond(after.rows(first), few)).max((0, 2, 3)) > SAME)
     if not len(other):
         return None
     shown = np.zeros((*windows.measured.shape, len(after.lag)))
     few = max(1, READ_AT_ONCE // len(windows)) if windows.felt.any() else 1
-    for first in range(0, len(other), few):
-        some = other[first : first + few]
-        shown[..., some] = np.moveaxis(beyond(after.rows(some), slice(None)), 1, -1)
+    for start in range(0, len(other), few):
+        some = other[start : start + few]
+        for like, change in zip(some, np.moveaxis(beyond(after.rows(first[some]), slice(None)), 1, 0), strict=True):
+            shown[..., kind == like] = change[..., None]
     shown *= windows.trust[..., None]
     return windows.whitened(shown.reshape(len(windows), -1, shown.shape[-1]))
 
