@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -198,7 +199,7 @@ class Effect:
         mass = vehicle.mass
         like = {"dtype": mass.dtype, "device": mass.device}
         given = {name: torch.as_tensor(value, **like) for name, value in values.items()}
-        batch = torch.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
+        batch = np.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
         if vehicle.batch_size != batch:
             vehicle = vehicle.expand(batch)
         arguments = {}

@@ -21,7 +21,6 @@ from auv_torchrl.physics.thrusters import (
     lag_left,
     load,
     thrust_target,
-    thrust_targets,
 )
 from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
@@ -132,18 +131,27 @@ def _substeps(windows: Windows, c: Coefficients) -> int:
 
 
 def _targets(c: Coefficients, terms: ActiveTerms, commands: Floats, dt: float, parts: int) -> list[Floats]:
-    """:func:`thrust_targets` of vehicles (K, 1) at commands (w, K or 1, S, L, n), those of equal thrusters once."""
+    """:func:`thrust_targets` of vehicles (K, 1) whose delay is less than ``dt``, at commands (w, K or 1, S, L, n)."""
+    now = _target(c, terms, commands[..., 0, :])
+    if commands.shape[-2] == 1:
+        return [now] * parts
+    older, late = _target(c, terms, commands[..., 1, :]) - now, np.clip(c.delay / dt, 0.0, 1.0)
+    return [now + np.clip(late * parts - part, 0.0, 1.0)[..., None] * older for part in range(parts)]
+
+
+def _target(c: Coefficients, terms: ActiveTerms, commands: Floats) -> Floats:
+    """Thrust targets (w, K, S, n) of vehicles (K, 1) at commands (w, K or 1, S, n), those of equal thrusters once."""
     kinds, n = c.full_thrust.shape[0], commands.shape[-1]
-    if kinds == 1 or commands.shape[1] != 1 or commands.shape[-2] != 1 or terms.routing:
-        return thrust_targets(c, terms, commands, dt, parts)
+    if kinds == 1 or commands.shape[1] != 1 or terms.routing:
+        return thrust_target(c, terms, commands)
     numbers = np.stack([getattr(c, name)[:, 0] for name in CURVE_FIELDS], axis=-1)  # (K, n, 5)
     found = np.empty((len(commands), kinds, commands.shape[2], n))
     for thruster in range(n):
         first, kind = distinct(numbers[:, thruster])
         some = {name: getattr(c, name)[first][..., thruster, None] for name in CURVE_FIELDS}
-        target = thrust_target(c._replace(**some), terms, commands[..., 0, thruster, None])
+        target = thrust_target(c._replace(**some), terms, commands[..., thruster, None])
         found[..., thruster] = target[..., 0][:, kind]
-    return [found] * parts
+    return found
 
 
 def distinct(numbers: Floats) -> tuple[np.ndarray, np.ndarray]:
