@@ -192,24 +192,19 @@ class Effect:
         Raises:
             KeyError: for a parameter that the effect does not have.
         """
-        declared = {p.name: p.members(vehicle) for p in self.parameters}
-        known = [member for members in declared.values() for member in members]
+        known = [member for p in self.parameters for member in p.members(vehicle)]
         if unknown := set(values).difference(known):
             raise KeyError(f"effect {self.name}: no parameters {sorted(unknown)}: there are {', '.join(known)}")
-        mass = vehicle.mass
-        like = {"dtype": mass.dtype, "device": mass.device}
+        like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
         given = {name: torch.as_tensor(value, **like) for name, value in values.items()}
         batch = np.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
         if vehicle.batch_size != batch:
             vehicle = vehicle.expand(batch)
         arguments = {}
         for p in self.parameters:
-            columns = [
-                (
-                    given[member] if member in given else torch.as_tensor(p.nominal_value(vehicle, member), **like)
-                ).expand(batch)
-                for member in declared[p.name]
-            ]
+            members = p.members(vehicle)
+            missing = {m: torch.as_tensor(p.nominal_value(vehicle, m), **like) for m in members if m not in given}
+            columns = [(given[m] if m in given else missing[m]).expand(batch) for m in members]
             arguments[p.name] = torch.stack(columns, dim=-1) if p.over is not None else columns[0]
         return self.change(vehicle, **arguments)
 
