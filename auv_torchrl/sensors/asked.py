@@ -49,7 +49,8 @@ def report_alike(before: Coefficients, after: Coefficients, channels: tuple[str,
     names = {*coefficients_asked(before, channels), *coefficients_asked(after, channels)}
     fields = [[getattr(c, name).reshape(len(c.lag), -1) for name in sorted(names)] for c in (before, after)]
     now, *rows = (row.tobytes() for row in np.concatenate([np.concatenate(its, axis=1) for its in fields]))
-    known, first, kind = {now: -1}, [], np.empty(len(rows), int)
+    first: list[int] = []
+    known, kind = {now: -1}, np.empty(len(rows), int)
     for place, row in enumerate(rows):
         if row not in known:
             known[row] = len(first)
