@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -191,22 +192,19 @@ class Effect:
         Raises:
             KeyError: for a parameter that the effect does not have.
         """
-        declared = self.member_parameters(vehicle)
-        if unknown := set(values) - set(declared):
-            raise KeyError(f"effect {self.name}: no parameters {sorted(unknown)}: there are {', '.join(declared)}")
+        known = [member for p in self.parameters for member in p.members(vehicle)]
+        if unknown := set(values).difference(known):
+            raise KeyError(f"effect {self.name}: no parameters {sorted(unknown)}: there are {', '.join(known)}")
         like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
         given = {name: torch.as_tensor(value, **like) for name, value in values.items()}
-        batch = torch.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
+        batch = np.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
         if vehicle.batch_size != batch:
             vehicle = vehicle.expand(batch)
         arguments = {}
         for p in self.parameters:
-            columns = [
-                (
-                    given[member] if member in given else torch.as_tensor(p.nominal_value(vehicle, member), **like)
-                ).expand(batch)
-                for member in p.members(vehicle)
-            ]
+            members = p.members(vehicle)
+            missing = {m: torch.as_tensor(p.nominal_value(vehicle, m), **like) for m in members if m not in given}
+            columns = [(given[m] if m in given else missing[m]).expand(batch) for m in members]
             arguments[p.name] = torch.stack(columns, dim=-1) if p.over is not None else columns[0]
         return self.change(vehicle, **arguments)
 
@@ -236,9 +234,9 @@ def in_proportion(values: Tensor, to: Tensor, zero: float = 0.0) -> Tensor:
 
 def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:
     """A copy of the vehicle with some fields replaced; the others are shared."""
-    copy = vehicle.clone(recurse=False)
+    copy, precision = vehicle.clone(recurse=False), vehicle.mass.dtype
     for name, value in fields.items():
-        copy.set(name, value.to(vehicle.mass.dtype))
+        copy.set(name, value.to(precision))
     return copy
 
 

@@ -140,9 +140,11 @@ def _collect(name, names, batches) -> tuple[dict[str, Floats], dict[str, list[tu
 
 
 def _numbers(array: pa.Array) -> tuple[Floats, list[tuple[int, str]]]:
-    """Values as float64, and the entries that are no number."""
+    """Values as float64, and the entries that are no number; ``to_numpy`` loads pandas, for gaps alone."""
     try:
-        return _floats(array.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)), []
+        numbers = array.cast(pa.float64(), safe=False)
+        whole = len(numbers) > 0 and not numbers.null_count
+        return _floats(np.from_dlpack(numbers) if whole else numbers.to_numpy(zero_copy_only=False)), []
     except pa.ArrowException:  # some entry is no number: find out which
         import pandas as pd  # 0.7 s, for files that need it
 

@@ -9,7 +9,8 @@ from auv_torchrl.physics.kinematics import matvec
 
 Array = Any
 # What thrust targets depend on: vehicles that are equal in these have the same.
-TARGET_FIELDS = ("delay", "routing", "exponent", "asymmetry", "full_thrust", "limit", "dead_band", "volts")
+CURVE_FIELDS = ("exponent", "asymmetry", "full_thrust", "limit", "dead_band")  # what one command makes of a thruster
+TARGET_FIELDS = ("delay", "routing", *CURVE_FIELDS, "volts")
 # Of thrust at one command, by volts: a T200 gives 3.71 kgf at 12 V, 5.25 at 16 V and 6.7 at 20 V (Blue Robotics,
 # specification of the T200), which is a power of 1.2 between the first two, as a battery of four cells goes.
 VOLTS_EXPONENT = 1.2
@@ -94,13 +95,15 @@ def straight_through_targets(
 
 def thrust_after(c: Coefficients, terms: ActiveTerms, thrust: Array, target: Array, elapsed: float) -> Array:
     """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``."""
-    if not terms.lag:
-        return target
-    xp = array_namespace(thrust, target)
+    return target + (thrust - target) * lag_left(c, elapsed) if terms.lag else target
+
+
+def lag_left(c: Coefficients, elapsed: float) -> Array:
+    """Share (..., n) of the distance from its target that a thrust keeps for ``elapsed`` seconds."""
+    xp = array_namespace(c.lag)
     instant = c.lag < 1e-6
     lag = xp.where(instant, xp.ones_like(c.lag), c.lag)
-    left = xp.where(instant, xp.zeros_like(lag), xp.exp(-elapsed / lag))
-    return target + (thrust - target) * left
+    return xp.where(instant, xp.zeros_like(lag), xp.exp(-elapsed / lag))
 
 
 def body_wrench(c: Coefficients, terms: ActiveTerms, thrust: Array, time: Array) -> Array:

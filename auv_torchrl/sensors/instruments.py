@@ -64,12 +64,16 @@ def _specific_force(c: Coefficients, motion: Array) -> Array:
     xp = array_namespace(motion)
     roll, pitch, velocity, turning = motion[..., 3], motion[..., 4], motion[..., 6:9], motion[..., 9:12]
     down = xp.stack((-xp.sin(pitch), xp.sin(roll) * xp.cos(pitch), xp.cos(roll) * xp.cos(pitch)), axis=-1)
-    carried = velocity + cross(turning, c.accelerometer_position)
+    carried = velocity + cross(turning, c.accelerometer_position) if _is_off_origin(c) else velocity
     return cross(turning, carried) - GRAVITY * down + c.accelerometer_bias
 
 
 def _accelerating(c: Coefficients, rate: Array) -> Array:
-    return rate[..., 6:9] + cross(rate[..., 9:12], c.accelerometer_position)
+    return rate[..., 6:9] + cross(rate[..., 9:12], c.accelerometer_position) if _is_off_origin(c) else rate[..., 6:9]
+
+
+def _is_off_origin(c: Coefficients) -> bool:
+    return bool((c.accelerometer_position != 0).any())
 
 
 INSTRUMENTS = (

@@ -9,6 +9,7 @@ no x and y it is what velocities say, along the axes of the body; of an instrume
 origin, along its own axes at its own place.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -73,8 +74,9 @@ class Inverse:
         """Numbers of vehicles whose sensors do what those of most do, and of the others."""
         mixed = [] if self.by_position or self.mixing is None else [self.mixing.rows.reshape(len(self.gain), -1)]
         numbers = np.concatenate([self.gain, self.offset, self.speed, *mixed], axis=1)
-        _, kind, count = np.unique(numbers, axis=0, return_inverse=True, return_counts=True)
-        common = kind.reshape(-1) == np.argmax(count)
+        kinds = [row.tobytes() for row in numbers]
+        most = Counter(kinds).most_common(1)[0][0]
+        common = np.array([kind == most for kind in kinds])
         return np.flatnonzero(common), np.flatnonzero(~common)
 
     def shared(self) -> "Inverse":

@@ -90,7 +90,7 @@ def repeated(problem, base, times):
     longer = Problem.of(problem.windows.subset(rows), problem.vehicle, SETTINGS)
     longer = replace(longer, sigma=problem.sigma, followed=problem.followed[rows])
     state = Smoothed(*(field[rows] for field in fields(base.state)))
-    return longer, Base(base.explanation, base.vehicle, state, base.states[rows])
+    return longer, Base(base.explanation, base.vehicle, state, base.states[rows], longer.windows)
 
 
 def peak_of_screening(problem, base):

@@ -23,7 +23,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
+from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.thresholds import NEAR, SLACK_LIMIT
 from auv_torchrl.diagnosis.validate.predict import predict
 from auv_torchrl.diagnosis.validate.veto import falls_short

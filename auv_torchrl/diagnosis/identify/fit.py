@@ -16,7 +16,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
 from auv_torchrl.diagnosis.motion.smooth import sensor_noise
-from auv_torchrl.diagnosis.thresholds import GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SKETCHED
+from auv_torchrl.diagnosis.thresholds import GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SAME_SKETCH, SKETCHED
 
 
 def fit_by_simulation(
@@ -45,22 +45,27 @@ def fit_by_simulation(
     return replace(best, slack_marks=None)
 
 
-def fit_along_motion(problem: Problem, explanation: Explanation, follow: Base, rounds: int = 6) -> Judged:
+def fit_along_motion(
+    problem: Problem, explanation: Explanation, follow: Base, rounds: int = 6, enough: float = np.inf
+) -> Judged:
     """Fit all values of an explanation along the measured motion, and weigh it: a quick look before polishing.
 
-    Its forces are exact there, however wrong a simulation that lacks some other effect would go.
+    Its forces are exact there, however wrong a simulation that lacks some other effect would go. One that would not
+    come below a chi-square of ``enough`` by twice what its last step gained is left where it is.
     """
     best, step, slack_step = assess(problem, follow, explanation)
     stride = 1.0
     for _ in range(rounds):
         moved = take_step(problem, best.explanation, stride * step, stride * slack_step)
         trial, trial_step, trial_slack_step = assess(problem, follow, moved, best)
-        if not trial.chi2 < best.chi2:
+        gained = best.chi2 - trial.chi2
+        if not gained > 0 and abs(gained) <= SAME_SKETCH * best.chi2:  # as at a bound: a shorter step brings no more
+            break
+        if not gained > 0:
             stride *= 0.3
             continue
-        settled = best.chi2 - trial.chi2 < SKETCHED * trial.chi2
         best, step, slack_step = trial, trial_step, trial_slack_step
-        if settled:
+        if gained < SKETCHED * trial.chi2 or best.chi2 - 2 * gained > enough:
             break
     return replace(best, slack_marks=None)
 

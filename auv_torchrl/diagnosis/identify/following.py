@@ -11,7 +11,6 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.colour import whiten
-from auv_torchrl.diagnosis.motion.force import force_changes
 from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
@@ -38,7 +37,6 @@ from auv_torchrl.diagnosis.thresholds import (
     STUCK,
 )
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 NOTHING = Explanation()
@@ -76,7 +74,7 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
         measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
         sigma = problem.believed({n: min(measured.get(n, size), size) for n, size in problem.sigma.items()})
     states = flown(actuate(problem.windows, vehicle), problem.layout, *_one_row(state)[:2])[1]
-    base = Base(explanation, vehicle, state, states[:, 0])
+    base = Base(explanation, vehicle, state, states[:, 0], problem.windows)
     problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)
     if problem.known is not None:
         problem = hold_unseen(problem, base)
@@ -126,8 +124,7 @@ def follow_freely(problem: Problem, windows: Windows, vehicle: Vehicle, prior: F
 def rebase(problem: Problem, explanation: Explanation, start: Base) -> Base:
     """The windows under another explanation, from what is left of the force when the explanation is taken out."""
     vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
-    before, after = (prepare(its).numpy() for its in (start.vehicle, vehicle))
-    explained = force_changes(problem.windows, before, after, start.motion)[:, 0, :, problem.layout.dof]
+    explained = start.course.forces(prepare(vehicle).numpy())[:, 0, :, problem.layout.dof]
     edges = np.arange(0, problem.windows.steps, problem.layout.steps_per_bin)
     counts = np.diff(np.append(edges, problem.windows.steps))
     explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first
@@ -190,15 +187,14 @@ def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) 
 
 def _ends(problem: Problem, base: Base) -> Floats:
     """States (W, 12) in which the windows end, as the start of what follows them."""
-    sensors = Inverse.of(prepare(base.vehicle).numpy(), problem.windows.channels)
-    return sensors.reported_start(base.states[:, -1])
+    return base.course.sensors.reported_start(base.states[:, -1])
 
 
 def nudge(problem: Problem, explanation: Explanation, start: Base) -> Base:
     """The windows under an explanation that differs a little from that of ``start``."""
     vehicle, state = batch(problem.vehicle, [explanation.values(problem.vehicle)]), start.state
     fresh = settle(problem.windows, vehicle, problem.layout, problem.freedom(state.slope), *_one_row(state)[:2])
-    return Base(explanation, vehicle, *_taken_on(state, fresh))
+    return Base(explanation, vehicle, *_taken_on(state, fresh), problem.windows)
 
 
 def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base, steps: int = 1) -> Floats:
@@ -215,7 +211,8 @@ def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base, 
 
 def settle_base(problem: Problem, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
     """The windows under an explanation, settled from a state near by whose residual is that of the vehicle."""
-    return Base(explanation, vehicle, *settle_state(problem, vehicle, state, problem.freedom(state.slope)))
+    settled = settle_state(problem, vehicle, state, problem.freedom(state.slope))
+    return Base(explanation, vehicle, *settled, problem.windows)
 
 
 def settle_state(problem: Problem, vehicle: Vehicle, state: Smoothed, freedom: Freedom) -> tuple[Smoothed, Floats]:

@@ -101,12 +101,11 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
     stacked: dict[str, dict[str, torch.Tensor]] = {}
     for name in {name for row in rows for name in row}:
         nominal = declared(name, vehicle).nominal
-        members = {member for row in rows for member in row.get(name, ())}
-        stacked[name] = {
-            member: torch.tensor([row.get(name, {}).get(member, nominal[member]) for row in rows], dtype=torch.float64)
-            for member in members
-        }
-    return apply_values(vehicle.expand(len(rows)).clone(), stacked)
+        each = [row.get(name, {}) for row in rows]
+        members = list({member for its in each for member in its})
+        numbers = np.array([[its.get(member, nominal[member]) for its in each] for member in members], np.float64)
+        stacked[name] = dict(zip(members, torch.from_numpy(numbers), strict=True))
+    return apply_values(vehicle.expand(len(rows)), stacked)
 
 
 def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effect] = EFFECTS) -> list[Atom]:

@@ -8,13 +8,13 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.force import force_changes, middles
-from auv_torchrl.diagnosis.motion.reduce import Quadratic, local_precision
+from auv_torchrl.diagnosis.motion.force import Course, force_changes, middles
+from auv_torchrl.diagnosis.motion.reduce import Quadratic, SlackMarks, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import MINOR, SATISFIED, STRAINED
-from auv_torchrl.physics import prepare
+from auv_torchrl.physics import Coefficients, prepare
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -26,6 +26,17 @@ class Base:
     vehicle: Vehicle  # (1,) with the explanation, slack included
     state: Smoothed
     states: Floats  # (W, S + 1, 13) on the grid
+    windows: Windows
+
+    @cached_property
+    def coefficients(self) -> Coefficients:
+        """Of the vehicle, (1, ...), in numpy."""
+        return prepare(self.vehicle).numpy()
+
+    @cached_property
+    def course(self) -> Course:
+        """The vehicle along its motion."""
+        return Course.of(self.windows, self.coefficients, self.motion)
 
     @cached_property
     def motion(self) -> Floats:
@@ -49,7 +60,7 @@ class Judged:
     base: Base
     quadratic: Quadratic  # of slack, then fitted knobs, at the base
     steps: Floats  # (k,) one unit of the quadratic, of each fitted knob
-    slack_marks: Floats | None  # (W, K, k) that it was made of, while its values are being fitted
+    slack_marks: SlackMarks | None  # that it was made of, while its values are being fitted
 
     @property
     def nothing_left(self) -> bool:

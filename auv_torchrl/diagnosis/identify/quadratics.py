@@ -9,8 +9,8 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Base, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.force import force_changes, marks, reading_changes
-from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, pooled, reduce
+from auv_torchrl.diagnosis.motion.force import marks, reading_changes
+from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, SlackMarks, pooled, reduce
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.physics import prepare
@@ -23,13 +23,13 @@ def quadratic(
     base: Base,
     changes: list[Explanation],
     around: Explanation | None = None,
-    slack_marks: Floats | None = None,
+    slack_marks: SlackMarks | None = None,
     chosen: np.ndarray | None = None,
 ) -> Quadratic:
     """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
 
     It is taken ``around`` an explanation, by default that of the base; another one acts as the force that it makes
-    along the motion of the base. ``slack_marks`` are those of :meth:`slack_marks` if they are known, ``chosen`` is
+    along the motion of the base. ``slack_marks`` are those of :func:`mark_slack` if they are known, ``chosen`` is
     a mask (W,) of the windows that count, by default all.
     """
     if slack_marks is None:
@@ -40,27 +40,29 @@ def quadratic(
 
 
 def _parts(
-    problem: Problem, base: Base, changes: list[Explanation], around: Explanation | None, slack_marks: Floats
+    problem: Problem, base: Base, changes: list[Explanation], around: Explanation | None, slack_marks: SlackMarks
 ) -> Iterator[Parts]:
     """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
     freedom = problem.freedom(base.state.slope)
+    slack = slack_marks.under(freedom)
     for some, columns, there in _marks_in_pieces(problem, base, changes, around):
-        state = rows_of(base.state, some)
+        windows, state = base.course.rows(some).windows, rows_of(base.state, some)
         if there is not None:
             state = replace(state, residual=state.residual - there)
-        columns = np.concatenate([slack_marks[some], columns], axis=-1)
-        yield reduce(problem.windows.subset(some), problem.layout, freedom.rows(some), state, columns)
+        yield reduce(windows, problem.layout, freedom.rows(some), state, columns, slack.rows(some))
 
 
-def mark_slack(problem: Problem, base: Base, at: Explanation) -> Floats:
-    """Marks (W, K, k) of the slack parameters, per unit, around an explanation on the windows of a base."""
+def mark_slack(problem: Problem, base: Base, at: Explanation) -> SlackMarks:
+    """Marks of the slack parameters around an explanation on the windows of a base."""
     moved, steps = [], np.empty(len(problem.slack))
     for column, parameter in enumerate(problem.slack):
         key = parameter[:2]
         steps[column] = problem.slack_step(parameter)
         moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
     pieces = _marks_in_pieces(problem, base, moved, None if at == base.explanation else at)
-    return np.concatenate([columns for _, columns, _ in pieces]) / steps
+    marked = np.concatenate([columns for _, columns, _ in pieces]) / steps
+    freedom = problem.freedom(base.state.slope)
+    return SlackMarks(freedom, freedom.reduced(marked))
 
 
 def _marks_in_pieces(
@@ -69,13 +71,13 @@ def _marks_in_pieces(
     """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the base."""
     rows = [change.values(problem.vehicle) for change in (*changes, *([around] if around else []))]
     changed = prepare(batch(problem.vehicle, rows)).numpy() if rows else None
-    now = prepare(base.vehicle).numpy()
+    now = base.coefficients
     for some in in_pieces(len(problem.windows), len(rows)):
         if changed is None:
             yield some, np.empty((*base.state.residual[some].shape, 0)), None
             continue
-        windows = problem.windows.subset(some)
-        forces = force_changes(windows, now, changed, base.motion[some])
+        course = base.course.rows(some)
+        windows, forces = course.windows, course.forces(changed)
         columns = marks(windows, now, problem.layout, rows_of(base.state, some), forces)
         read = reading_changes(windows, now, changed, base.states[some])
         columns = columns if read is None else columns + read
@@ -110,4 +112,6 @@ def in_pieces(windows: int, changes: int) -> Iterator[slice]:
 
 def rows_of(state: Smoothed, some: slice) -> Smoothed:
     """The state of some windows."""
+    if some == slice(0, len(state.start)):
+        return state
     return Smoothed(*(field[some] for field in fields(state)))

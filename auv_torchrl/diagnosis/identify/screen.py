@@ -15,7 +15,8 @@ from auv_torchrl.diagnosis.identify.judged import Base, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
 from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
-from auv_torchrl.diagnosis.motion.reduce import Quadratic, bounded_minimum
+from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
+from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_KNOBS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
 

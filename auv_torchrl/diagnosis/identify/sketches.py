@@ -4,11 +4,13 @@ Where two effects act, a simulation with one of them alone is far from what was 
 other. Along the measured motion the forces of all effects are exact, so that the second one shows.
 """
 
+import numpy as np
+
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
 from auv_torchrl.diagnosis.identify.judged import Base, Judged
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
-from auv_torchrl.diagnosis.thresholds import CLOSES, GROWN, MOST_SKETCHED, NEAR
+from auv_torchrl.diagnosis.thresholds import CLOSES, GROWN, MOST_SKETCHED, NEAR, TURNED_ROUND
 from auv_torchrl.effects import EFFECTS
 
 
@@ -25,7 +27,8 @@ def sketch_explanations(problem: Problem, follow: Base, field: Field, families: 
         if is_near(sketches[0].chi2, sketches[0].quadratic.numbers):
             break
         starts = [s for s in sketches if len(s.explanation.effects) == effects][: GROWN[effects - 1]]
-        sketches += _sketched(problem, follow, _grown(problem, follow, starts), field.twins, MOST_SKETCHED[effects])
+        grown, least = _grown(problem, follow, starts), min(sketch.chi2 for sketch in sketches)
+        sketches += _sketched(problem, follow, grown, field.twins, MOST_SKETCHED[effects], least)
     return sorted(sketches, key=lambda sketch: -sketch.evidence)
 
 
@@ -43,9 +46,17 @@ def _grown(problem: Problem, follow: Base, starts: list[Judged]) -> list[Screene
 
 
 def _sketched(
-    problem: Problem, follow: Base, screened: list[Screened], twins: set[frozenset[str]], most: int
+    problem: Problem,
+    follow: Base,
+    screened: list[Screened],
+    twins: set[frozenset[str]],
+    most: int,
+    least: float = np.inf,
 ) -> list[Judged]:
-    """The first of these; of effects that are the same by another name the one that the library names first."""
+    """The first of these; of effects that are the same by another name the one that the library names first.
+
+    What comes nowhere near the ``least`` chi-square that is known by then is not simulated, and not fitted to the end.
+    """
     names = [candidate.explanation.effects[-1] for candidate in screened]
     order = list(EFFECTS)
 
@@ -55,4 +66,8 @@ def _sketched(
 
     chosen = [s.explanation for s, name in zip(screened, names, strict=True)
               if not is_needless(name, s.explanation.effects[:-1])]  # fmt: skip
-    return [fit_along_motion(problem, explanation, follow) for explanation in chosen[:most]]
+    sketches = []
+    for explanation in chosen[:most]:
+        sketches.append(fit_along_motion(problem, explanation, follow, enough=TURNED_ROUND * least))
+        least = min(least, sketches[-1].chi2) if np.isfinite(least) else least
+    return sketches

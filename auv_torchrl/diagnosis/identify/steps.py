@@ -9,7 +9,7 @@ from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.reduce import bounded_minimum
+from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import Floats
 
 

@@ -14,7 +14,15 @@ from auv_torchrl.diagnosis.motion.samples import oldest
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.kernel import Steps
-from auv_torchrl.physics.thrusters import TARGET_FIELDS, at_volts, load, thrust_after, thrust_targets
+from auv_torchrl.physics.thrusters import (
+    CURVE_FIELDS,
+    TARGET_FIELDS,
+    at_volts,
+    lag_left,
+    load,
+    thrust_target,
+)
+from auv_torchrl.sensors import Inverse
 from auv_torchrl.vehicle import Vehicle
 
 LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
@@ -37,6 +45,11 @@ class Actuation:
         """The vehicles' equations of motion."""
         return Steps(self.c, self.terms, self.windows.dt / self.substeps)
 
+    @cached_property
+    def sensors(self) -> Inverse:
+        """What their sensors make of a motion."""
+        return Inverse.of(self.c, self.windows.channels)
+
     @property
     def late(self) -> bool:
         """Whether some commands arrive within a grid step."""
@@ -48,12 +61,13 @@ class Actuation:
         kinds, kind = self._kinds
         grid = np.clip(windows.start[chunk, None] + steps, 0, windows.commands.shape[1] - 1)
         shifts = self.whole[kinds]
+        shifts = shifts[:1] if (shifts == shifts[0]).all() else shifts
         arrived = grid[:, None] - shifts[:, None]  # (w, R or 1, S)
         ages = (0, 1) if self.late else (0,)
         episode = windows.episode[chunk, None, None]
         held = np.stack([windows.held[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
         by_step = self.c.rows((kinds, None))
-        each = [thrust_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
+        each = [_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
 
         factor = None
         if windows.volts is not None and by_step.volts.any():
@@ -80,8 +94,7 @@ class Actuation:
         """Vehicles that do different things with a command, and as which of them each does: most change elsewhere."""
         fields = [getattr(self.c, name).reshape(len(self.whole), -1) for name in TARGET_FIELDS]
         numbers = np.concatenate([self.whole[:, None], *fields], axis=1)
-        _, kinds, kind = np.unique(numbers, axis=0, return_index=True, return_inverse=True)
-        return kinds, kind.reshape(-1)
+        return distinct(numbers)
 
 
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
@@ -101,9 +114,9 @@ def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
     if actuation.terms.lag:
         back = int(np.ceil(LAG_MEMORY * c.lag.max() / windows.dt))
         (targets,) = actuation.targets(slice(0, len(windows)), np.arange(-back, 0))
-        thrust = targets[:, :, 0]
+        thrust, left = targets[:, :, 0], lag_left(c, windows.dt)
         for ago in range(1, back):
-            thrust = thrust_after(c, actuation.terms, thrust, targets[:, :, ago], windows.dt)
+            thrust = targets[:, :, ago] + (thrust - targets[:, :, ago]) * left
         actuation = replace(actuation, thrust=thrust)
     return actuation
 
@@ -115,6 +128,38 @@ def _substeps(windows: Windows, c: Coefficients) -> int:
     rate = (linear + 2 * c.quadratic_drag * speed) * np.diagonal(c.mass_inverse, axis1=-2, axis2=-1)
     most = int(np.ceil(windows.dt / LEAST_STEP))
     return int(np.clip(np.ceil(windows.dt * rate.max() / 1.6), 1, most))
+
+
+def _targets(c: Coefficients, terms: ActiveTerms, commands: Floats, dt: float, parts: int) -> list[Floats]:
+    """:func:`thrust_targets` of vehicles (K, 1) whose delay is less than ``dt``, at commands (w, K or 1, S, L, n)."""
+    now = _target(c, terms, commands[..., 0, :])
+    if commands.shape[-2] == 1:
+        return [now] * parts
+    older, late = _target(c, terms, commands[..., 1, :]) - now, np.clip(c.delay / dt, 0.0, 1.0)
+    return [now + np.clip(late * parts - part, 0.0, 1.0)[..., None] * older for part in range(parts)]
+
+
+def _target(c: Coefficients, terms: ActiveTerms, commands: Floats) -> Floats:
+    """Thrust targets (w, K, S, n) of vehicles (K, 1) at commands (w, K or 1, S, n), those of equal thrusters once."""
+    kinds, n = c.full_thrust.shape[0], commands.shape[-1]
+    if kinds == 1 or commands.shape[1] != 1 or terms.routing:
+        return thrust_target(c, terms, commands)
+    numbers = np.stack([getattr(c, name)[:, 0] for name in CURVE_FIELDS], axis=-1)  # (K, n, 5)
+    found = np.empty((len(commands), kinds, commands.shape[2], n))
+    for thruster in range(n):
+        first, kind = distinct(numbers[:, thruster])
+        some = {name: getattr(c, name)[first][..., thruster, None] for name in CURVE_FIELDS}
+        target = thrust_target(c._replace(**some), terms, commands[..., thruster, None])
+        found[..., thruster] = target[..., 0][:, kind]
+    return found
+
+
+def distinct(numbers: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (K,) of all (R, k) that differ from each other, and which of them each row (R,) is equal to."""
+    known: dict[bytes, int] = {}
+    kind = [known.setdefault(row.tobytes(), len(known)) for row in np.ascontiguousarray(numbers)]
+    found = np.array(kind)
+    return np.unique(found, return_index=True)[1], found
 
 
 def _mean(targets: Sequence[Floats]) -> Floats:

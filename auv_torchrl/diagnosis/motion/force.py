@@ -5,6 +5,7 @@ drifted from the measured path in a simulation. That makes every effect nearly l
 included, and one rollout per effect gives its mark on the measurements.
 """
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kernel import rates
 from auv_torchrl.physics.kinematics import matvec, normalise
-from auv_torchrl.physics.thrusters import thrust_after
-from auv_torchrl.sensors import Inverse, motion_of, read
+from auv_torchrl.physics.thrusters import lag_left
+from auv_torchrl.sensors import Inverse, motion_of, read, report_alike
 
 CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
 READ_AT_ONCE = 300  # windows of vehicles: their arrays stay in the cache of a laptop
@@ -35,23 +36,50 @@ def middles(states: Floats) -> Floats:
     return middle
 
 
-@DIVERGING
-def force_changes(windows: Windows, nominal: Coefficients, changed: Coefficients, motion: Floats) -> Floats:
-    """Force (W, R, S, 6) in N and N m that the changed vehicles (R,) feel beyond the nominal one (1,).
+@dataclass(frozen=True)
+class Course:
+    """A vehicle along a measured motion: what the forces of other vehicles there are compared with."""
 
-    It is the nominal mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
-    """
-    sound = actuate_prepared(windows, nominal)
-    sensors = Inverse.of(sound.c, windows.channels)
-    seen = sensors.reported_state(motion)
-    before, mass = accelerations(sound, seen), sound.c.mass_matrix[:, None]
-    forces = np.empty((len(windows), len(changed.lag), windows.steps, 6))
-    slow = (changed.lag > 0).any(-1) | (changed.delay > 0)  # what one needs is worked out for all with it
-    for sensed in Inverse.of(changed, windows.channels).kinds():
-        for some in (*_chunks(sensed[~slow[sensed]]), *_chunks(sensed[slow[sensed]])):
-            beyond = accelerations(actuate_prepared(windows, changed.rows(some)), seen) - before
-            forces[:, some] = matvec(mass, sensors.true_rate(beyond, seen[:, None]))
-    return forces
+    windows: Windows
+    sensors: Inverse  # of the vehicle (1,)
+    mass: Floats  # (1, 1, 6, 6)
+    seen: Floats  # (W, S, 13) the motion as reported
+    rate: Floats  # (W, 1, S, 6) accelerations of the vehicle there, as reported
+
+    @staticmethod
+    @DIVERGING
+    def of(windows: Windows, nominal: Coefficients, motion: Floats) -> "Course":
+        """That of a vehicle (1,) along its true ``motion`` (W, S, 13)."""
+        sound = actuate_prepared(windows, nominal)
+        seen = sound.sensors.reported_state(motion)
+        return Course(windows, sound.sensors, sound.c.mass_matrix[:, None], seen, accelerations(sound, seen))
+
+    def rows(self, some: slice) -> "Course":
+        """That of some windows."""
+        if some == slice(0, len(self.windows)):
+            return self
+        return replace(self, windows=self.windows.subset(some), seen=self.seen[some], rate=self.rate[some])
+
+    @DIVERGING
+    def forces(self, changed: Coefficients) -> Floats:
+        """Force (W, R, S, 6) in N and N m that changed vehicles (R,) feel beyond the vehicle.
+
+        It is its mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
+        """
+        windows, sensors = self.windows, self.sensors
+        forces = np.empty((len(windows), len(changed.lag), windows.steps, 6))
+        slow = (changed.lag > 0).any(-1) | (changed.delay > 0)  # what one needs is worked out for all with it
+        for sensed in Inverse.of(changed, windows.channels).kinds():
+            for some in (*_chunks(sensed[~slow[sensed]]), *_chunks(sensed[slow[sensed]])):
+                there = actuate_prepared(windows, changed.rows(some))
+                beyond = accelerations(there, self.seen) - self.rate
+                forces[:, some] = matvec(self.mass, sensors.true_rate(beyond, self.seen[:, None]))
+        return forces
+
+
+def force_changes(windows: Windows, nominal: Coefficients, changed: Coefficients, motion: Floats) -> Floats:
+    """Force (W, R, S, 6) that changed vehicles (R,) feel beyond the nominal one (1,), see :meth:`Course.forces`."""
+    return Course.of(windows, nominal, motion).forces(changed)
 
 
 def _chunks(rows: np.ndarray) -> list[np.ndarray]:
@@ -64,13 +92,14 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     (target,) = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))
     thrust = target
     if terms.lag:
-        left = actuation.thrust
-        thrust = np.empty_like(target)
+        now, thrust = actuation.thrust, np.empty_like(target)
+        half, whole = lag_left(c, windows.dt / 2), lag_left(c, windows.dt)
         for step in range(windows.steps):
-            thrust[:, :, step] = thrust_after(c, terms, left, target[:, :, step], windows.dt / 2)
-            left = thrust_after(c, terms, left, target[:, :, step], windows.dt)
+            aim = target[:, :, step]
+            thrust[:, :, step] = aim + (now - aim) * half
+            now = aim + (now - aim) * whole
     time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - oldest(windows, c)[:, None]
-    sensors = Inverse.of(c, windows.channels).shared().by_step()
+    sensors = actuation.sensors.shared().by_step()
     true = sensors.true_state(motion[:, None])
     rate = rates(c, terms, true, thrust, time)
     return sensors.reported_rate(rate, np.broadcast_to(true, (*rate.shape[:-1], true.shape[-1])), motion[:, None])
@@ -93,6 +122,9 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
     compass is off, moves otherwise than reported, and its other sensors tell. None where all of them report the same.
     ``states`` (W, S + 1, 13) are the true ones of the nominal vehicle.
     """
+    first, kind = report_alike(before, after, windows.channels)
+    if not len(first):
+        return None
     seen = Inverse.of(before, windows.channels).reported_state(states)[:, None]
     now = _readings(windows, before, seen)
 
@@ -102,14 +134,15 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
         return change
 
     few = np.linspace(0, len(windows) - 1, PROBED).astype(int)
-    other = np.flatnonzero(np.abs(beyond(after, few)).max((0, 2, 3)) > SAME)
+    other = np.flatnonzero(np.abs(beyond(after.rows(first), few)).max((0, 2, 3)) > SAME)
     if not len(other):
         return None
     shown = np.zeros((*windows.measured.shape, len(after.lag)))
     few = max(1, READ_AT_ONCE // len(windows)) if windows.felt.any() else 1
-    for first in range(0, len(other), few):
-        some = other[first : first + few]
-        shown[..., some] = np.moveaxis(beyond(after.rows(some), slice(None)), 1, -1)
+    for start in range(0, len(other), few):
+        some = other[start : start + few]
+        for like, change in zip(some, np.moveaxis(beyond(after.rows(first[some]), slice(None)), 1, 0), strict=True):
+            shown[..., kind == like] = change[..., None]
     shown *= windows.trust[..., None]
     return windows.whitened(shown.reshape(len(windows), -1, shown.shape[-1]))
 

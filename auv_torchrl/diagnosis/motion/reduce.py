@@ -4,18 +4,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
 
 from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.reduced import Reduced
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, flown, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import DIVERGED
 from auv_torchrl.vehicle import Vehicle
 
-BOUND_PASSES = 4  # of fixing numbers at their bounds and fitting the rest again
-POTRF, POTRS = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)  # Cholesky without scipy's checks of small arrays
-SINGULAR = 1e-13  # of the largest direction: below, a double holds nothing but rounding
 OU_TIME = 1.0  # s, correlation time of the disturbance force
 
 
@@ -38,10 +35,10 @@ class Quadratic:
 class Parts:
     """What ``W`` windows add to a quadratic of ``N`` columns, as factors: one product of all windows is the fastest."""
 
-    marks: Floats  # (W, K, 1 + N) residual and marks in units of the noise
-    pull: Floats  # (W, L, 1 + N) of each of these on the free numbers
-    moved: Floats  # (W, L, 1 + N) free numbers that fit each of them best
+    columns: Reduced  # the residual, then the columns but for the first ones
+    first: Reduced | None  # columns that are known already
     constant: Floats  # (W,) chi-square that no column changes: of the prior, or of a window that diverged
+    diverged: np.ndarray  # (W,) bool
     numbers: float  # measured numbers of all of them
 
     def windows(self, chosen: np.ndarray) -> Quadratic:
@@ -50,11 +47,15 @@ class Parts:
 
     def pooled(self, chosen: np.ndarray) -> Floats:
         """Of some windows (W,): constant and b in the first row of (1 + N, 1 + N), A in the others."""
-        marks, pull, moved = (
-            (rows if chosen.all() else rows[chosen]).reshape(-1, rows.shape[-1])
-            for rows in (self.marks, self.pull, self.moved)
-        )
-        whole = marks.T @ marks - pull.T @ moved
+        sound = chosen & ~self.diverged
+        whole = self.columns.times(self.columns, sound)
+        if self.first is not None:
+            across = self.first.times(self.columns, sound)  # (k, 1 + N - k)
+            corner = self.first.squares(sound)
+            upper = np.concatenate([whole[:1, :1], across[:, :1].T, whole[:1, 1:]], axis=1)
+            middle = np.concatenate([across[:, :1], corner, across[:, 1:]], axis=1)
+            lower = np.concatenate([whole[1:, :1], across[:, 1:].T, whole[1:, 1:]], axis=1)
+            whole = np.concatenate([upper, middle, lower])
         whole[0, 0] += self.constant[chosen].sum()
         return whole
 
@@ -108,6 +109,13 @@ class Freedom:
         precision = local_precision(layout, windows.dt, prior)
         return Freedom(weight, scaled, precision, np.linalg.inv(scaled.swapaxes(1, 2) @ scaled + precision))
 
+    @DIVERGING
+    def reduced(self, columns: Floats) -> Reduced:
+        """Marks (W, K, N) of changes, and what the free numbers absorb of them."""
+        marks = columns * self.weight[:, None]
+        pull = self.slope.swapaxes(1, 2) @ marks
+        return Reduced(marks, pull, self.inverse @ pull)
+
     def away(self, windows: Windows, layout: Layout, start: Floats, bins: Floats) -> Floats:
         """Free numbers (W, R, L) of starts (W, R, 12) and bins (W, R, B, D), less what the prior expects."""
         moved = (start - windows.guess[:, None])[..., layout.start]
@@ -122,6 +130,20 @@ class Freedom:
         at = np.arange(len(layout.start))
         told = 1.0 - self.inverse[:, at, at] * self.precision[at, at]
         return float(np.where(np.isfinite(told), told, 1.0).sum())
+
+
+@dataclass(frozen=True)
+class SlackMarks:
+    """Marks of the slack parameters, per unit, and what the free numbers of the windows absorb of them."""
+
+    freedom: Freedom
+    reduced: Reduced
+
+    def under(self, freedom: Freedom) -> Reduced:
+        """That of the same marks where the free numbers absorb something else."""
+        if freedom is self.freedom:
+            return self.reduced
+        return freedom.reduced(self.reduced.marks / self.freedom.weight[:, None])
 
 
 @DIVERGING
@@ -170,7 +192,14 @@ def chi_square(
 
 
 @DIVERGING
-def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, columns: Floats) -> Parts:
+def reduce(
+    windows: Windows,
+    layout: Layout,
+    freedom: Freedom,
+    state: Smoothed,
+    columns: Floats,
+    first: Reduced | None = None,
+) -> Parts:
     """Eliminate the start and the disturbance of every window.
 
     Args:
@@ -179,50 +208,14 @@ def reduce(windows: Windows, layout: Layout, freedom: Freedom, state: Smoothed, 
         freedom: what they can absorb.
         state: where the slopes were taken; its force is part of the gap, not of the disturbance.
         columns: (W, K, N) marks of the changes.
+        first: marks of other changes, which come before these and are reduced already.
     """
     away = freedom.away(windows, layout, state.start[:, None], state.bins[:, None])[:, 0]
-    marks = np.concatenate([state.residual[..., None], columns], axis=2) * freedom.weight[:, None]
-    pull = freedom.slope.swapaxes(1, 2) @ marks
-    pull[..., 0] -= away @ freedom.precision
-    moved = freedom.inverse @ pull
-    constant = ((away @ freedom.precision) * away).sum(-1)
-    size = constant + np.einsum("wkn,wkn->w", marks, marks) + np.einsum("wln,wln->w", pull, moved)
-    diverged = ~np.isfinite(size)
-    marks[diverged], pull[diverged], moved[diverged], constant[diverged] = 0.0, 0.0, 0.0, DIVERGED
-    return Parts(marks, pull, moved, constant, windows.numbers - freedom.determined(layout))
-
-
-def solve_semidefinite(H: Floats, right: Floats) -> Floats:
-    """The shortest ``x`` (N,) or (N, M) with ``H x = right``, of a symmetric ``H`` (N, N) without negative directions.
-
-    Cholesky where ``H`` is far from singular, which is seven times as fast, singular values elsewhere.
-    """
-    factor, failed = POTRF(H, lower=1, clean=0)
-    if not failed and len(H):
-        diagonal = np.diagonal(factor)
-        if diagonal.min() > SINGULAR**0.5 * diagonal.max():
-            return POTRS(factor, right, lower=1)[0]
-    return np.linalg.lstsq(H, right, rcond=SINGULAR)[0]
-
-
-def bounded_minimum(
-    H: Floats, g: Floats, low: Floats, high: Floats, x: Floats | None = None, free: np.ndarray | None = None
-) -> Floats:
-    """Minimum (N,) of ``x H x - 2 g x`` within bounds: what a number at its bound leaves goes to the others.
-
-    Numbers that are not ``free`` stay as they are in ``x``.
-    """
-    x = np.zeros(len(g)) if x is None else x.copy()
-    free = np.ones(len(g), bool) if free is None else free.copy()
-    for _ in range(BOUND_PASSES):
-        if free.all():
-            x = solve_semidefinite(H, g)
-        else:
-            rows = H[free]
-            x[free] = solve_semidefinite(rows[:, free], g[free] - rows[:, ~free] @ x[~free])
-        beyond = free & ((x < low) | (x > high))
-        if not beyond.any():
-            break
-        x[beyond] = np.clip(x, low, high)[beyond]
-        free &= ~beyond
-    return np.clip(x, low, high)
+    prior = away @ freedom.precision
+    found = freedom.reduced(np.concatenate([state.residual[..., None], columns], axis=2))
+    found.pull[..., 0] -= prior
+    found.moved[..., 0] = (freedom.inverse @ found.pull[..., :1])[..., 0]
+    constant = (prior * away).sum(-1)
+    diverged = ~np.isfinite(constant + found.size + (0.0 if first is None else first.size))
+    constant[diverged] = DIVERGED
+    return Parts(found, first, constant, diverged, windows.numbers - freedom.determined(layout))

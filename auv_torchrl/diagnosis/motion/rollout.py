@@ -7,8 +7,7 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate
 from auv_torchrl.diagnosis.motion.samples import late_steps, oldest, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.physics.thrusters import thrust_after
-from auv_torchrl.sensors import Inverse
+from auv_torchrl.physics.thrusters import lag_left
 from auv_torchrl.vehicle import Vehicle
 
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
@@ -69,7 +68,7 @@ def _lasting(force: Floats, steps: int) -> Floats:
 def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Floats:
     """States (w, rows, 13) at the start of some windows."""
     first = np.broadcast_to(start[chunk], (chunk.stop - chunk.start, rows, 12))
-    return Inverse.of(actuation.c, actuation.windows.channels).true_start(first)
+    return actuation.sensors.true_start(first)
 
 
 class Run:
@@ -100,11 +99,12 @@ class Run:
         h = self._actuation.windows.dt / self._actuation.substeps
         thrust = np.broadcast_to(self._thrust, targets[:, :, 0, 0].shape)
         found = np.empty((len(targets), targets.shape[2], *thrust.shape[1:]))
+        left = lag_left(c, h) if terms.lag else 1.0
         for step in range(targets.shape[2]):
             found[:, step] = thrust
-            if terms.lag:
-                for part in range(targets.shape[3]):
-                    thrust = thrust_after(c, terms, thrust, targets[:, :, step, part], h)
+            for part in range(targets.shape[3] if terms.lag else 0):
+                aim = targets[:, :, step, part]
+                thrust = aim + (thrust - aim) * left
         return found
 
 

@@ -64,7 +64,8 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
     parts = windows.held.shape[2]
     held = windows.held.reshape(len(windows.held), -1, windows.held.shape[-1])
     control_dt = windows.dt / parts
-    simulator = MujocoSimulator(cast(Vehicle, in_report_time[torch.arange(width).repeat(number)]), control_dt)
+    each = in_report_time.expand(number, width).reshape(-1)  # indexing would load half of torch's compiler
+    simulator = MujocoSimulator(cast(Vehicle, each), control_dt)
     steps = windows.steps + late_steps(windows, c)
     memory = memory_length(float(in_report_time.delay.max()), control_dt)
     begin, episode = parts * windows.start[:, None], windows.episode[:, None]

@@ -1,0 +1,59 @@
+"""Which coefficients of a vehicle its sensors ask for: found by letting them read, so that a new one needs no line."""
+
+from typing import Any, cast
+
+import numpy as np
+
+from auv_torchrl.physics.coefficients import Coefficients
+from auv_torchrl.physics.thrusters import TARGET_FIELDS
+from auv_torchrl.sensors.instruments import ages, read
+from auv_torchrl.sensors.path import is_felt, moving
+from auv_torchrl.sensors.sensor import MOTION
+
+
+class _Watched:
+    """Coefficients that remember which of them were asked for."""
+
+    def __init__(self, c: Coefficients):
+        self._c = c
+        self.names: set[str] = set()
+
+    def __getattr__(self, name: str) -> Any:
+        self.names.add(name)
+        return getattr(self._c, name)
+
+
+def coefficients_asked(c: Coefficients, channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the coefficients on which the reports of vehicles ``c`` (R,) depend in logs with ``channels``.
+
+    Those of them that are equal in all of these report the same of a motion.
+    """
+    watched = _Watched(c)
+    seen = cast(Coefficients, watched)
+    motion, felt = np.zeros((len(c.lag), 12)), tuple(np.array(channels)[is_felt(channels)])
+    read(seen, (*MOTION, *felt), motion, np.zeros(len(c.lag)))
+    ages(seen, channels)
+    if felt:
+        moving(seen, felt, motion)
+    if not watched.names <= set(Coefficients._fields):  # asked for all of them at once
+        return Coefficients._fields
+    loaded = (*TARGET_FIELDS, "gain") if c.compass_per_load.any() else ()
+    return tuple(sorted(watched.names | set(loaded)))
+
+
+def report_alike(before: Coefficients, after: Coefficients, channels: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Vehicles (K,), of all (R,), that may report something else than a vehicle (1,), and which each (R,) is like.
+
+    -1 is one that reports what that vehicle does.
+    """
+    names = {*coefficients_asked(before, channels), *coefficients_asked(after, channels)}
+    fields = [[getattr(c, name).reshape(len(c.lag), -1) for name in sorted(names)] for c in (before, after)]
+    now, *rows = (row.tobytes() for row in np.concatenate([np.concatenate(its, axis=1) for its in fields]))
+    first: list[int] = []
+    known, kind = {now: -1}, np.empty(len(rows), int)
+    for place, row in enumerate(rows):
+        if row not in known:
+            known[row] = len(first)
+            first.append(place)
+        kind[place] = known[row]
+    return np.array(first, int), kind
