@@ -27,7 +27,7 @@ from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import COMMON_SCALE, STRAYS
+from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
@@ -77,8 +77,10 @@ def calibrate(
     flights, centred = _parted(healthy, windows), Centred.at(vehicle, nuisance)
     known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
     strays: tuple[str, ...] = ()
-    centred, apart, as_stated = _over_flights(flights, centred, known, settings, settings.excess)
-    excess = as_stated
+    as_stated = excess = _excess([judged])
+    if excess < BEYOND_TRIM:
+        centred, known, excess = _over_flights(flights, centred, known, settings, settings.excess)
+        as_stated = excess
     if as_stated > settings.excess:
         near = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
         problem, follow = follow_windows(Problem.of(windows, near.vehicle, settings))
@@ -88,8 +90,8 @@ def calibrate(
             centred = scaled_as_the_file(near.moved(*moved))
             strays = _strays(centred, settings)
             known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
-        centred, apart, excess = _over_flights(flights, centred, known, settings)
-    calibration = Calibration(centred, apart, strays, as_stated, excess, excess > settings.excess, ())
+        centred, known, excess = _over_flights(flights, centred, known, settings)
+    calibration = Calibration(centred, known, strays, as_stated, excess, excess > settings.excess, ())
     return replace(calibration, findings=tuple(_findings(log, calibration, settings)))
 
 

@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
 )
 from auv_torchrl.diagnosis.identify.problem import Slack
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import REPEATS
+from auv_torchrl.diagnosis.thresholds import MENDED_REPEATS, REPEATS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
@@ -35,6 +35,7 @@ class Nuisance:
     width: Floats  # (k,) standard deviation of the file; 0 where it is right
     spread: tuple[Floats, ...]  # (k, k) covariances between flights, each with a size of its own that can be learnt
     repeats: Floats  # (k,) standard deviation within which every sound vehicle repeats itself
+    repeating: float = REPEATS  # relative, how well
     together: float = 0.0  # share of the file's variance about each thruster that is common to all of them
 
     def between_flights(self, sizes: Sequence[float] | None = None) -> Floats:
@@ -47,7 +48,7 @@ class Nuisance:
         """Some of the numbers."""
         spread = tuple(part[np.ix_(places, places)] for part in self.spread)
         slack = tuple(self.slack[i] for i in places)
-        return Nuisance(slack, self.width[places], spread, self.repeats[places], self.together)
+        return replace(self, slack=slack, width=self.width[places], spread=spread, repeats=self.repeats[places])
 
     @property
     def file_precision(self) -> Floats:
@@ -91,10 +92,12 @@ def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) 
     return Nuisance(slack, own, tuple(spread), repeats)
 
 
-def _repeats(vehicle: Vehicle, keys: Sequence[tuple[str, str]], nominal: Sequence[float]) -> Floats:
+def _repeats(
+    vehicle: Vehicle, keys: Sequence[tuple[str, str]], nominal: Sequence[float], share: float = REPEATS
+) -> Floats:
     """Standard deviations (k,) within which sound vehicles repeat the numbers ``keys``, about ``nominal`` (k,)."""
     loose = [EFFECTS[effect].member_parameters(vehicle)[member].loose for effect, member in keys]
-    return np.array([REPEATS * abs(value) or WARMTH * size for value, size in zip(nominal, loose, strict=True)])
+    return np.array([share * abs(value) or WARMTH * size for value, size in zip(nominal, loose, strict=True)])
 
 
 def stated(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> Nuisance:
@@ -115,7 +118,7 @@ def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coeffic
     if windows.errors.snapshot_s:
         given = [entry for entry in given if not EFFECTS[entry[0]].smooths]
     found = nuisance(vehicle, [*given, *sensor_slack(vehicle, settings, windows.channels)])
-    return replace(found, together=TOGETHER)
+    return replace(found, repeating=MENDED_REPEATS, together=TOGETHER)
 
 
 def guesses(vehicle: Vehicle) -> list[Entry]:
@@ -182,7 +185,8 @@ class Centred:
             if old and new == old and abs(value) > SMALLEST_FACTOR * abs(old):
                 factor[i] = old / value
         slack = tuple((*s[:2], new, s[3]) for s, new in zip(self.nuisance.slack, nominal, strict=True))
-        repeats = _repeats(own, [(effect, member) for effect, member, *_ in slack], nominal)
+        keys = [(effect, member) for effect, member, *_ in slack]
+        repeats = _repeats(own, keys, nominal, self.nuisance.repeating)
         width = self.nuisance.width * np.abs(factor)
         nuisance = replace(self.nuisance, slack=slack, width=width, repeats=repeats)
         there = Centred(own, nuisance, (self.file - deviation) * factor, self.covariance)
