@@ -11,6 +11,9 @@ WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the forc
 FELT_ALONE = 0.1  # of that prior, where a force is felt and no motion measured: a wider one lets the speed be anything
 NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
 REPEATS = 0.003  # relative, how well a sound vehicle repeats itself from day to day
+MENDED_REPEATS = (
+    0.02  # likewise where a wrong file was mended: its numbers take up what the model lacks, in each flight anew
+)
 MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
 LEAST_FREEDOM = 0.15  # share of the numbers that a force must leave over to tell the noise from them
@@ -39,7 +42,8 @@ NOTICED_TURN = 0.05  # rad/s, likewise
 COMMON_SCALE = 0.3  # relative, by which a guessed file may be off in all forces and masses together: no motion tells
 # Of the variance of what a file has wrong about each thruster, the part that all share: volts and the scale of commands
 # make 0.35, the wake on the frame 0.2 for each by itself.
-TOGETHER = 0.75
+SHARED_BY_THRUSTERS = 0.75
+BEYOND_TRIM = 10.0  # chi-square per number of healthy flights together, that no trim or current of each makes up for
 STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
 
 # Where the gap is

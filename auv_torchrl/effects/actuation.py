@@ -141,6 +141,39 @@ thrust_limit = Effect(
 )
 
 
+def _place(vehicle: Vehicle, x: Tensor, y: Tensor, z: Tensor) -> Vehicle:
+    return changed(vehicle, thruster_position=vehicle.thruster_position + torch.stack((x, y, z), dim=-1))
+
+
+def _guessed_place(vehicle: Vehicle, member: str) -> float:
+    """Drawings and what is built differ by a third of the size of the ring of thrusters."""
+    return 0.3 * float(vehicle.thruster_position.norm(dim=-1).mean())
+
+
+thruster_place = Effect(
+    name="thruster_place",
+    origin=Origin.ACTUATION,
+    meaning="thruster i sits elsewhere than the file says; along its own direction that changes nothing",
+    source="Lu et al. 2023, section 4.1: uncertain transform from thruster forces to the generalized force",
+    parameters=tuple(
+        Parameter(
+            axis,
+            "m",
+            0.0,
+            -1.0,
+            1.0,
+            f"thruster {{which}} sits {{value:+.3f}} m {words} of where the file says",
+            "thruster",
+            guessed=_guessed_place,
+        )
+        for axis, words in (("x", "forward"), ("y", "to starboard"), ("z", "below"))
+    ),
+    change=_place,
+    is_property=True,
+    is_searched=False,  # a thruster that has moved is bent, and turned
+)
+
+
 def _guessed_arm(vehicle: Vehicle, member: str) -> float:
     """A third of what the file says; nothing where it leaves it out."""
     return 0.3 * abs(own("reaction")(vehicle)[int(member.rsplit("_", 1)[1]) - 1].item())
@@ -170,4 +203,4 @@ reaction_torque = Effect(
     slack={"arm": 0.1},  # of the torque of a propeller at one thrust
 )
 
-EFFECTS = (thruster_gain, thruster_swap, thruster_misalignment, thrust_limit, reaction_torque)
+EFFECTS = (thruster_gain, thruster_swap, thruster_misalignment, thrust_limit, thruster_place, reaction_torque)

@@ -53,8 +53,7 @@ class Parameter:
 
     def which(self, vehicle: Vehicle) -> tuple[str, ...]:
         """What the members stand for: thruster numbers or names of degrees of freedom."""
-        numbers = (str(i + 1) for i in range(vehicle.thrusters))
-        return tuple(numbers if self.over == "thruster" else self.over or ())
+        return tuple(map(str, range(1, vehicle.thrusters + 1)) if self.over == "thruster" else self.over or ())
 
     def nominal_value(self, vehicle: Vehicle, member: str) -> float:
         """The value at which the effect does nothing."""
@@ -124,6 +123,7 @@ class Effect:
     is_searched: bool = True  # whether the diagnosis looks for it; not for what other effects say in fewer numbers
     wears: Mapping[str, int] = field(default_factory=dict)  # by parameter, +1 or -1: which way alone it goes by itself
     is_property: bool = False  # of a vehicle for good: a file may have it wrong, but it does not come about
+    smooths: bool = False  # commands; fitted to snapshots of them it would make up for what these lack
     is_noise: bool = False  # white noise of sensors: the floor of predictions, measured, and not looked for either
 
     def __post_init__(self):

@@ -9,7 +9,7 @@ from auv_torchrl.effects import advice
 from auv_torchrl.effects.body import per_dof
 from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.effects.scan import Scan
-from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
+from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, GRAVITY, Vehicle
 
 
 def _own(field: str, degree: int) -> Callable[[Vehicle], float]:
@@ -37,7 +37,7 @@ def _hull_parameters() -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-def _hull(vehicle: Vehicle, righting_arm: Tensor, **coefficients: Tensor) -> Vehicle:
+def _hull(vehicle: Vehicle, mass: Tensor, righting_arm: Tensor, **coefficients: Tensor) -> Vehicle:
     linear, quadratic, added = (
         torch.stack([coefficients[f"{prefix}_{name}"] for name in DEGREES_OF_FREEDOM], dim=-1)
         for prefix in ("linear", "quadratic", "added_mass")
@@ -46,6 +46,9 @@ def _hull(vehicle: Vehicle, righting_arm: Tensor, **coefficients: Tensor) -> Veh
     centre = torch.cat((vehicle.centre_of_buoyancy[..., :2], -righting_arm[..., None]), dim=-1)
     return changed(
         vehicle,
+        mass=mass,
+        inertia=vehicle.inertia * (mass / vehicle.mass)[..., None],
+        buoyancy=vehicle.buoyancy + GRAVITY * (mass - vehicle.mass),
         linear_drag=vehicle.linear_drag * off_diagonal + torch.diag_embed(linear),
         quadratic_drag=quadratic,
         added_mass=added,
@@ -61,6 +64,7 @@ hull = Effect(
     source="Fossen 2021, section 6.4, diagonal damping and added mass; section 4.1, restoring",
     parameters=(
         *_hull_parameters(),
+        Parameter("mass", "kg", own("mass"), 0.1, 1000.0, "it weighs {value:.3g} kg, and displaces as much"),
         Parameter(
             "righting_arm",
             "m",

@@ -120,6 +120,7 @@ thruster_lag = Effect(
         ),
     ),
     change=_lag,
+    smooths=True,
     wears={"time_constant": 1},
     advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
     scans={"time_constant": Scan((0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2))},

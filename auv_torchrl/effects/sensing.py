@@ -91,7 +91,15 @@ depth_scale = Effect(
     source="a water density or pressure gain that is off",
     odds=1e-6,  # a pressure sensor keeps its scale within 1 %, water its density within 3 %; vertical thrusters do not
     parameters=(
-        Parameter("factor", "1", own("depth_scale"), -5.0, 5.0, "depths are reported {value:.2f} times as large"),
+        Parameter(
+            "factor",
+            "1",
+            own("depth_scale"),
+            -5.0,
+            5.0,
+            "depths are reported {value:.2f} times as large",
+            guessed=0.03,  # fresh water is 2.5 % lighter than the sea that an autopilot assumes
+        ),
     ),
     change=sets(factor="depth_scale"),
     advice=advice.said("look at unit and sign of the depth, and at the water density that the sensor assumes"),

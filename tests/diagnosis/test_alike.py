@@ -178,7 +178,7 @@ def test_runs_of_many_sessions_tell_more():
 
 def test_how_a_run_begins_is_read_before_it_pushes():
     """The beginning is what is measured until the commands change."""
-    t = np.arange(100) * 0.05
+    t = np.linspace(0.0, 4.95, 100)
     pose, velocity, commands = np.zeros((100, 6)), np.zeros((100, 6)), np.zeros((100, 6))
     pose[:, 3], commands[6:] = np.where(t < 0.29, 0.1, 0.4), 0.5
     episode = Episode(0, t, pose, velocity, commands, np.linspace(16.0, 15.0, 100))

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.nuisance import Nuisance
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.motion.within import least_within
 
 STATED_FLIGHTS = 2.0  # flights that the stated spread counts for, against those that were flown
 ROUNDS = 30
-SURELY = 1e-9  # m^2 and the like, that a number without a width may be off by: inverses need one
 
 
 @dataclass(frozen=True)
@@ -37,26 +37,28 @@ class Told:
         return Told(quadratic.A[:k, :k], quadratic.b[:k] + quadratic.A[:k, :k] @ at)
 
 
-def share(flights: Sequence[Told], prior_mean: Floats, nuisance: Nuisance) -> Shared:
+def share(flights: Sequence[Told], centred: Centred) -> Shared:
     """The mean over flights and the spread between them, by expectation-maximization (Dempster, Laird, Rubin 1977).
+
+    The mean keeps within bounds, and what a number at its bound leaves goes to the others: a file that is wrong by
+    factors has added masses which end at nothing.
 
     Args:
         flights: what each flight tells.
-        prior_mean: (k,) deviations of the vehicle's file.
-        nuisance: how wide the file may be of the truth, and flights of each other.
+        centred: where the vehicle's file is, how wide it may be of the truth, and flights of each other.
     """
-    width = np.maximum(nuisance.width**2, SURELY * np.array([s[3] for s in nuisance.slack]) ** 2)
-    prior = np.diag(1.0 / width)
+    prior_mean, nuisance, bounds = centred.file, centred.nuisance, centred.bounds
+    prior = nuisance.file_precision
     stated_size = np.array([np.linalg.matrix_rank(part) for part in nuisance.spread])
     inverse = [np.linalg.pinv(part, hermitian=True) for part in nuisance.spread]
     sizes, mean, covariance = np.ones(len(nuisance.spread)), prior_mean, prior
     for _ in range(ROUNDS):
         between = nuisance.between_flights(sizes.tolist())
-        reduced = [np.linalg.inv(np.eye(len(width)) + flight.A @ between) for flight in flights]
+        reduced = [np.linalg.inv(np.eye(len(prior)) + flight.A @ between) for flight in flights]
         informed = sum((r @ flight.A for r, flight in zip(reduced, flights, strict=True)), prior)
         pull = sum((r @ flight.h for r, flight in zip(reduced, flights, strict=True)), prior @ prior_mean)
         covariance = np.linalg.inv(0.5 * (informed + informed.T))
-        mean = covariance @ pull
+        mean = least_within(informed, pull, bounds, np.eye(len(prior)))
         squares = np.zeros_like(between)
         for r, flight in zip(reduced, flights, strict=True):
             gain = between @ r

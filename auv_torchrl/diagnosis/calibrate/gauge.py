@@ -12,6 +12,7 @@ from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Slack
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.motion.within import least_within
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import quaternion_from_euler, rotation_matrix
@@ -21,14 +22,40 @@ from auv_torchrl.vehicle import Vehicle
 
 MOTIONS = 300  # drawn at random, several times the numbers that they are to tell apart
 TILT = 0.3  # rad of roll and pitch among them
+STEPS, REACH = 100, 0.25  # at most, and of a width: a step within which directions hardly turn
+SETTLED = 0.01  # of that step
+LOOSE = 0.01  # so that the covariance can be inverted
 STEP = 1e-4  # of a width, for slopes
 UNSEEN = 1e-5  # of the largest slope: the error of the slopes
 
 
 def scaled_as_the_file(centred: Centred) -> Centred:
-    """The same vehicle, with an overall scale, which no flight tells, as near to the file's as it gets."""
-    scale = unseen_directions(centred.vehicle, centred.nuisance.slack)
-    return centred.moved(nearest_the_file(centred.file, centred.nuisance.width, scale), centred.covariance)
+    """The same vehicle, with an overall scale, which no flight tells, as near to the file's as it gets, in its widths.
+
+    What leaves every motion as it is bends, for thrusts times arms are a moment: it is followed in short steps.
+    """
+    for _ in range(STEPS):
+        nearer, reach = centred.nuisance.file_precision, REACH * centred.nuisance.width
+        low, high = centred.bounds
+        unseen = unseen_directions(centred.vehicle, centred.nuisance.slack)
+        bounds = np.maximum(low, -reach), np.minimum(high, reach)
+        step = least_within(nearer, nearer @ centred.file, bounds, unseen)
+        centred = centred.shifted(step)
+        if (np.abs(step) < SETTLED * reach + STEP * reach.max()).all():
+            break
+    return centred
+
+
+def hold_scale(covariance: Floats, centred: Centred) -> Floats:
+    """The covariance (k, k) of deviations that leave the overall scale where it is, but for ``LOOSE`` of its variance.
+
+    A search that may scale everything does so to spare a little elsewhere, and a dead thruster comes to life on the
+    way. What the scale leaves unsure of forces and masses is said beside (``Known.scale``).
+    """
+    along = centred.nuisance.file_precision @ unseen_directions(centred.vehicle, centred.nuisance.slack)
+    goes = covariance @ along
+    held: Floats = covariance - (1 - LOOSE) * goes @ np.linalg.pinv(along.T @ goes, hermitian=True) @ goes.T
+    return 0.5 * (held + held.T)
 
 
 def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:
@@ -49,13 +76,6 @@ def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:
     found = np.zeros((len(slack), len(unseen)))
     found[acts] = unseen.T
     return found * widths[:, None]
-
-
-def nearest_the_file(away: Floats, width: Floats, directions: Floats) -> Floats:
-    """How far (k,) to go along directions (k, g) to come nearest to a file that is ``away`` (k,), in its widths."""
-    known = width > 0
-    weighted = directions[known] / width[known, None]
-    return directions @ np.linalg.lstsq(weighted, away[known] / width[known], rcond=None)[0]
 
 
 def _accelerations(vehicles: Vehicle, moves: np.ndarray) -> Floats:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from torch import Tensor
 
+from auv_torchrl.diagnosis.calibrate.approach import approach
 from auv_torchrl.diagnosis.calibrate.flights import Told, share
 from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
-from auv_torchrl.diagnosis.calibrate.gauge import scaled_as_the_file
+from auv_torchrl.diagnosis.calibrate.gauge import hold_scale, scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
 from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -26,7 +27,7 @@ from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import COMMON_SCALE, STRAYS
+from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
@@ -43,7 +44,6 @@ class Calibration:
 
     centred: Centred  # the vehicle, empty batch, and what may differ from it in another flight
     known: Known
-    slack: dict[tuple[str, str], float]  # deviations from the vehicle as it was given
     strays: tuple[str, ...]  # effects whose coefficients the file has wrong by more than slack
     as_stated: float  # chi-square per number where the file is right within slack
     excess: float  # that of the calibrated vehicle, under the floor of the settings
@@ -76,19 +76,22 @@ def calibrate(
     problem, judged = _fit(problem, nuisance, follow, 1)
     flights, centred = _parted(healthy, windows), Centred.at(vehicle, nuisance)
     known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
-    strays, slack = (), judged.explanation.slack
-    centred, apart, as_stated = _over_flights(flights, centred, known, settings, settings.excess)
-    excess = as_stated
+    strays: tuple[str, ...] = ()
+    as_stated = excess = _excess([judged])
+    if excess < BEYOND_TRIM:
+        centred, known, excess = _over_flights(flights, centred, known, settings, settings.excess)
+        as_stated = excess
     if as_stated > settings.excess:
-        wide = guessed(vehicle, settings, coefficients, windows.channels)
-        problem, refitted = _fit(problem, wide, follow, FITS)
+        near = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
+        problem, follow = follow_windows(Problem.of(windows, near.vehicle, settings))
+        problem, refitted = _fit(problem, near.nuisance, follow, FITS)
         if _excess([refitted]) < _excess([judged]):
-            strays, slack = _strays(problem, refitted, settings), refitted.explanation.slack
-            moved = slack_now(problem, refitted.explanation), _left_open(problem, refitted)
-            centred = scaled_as_the_file(Centred.at(vehicle, wide).moved(*moved))
+            moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), near)
+            centred = scaled_as_the_file(near.moved(*moved))
+            strays = _strays(centred, settings)
             known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
-        centred, apart, excess = _over_flights(flights, centred, known, settings)
-    calibration = Calibration(centred, apart, slack, strays, as_stated, excess, excess > settings.excess, ())
+        centred, known, excess = _over_flights(flights, centred, known, settings)
+    calibration = Calibration(centred, known, strays, as_stated, excess, excess > settings.excess, ())
     return replace(calibration, findings=tuple(_findings(log, calibration, settings)))
 
 
@@ -124,8 +127,9 @@ def _over_flights(
         dof, floor = fitted[0][0].layout.dof, known.floor.copy()
         floor[dof] = disturbance_floor(fitted)
         known = replace(known, floor=floor)
-        shared = share([_tells(*_under(one, floor[dof])) for one in fitted], centred.file, centred.nuisance)
-        centred = centred.moved(shared.mean, shared.covariance, shared.sizes)
+        shared = share([_tells(*_under(one, floor[dof])) for one in fitted], centred)
+        open_still = hold_scale(shared.covariance, centred) if known.scale else shared.covariance
+        centred = centred.moved(shared.mean, open_still, shared.sizes)
         shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
     known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
     return centred, replace(known, flights=len(flights), shrinks=shrinks), excess
@@ -196,27 +200,23 @@ def _excess(flights: Sequence[Judged]) -> float:
     return sum(judged.chi2 for judged in flights) / sum(judged.quadratic.numbers for judged in flights)
 
 
-def _strays(problem: Problem, judged: Judged, settings: Settings) -> tuple[str, ...]:
+def _strays(centred: Centred, settings: Settings) -> tuple[str, ...]:
     """Effects of which some coefficient differs from the file by more than slack, and than the logs leave open."""
-    unsure = np.diag(_left_open(problem, judged))
-    deviation = slack_now(problem, judged.explanation)
     found = []
-    for (effect, member, nominal, _), size, variance in zip(problem.slack, deviation, unsure, strict=True):
+    entries = zip(centred.nuisance.slack, centred.file, np.diag(centred.covariance), strict=True)
+    for (effect, member, nominal, _), away, variance in entries:
         width = settings.slack_of(EFFECTS[effect]).get(member.rsplit("_", 1)[0], 0.0) * abs(nominal)
-        if abs(size) > STRAYS * np.hypot(width, np.sqrt(variance)):
+        if abs(away) > STRAYS * np.hypot(width, np.sqrt(variance)):
             found.append(effect)
     return tuple(dict.fromkeys(found))
 
 
 def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> list[Finding]:
-    slack, excess, known = calibration.slack, calibration.excess, calibration.known
+    excess, known, corrections = calibration.excess, calibration.known, calibration.centred.corrections
     largest = ""
-    scaled = {
-        e[:2]: abs(slack[e[:2]]) / abs(e[2]) for e in calibration.centred.nuisance.slack if e[2] and e[:2] in slack
-    }
-    if scaled:
-        most = max(scaled, key=lambda key: scaled[key])
-        largest = f"; the largest correction is {' '.join(most)} {slack[most]:+.3f}"
+    if corrections:
+        most = max(corrections, key=lambda key: abs(corrections[key]))
+        largest = f"; the largest correction is {' '.join(most)} {corrections[most]:+.3f}"
     dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
@@ -225,9 +225,9 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     found = [Finding(Severity.INFO, "floor_measured", sentence)]
     if calibration.as_stated > settings.excess:
         sentence = (
-            f"the vehicle's file is off by more than slack: {len(slack)} coefficients were corrected on the healthy "
-            f"log {log.name} (chi-square {calibration.as_stated:.3g} per number before, {excess:.3g} after); what is "
-            "found is relative to the vehicle of that log"
+            f"the vehicle's file is off by more than slack: {len(known.slack)} coefficients were corrected on the "
+            f"healthy log {log.name} (chi-square {calibration.as_stated:.3g} per number before, {excess:.3g} after); "
+            "what is found is relative to the vehicle of that log"
         )
         found.append(Finding(Severity.INFO, "coefficients_corrected", sentence))
     if calibration.has_gap:

@@ -51,7 +51,7 @@ class Kept:
         nothing = Nuisance(self.slack, np.zeros(k), (), np.zeros(k))
         known = self.known
         centred = Centred(vehicle, nothing, np.zeros(k), known.slack_covariance)
-        sound = Calibration(centred, known, {}, (), self.excess, self.excess, False, (self._finding(),))
+        sound = Calibration(centred, known, (), self.excess, self.excess, False, (self._finding(),))
         return sound if self.level else sound_free(sound)
 
     def _finding(self) -> Finding:

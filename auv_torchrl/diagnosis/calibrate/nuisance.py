@@ -16,12 +16,13 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
     that_matter,
 )
 from auv_torchrl.diagnosis.identify.problem import Slack
-from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import REPEATS
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import MENDED_REPEATS, REPEATS, SHARED_BY_THRUSTERS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
 WARMTH = 0.4  # of what sound sensors are off by, that comes and goes with their temperature
+SURELY = 1e-9  # of a total variance, that a number without a width may be off by: inverses need one
 SMALLEST_FACTOR = 0.05  # of what it was: a number that is nearly gone has no relative width
 
 
@@ -33,12 +34,39 @@ class Nuisance:
     width: Floats  # (k,) standard deviation of the file; 0 where it is right
     spread: tuple[Floats, ...]  # (k, k) covariances between flights, each with a size of its own that can be learnt
     repeats: Floats  # (k,) standard deviation within which every sound vehicle repeats itself
+    repeating: float = REPEATS  # relative, how well
+    together: float = 0.0  # share of the file's variance about each thruster that is common to all of them
 
     def between_flights(self, sizes: Sequence[float] | None = None) -> Floats:
         """Covariance (k, k) between flights; ``sizes`` are times what is stated of each spread."""
         sizes = [1.0] * len(self.spread) if sizes is None else sizes
         parts = (size**2 * part for size, part in zip(sizes, self.spread, strict=True))
         return sum(parts, np.diag(self.repeats**2))
+
+    def only(self, places: Sequence[int]) -> "Nuisance":
+        """Some of the numbers."""
+        spread = tuple(part[np.ix_(places, places)] for part in self.spread)
+        slack = tuple(self.slack[i] for i in places)
+        return replace(self, slack=slack, width=self.width[places], spread=spread, repeats=self.repeats[places])
+
+    @property
+    def file_precision(self) -> Floats:
+        """Precision (k, k) of the file: what it says of each thruster alike is wrong of all together, too."""
+        total = np.array([entry[3] for entry in self.slack])
+        covariance = np.diag(np.maximum(self.width**2, SURELY * total**2))
+        for members in self._thrusters():
+            own = np.where(np.isin(np.arange(len(total)), members), self.width, 0.0)
+            covariance += self.together * (np.outer(own, own) - np.diag(own**2))
+        return np.linalg.inv(covariance)
+
+    def _thrusters(self) -> list[list[int]]:
+        """The places of numbers that each thruster has one of."""
+        families: dict[tuple[str, str], list[int]] = {}
+        for place, (effect, member, *_) in enumerate(self.slack):
+            for p in EFFECTS[effect].parameters:
+                if p.over == "thruster" and member.rpartition("_")[0] == p.name:
+                    families.setdefault((effect, p.name), []).append(place)
+        return list(families.values())
 
 
 def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) -> Nuisance:
@@ -63,10 +91,12 @@ def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) 
     return Nuisance(slack, own, tuple(spread), repeats)
 
 
-def _repeats(vehicle: Vehicle, keys: Sequence[tuple[str, str]], nominal: Sequence[float]) -> Floats:
+def _repeats(
+    vehicle: Vehicle, keys: Sequence[tuple[str, str]], nominal: Sequence[float], share: float = REPEATS
+) -> Floats:
     """Standard deviations (k,) within which sound vehicles repeat the numbers ``keys``, about ``nominal`` (k,)."""
     loose = [EFFECTS[effect].member_parameters(vehicle)[member].loose for effect, member in keys]
-    return np.array([REPEATS * abs(value) or WARMTH * size for value, size in zip(nominal, loose, strict=True)])
+    return np.array([share * abs(value) or WARMTH * size for value, size in zip(nominal, loose, strict=True)])
 
 
 def stated(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> Nuisance:
@@ -74,20 +104,20 @@ def stated(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ())
     return nuisance(vehicle, slack_parameters(vehicle, settings, channels))
 
 
-def guessed(
-    vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient], channels: Collection[str] = ()
-) -> Nuisance:
-    """Of a vehicle whose file is a guess: its own ``coefficients`` where it states any, else those of all effects."""
-    if coefficients:
-        given = {(c.effect, c.member): (c.effect, c.member, c.nominal, c.width) for c in coefficients}
-        covered = {name for effect, _ in given for name in EFFECTS[effect].covers}
-        own = {
-            (entry[0], entry[1]): entry
-            for entry in slack_parameters(vehicle, settings, channels)
-            if entry[0] not in covered
-        }
-        return nuisance(vehicle, list((own | given).values()))
-    return nuisance(vehicle, [*guesses(vehicle), *sensor_slack(vehicle, settings, channels)])
+def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient], windows: Windows) -> Nuisance:
+    """Of a vehicle whose file is a guess: its own ``coefficients`` where it states any of an effect, else guesses.
+
+    What smooths commands is left as it is where windows have snapshots of them, which are noisy: smoothed, they predict
+    better, whatever the thrusters do. A delay stands for it.
+    """
+    told = {c.effect for c in coefficients}
+    told |= {name for effect in told for name in EFFECTS[effect].covers}
+    given = [(c.effect, c.member, c.nominal, c.width) for c in coefficients]
+    given += [entry for entry in guesses(vehicle) if entry[0] not in told]
+    if windows.errors.snapshot_s:
+        given = [entry for entry in given if not EFFECTS[entry[0]].smooths]
+    found = nuisance(vehicle, [*given, *sensor_slack(vehicle, settings, windows.channels)])
+    return replace(found, repeating=MENDED_REPEATS, together=SHARED_BY_THRUSTERS)
 
 
 def guesses(vehicle: Vehicle) -> list[Entry]:
@@ -117,10 +147,33 @@ class Centred:
         covariance = np.diag(nuisance.width**2) + nuisance.between_flights()
         return Centred(file, nuisance, np.zeros(len(nuisance.slack)), covariance)
 
+    @property
+    def corrections(self) -> dict[tuple[str, str], float]:
+        """By effect and parameter, by which share of what its file says a number was corrected."""
+        there = [(entry[:2], entry[2] + away, away) for entry, away in zip(self.nuisance.slack, self.file, strict=True)]
+        return {key: float(-away / abs(value)) for key, value, away in there if value}
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Least and most (k,) that each number may deviate by."""
+        room = []
+        for effect, member, nominal, _ in self.nuisance.slack:
+            p = EFFECTS[effect].member_parameters(self.vehicle)[member]
+            room.append((p.low - nominal, p.high - nominal))
+        low, high = np.array(room).T
+        return low, high
+
     def moved(self, deviation: Floats, covariance: Floats, sizes: Sequence[float] | None = None) -> "Centred":
         """About the vehicle with a deviation (k,), which flights leave open by ``covariance`` (k, k).
 
         ``sizes`` are how far flights differ, times what is stated of each spread.
+        """
+        there = replace(self, covariance=covariance).shifted(deviation)
+        return there.sure(there.covariance + there.nuisance.between_flights(sizes))
+
+    def shifted(self, deviation: Floats) -> "Centred":
+        """About the vehicle with a deviation (k,), as unsure as before.
+
         A factor counts from the vehicle that it changes: a gain of 0.8 that became 1 is as unsure as 0.8, over 0.8.
         """
         own = apply_values(self.vehicle, self._values(deviation))
@@ -131,10 +184,12 @@ class Centred:
             if old and new == old and abs(value) > SMALLEST_FACTOR * abs(old):
                 factor[i] = old / value
         slack = tuple((*s[:2], new, s[3]) for s, new in zip(self.nuisance.slack, nominal, strict=True))
-        repeats = _repeats(own, [(effect, member) for effect, member, *_ in slack], nominal)
-        nuisance = Nuisance(slack, self.nuisance.width * np.abs(factor), self.nuisance.spread, repeats)
-        moved = Centred(own, nuisance, (self.file - deviation) * factor, covariance)
-        return moved.sure(covariance * np.outer(factor, factor) + nuisance.between_flights(sizes))
+        keys = [(effect, member) for effect, member, *_ in slack]
+        repeats = _repeats(own, keys, nominal, self.nuisance.repeating)
+        width = self.nuisance.width * np.abs(factor)
+        nuisance = replace(self.nuisance, slack=slack, width=width, repeats=repeats)
+        there = Centred(own, nuisance, (self.file - deviation) * factor, self.covariance)
+        return there.sure(self.covariance * np.outer(factor, factor))
 
     def sure(self, covariance: Floats) -> "Centred":
         """The same, as sure as a covariance (k, k) says."""

@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER, TOGETHER
+from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER, SHARED_BY_THRUSTERS
 from auv_torchrl.flightlog import POSE
 from auv_torchrl.vehicle import Vehicle
 
@@ -96,7 +96,7 @@ def prior_covariance(coefficients: Sequence[Coefficient]) -> Floats:
     width = np.array([c.width for c in coefficients])
     family = [c.family for c in coefficients]
     same = np.array([[one is not None and one == other for other in family] for one in family])
-    return np.outer(width, width) * np.where(np.eye(len(width), dtype=bool), 1.0, TOGETHER * same)
+    return np.outer(width, width) * np.where(np.eye(len(width), dtype=bool), 1.0, SHARED_BY_THRUSTERS * same)
 
 
 def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient], rounds: int = ROUNDS) -> Fitted:

@@ -9,8 +9,8 @@ from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.motion.within import minimum_within
 
 
 def value_steps(problem: Problem, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:
@@ -56,7 +56,7 @@ def bounded_step(problem: Problem, judged: Judged, held: Mapping[int, float] | N
     x, free = np.zeros(len(low)), np.ones(len(low), bool)
     for column, amount in (held or {}).items():
         x[column], free[column] = amount, False
-    step = bounded_minimum(q.A + pull, q.b + toward, low, high, x, free)
+    step = minimum_within(q.A + pull, q.b + toward, (low, high), x, free)
     return step[k:] * steps, step[:k]
 
 

@@ -1,0 +1,47 @@
+"""The least of a quadratic within bounds, on a way that never leaves them.
+
+Where many numbers stand for each other, to go to the minimum first and cut it at the bounds after ends anywhere: a mass
+that has to make up for an added mass below nothing does so no more once that is nothing.
+"""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.motion.minimum import SINGULAR, solve_semidefinite
+from auv_torchrl.diagnosis.motion.windows import Floats
+
+STILL = 1e-3  # of the largest step, each in units of its curvature: a number at a bound that moves less is rounding
+TINY = 1e-300  # curvature of a number that acts on nothing
+
+
+def least_within(
+    H: Floats, g: Floats, bounds: tuple[Floats, Floats], directions: Floats, start: Floats | None = None
+) -> Floats:
+    """Where (k,) ``x H x - 2 g x`` is least along directions (k, g) from a start, as far as ``bounds`` (k,) let it.
+
+    What reaches a bound on the way stays there while the others go on. The start is 0 unless it is given.
+    """
+    size, x = np.sqrt(np.maximum(np.diag(H), TINY)), np.zeros(len(g)) if start is None else start.copy()
+    low, high = bounds
+    while directions.shape[1]:
+        scaled = directions * size[:, None]
+        inside = scaled.T @ (H / np.outer(size, size)) @ scaled
+        step = directions @ np.linalg.lstsq(inside, directions.T @ (g - H @ x), rcond=SINGULAR)[0]
+        goes = np.abs(step * size) > STILL * np.abs(step * size).max()
+        room = np.maximum(np.where(step > 0, high - x, x - low), 0.0)
+        share = np.where(goes, room / np.where(goes, np.abs(step), 1.0), np.inf)
+        stops = int(np.argmin(share))
+        x = x + min(float(share[stops]), 1.0) * step
+        if share[stops] >= 1:
+            break
+        directions = directions @ np.linalg.svd(directions[stops : stops + 1] * size[stops])[2][1:].T
+    return np.clip(x, low, high)
+
+
+def minimum_within(H: Floats, g: Floats, bounds: tuple[Floats, Floats], x: Floats, free: np.ndarray) -> Floats:
+    """The same from ``x`` (k,) in the numbers that are ``free``, at once where no bound is in the way."""
+    whole = x.copy()
+    whole[free] = solve_semidefinite(H[np.ix_(free, free)], g[free] - H[np.ix_(free, ~free)] @ x[~free])
+    if ((whole >= bounds[0]) & (whole <= bounds[1]))[free].all():
+        return whole
+    low, high = (np.where(free, bound, x) for bound in bounds)
+    return least_within(H, g, (low, high), np.eye(len(g))[:, free], x)

@@ -1,0 +1,77 @@
+"""A vehicle file that is wrong by factors, and what healthy flights make of it."""
+
+import numpy as np
+import pytest
+
+from auv_torchrl.diagnosis.calibrate.gauge import _accelerations, scaled_as_the_file
+from auv_torchrl.diagnosis.calibrate.healthy import calibrate
+from auv_torchrl.diagnosis.calibrate.manoeuvres import respond
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred, guessed
+from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.within import least_within
+from auv_torchrl.vehicle import load_vehicle
+from tests.diagnosis.flown_logs import fly, hold
+
+SETTINGS = load_settings()
+COMMAND = 0.4
+
+
+def test_the_least_within_bounds_leaves_to_others_what_a_bound_takes():
+    """Of a sum that must be 3 while one part wants to be -2, the other takes it all once that part is at 0."""
+    H = np.ones((2, 2)) + 1e-3 * np.eye(2)
+    g = np.array([3.0, 3.0]) + 1e-3 * np.array([-2.0, 5.0])
+    free = least_within(H, g, (np.full(2, -9.0), np.full(2, 9.0)), np.eye(2))
+    np.testing.assert_allclose(free, [-2.0, 5.0], atol=1e-6)
+    bound = least_within(H, g, (np.array([0.0, -9.0]), np.full(2, 9.0)), np.eye(2))
+    np.testing.assert_allclose(bound, [0.0, 3.0], atol=0.01)
+
+
+def test_along_directions_a_bound_stops_only_what_it_must():
+    """Along one direction the first bound is the end; along two the other goes on."""
+    H, g, room = np.eye(3), np.array([2.0, 2.0, 2.0]), (np.full(3, -9.0), np.array([1.0, 9.0, 9.0]))
+    one = least_within(H, g, room, np.ones((3, 1)))
+    np.testing.assert_allclose(one, np.ones(3), atol=1e-9)
+    two = least_within(H, g, room, np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    np.testing.assert_allclose(two, [1.0, 1.0, 2.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_an_overall_scale_is_found_and_changes_no_motion(factor):
+    """A vehicle of other masses, thrusts and drags comes back towards its file and moves as it did."""
+    file = load_vehicle("bluerov2_heavy")
+    windows = cut_windows(fly(file, {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
+    nuisance = guessed(file, SETTINGS, load_uncertainty("bluerov2_heavy", file), windows)
+    scaled = [
+        (factor - 1) * nominal
+        if effect == "hull" and member != "righting_arm" or effect in ("thruster_gain", "dead_band")
+        else 0.0
+        for effect, member, nominal, _ in nuisance.slack
+    ]
+    other = Centred.at(file, nuisance).shifted(np.array(scaled))
+    back = scaled_as_the_file(other)
+    moves, batch = np.ones(6, bool), (1,)
+    before, after = (_accelerations(c.vehicle.expand(batch), moves) for c in (other, back))
+    np.testing.assert_allclose(after, before, atol=2e-3 * np.abs(before).max())
+    ratio = float(back.vehicle.mass / file.mass)
+    assert abs(np.log(ratio)) < 0.2 * abs(np.log(factor))
+
+
+def test_a_file_that_is_wrong_by_factors_is_mended_by_a_flight():
+    """Twice the thrust on another curve, a third of the drag and half of the inertia leave nothing but noise."""
+    file = hold(load_vehicle("paper"))
+    own = apply_values(
+        file,
+        {
+            "thruster_gain": {f"gain_{i + 1}": gain for i, gain in enumerate((1.9, 1.8, 1.9, 1.8, 1.3, 1.3))},
+            "thrust_curve": {"exponent": 2.0, "asymmetry": 0.1},
+            "added_mass": {"scale_surge": 0.6, "scale_sway": 0.5, "scale_heave": 0.4, "scale_yaw": 1.9},
+            "quadratic_drag": {f"scale_{axis}": 0.4 for axis in ("surge", "sway", "heave", "yaw")},
+        },
+    )
+    found = calibrate([fly(own, {}, seed=7, episodes=3, seconds=30.0)], file, SETTINGS)
+    assert found.as_stated > 10 > SETTINGS.excess > found.excess
+    speed = [respond(vehicle, COMMAND).steady for vehicle in (found.vehicle, own)]
+    rows = np.arange(1, 5), np.array([0, 1, 2, 5])
+    np.testing.assert_allclose(speed[0][rows], speed[1][rows], rtol=0.1)
