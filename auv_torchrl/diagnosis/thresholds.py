@@ -111,7 +111,8 @@ SAME_SKETCH = 1e-6  # of chi-square: a sketch that loses no more went nowhere
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED_STEPS = np.linspace(-1.0, 1.0, 9)  # of each reach
 WALKS = 3  # at most, along a valley
-SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried
+SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
+SLACK_NEAR = 0.4  # ... and for "no gap", on which calibrations rest, about the best of these
 
 # Screening by marks
 ELASTIC_WIDTH = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over

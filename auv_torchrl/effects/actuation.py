@@ -162,13 +162,14 @@ thruster_place = Effect(
             0.0,
             -1.0,
             1.0,
-            f"thruster {{which}} sits {{value:+.3f}} m {words} of where the file says",
+            f"thruster {{which}} sits {{value:+.3f}} m {words} where the file says",
             "thruster",
             guessed=_guessed_place,
         )
-        for axis, words in (("x", "forward"), ("y", "to starboard"), ("z", "below"))
+        for axis, words in (("x", "forward of"), ("y", "to starboard of"), ("z", "below"))
     ),
     change=_place,
+    advice=advice.said("measure where the thrusters sit, and put it into the vehicle file (thrusters.position)"),
     is_property=True,
     is_searched=False,  # a thruster that has moved is bent, and turned
 )

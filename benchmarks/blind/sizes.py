@@ -20,7 +20,7 @@ NOT_MET = ("reaction_torque", "compass_interference", "drag_asymmetry", "free_su
 NOT_LOGGED = (  # of what only damage or a set of sensors logs
     "velocity_scale", "gyro_bias", "accelerometer_bias", "dvl_misalignment", "dvl_lever_arm",
 )  # fmt: skip
-COEFFICIENTS = ("hull",)  # drag and inertia by another name, fitted by calibration: the scales below stand for them
+COEFFICIENTS = ("hull", "thruster_place")  # fitted by calibration; of drag and inertia the scales below stand for them
 
 
 def _sign(rng: Rng) -> float:

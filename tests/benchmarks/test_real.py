@@ -32,6 +32,9 @@ def table(tmp_path_factory):
             "class": np.full(RUNS * ROWS, name),
             "time": np.repeat(100000 + 100 * (np.arange(RUNS) // 4 + 10 * (np.arange(RUNS) // 20)), ROWS) + place,
             "depth": depth.reshape(-1),
+            "roll": 5.0 + rng.standard_normal(RUNS * ROWS),
+            "pitch": rng.standard_normal(RUNS * ROWS),
+            "voltage": np.repeat(12.0 + 0.2 * rng.standard_normal(RUNS), ROWS),
             "w_yaw": turning.reshape(-1),
             **{f"pwm{i + 1}": pulses[..., i].reshape(-1) for i in range(4)},
         }

@@ -46,6 +46,7 @@ CLEAR = {  # one clear value per effect, harsh enough to look like something els
     "dvl_misalignment": {"angle": 1.57},
     "dvl_lever_arm": {"arm_x": 0.5, "arm_z": 0.3},
     "accelerometer_bias": {"bias_ax": 1.5, "bias_az": -1.5},
+    "thruster_place": {"x_1": 0.1, "z_2": -0.1},
     "free_surface": {"depth": -0.5, "air": 1.0},
     "drag_asymmetry": {"asymmetry_surge": 0.5, "asymmetry_heave": -0.5},
     "sensor_noise": {"position": 0.05, "attitude": 0.05},

@@ -7,7 +7,7 @@ from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
 from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import moved_along
-from auv_torchrl.diagnosis.thresholds import SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
+from auv_torchrl.diagnosis.thresholds import SLACK_NEAR, SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Valley
 
@@ -27,6 +27,8 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
         alone = not best.explanation.effects  # "no gap" has no knob by which a threshold would be tried
         if problem.settings.is_rough(effect) and (alone or not best.nothing_left):
             best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
+            if alone:
+                best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
     for name, effect in EFFECTS.items() if not leaves_much(problem, best) else ():
         if effect.valley is not None:
             best = _search_valley(problem, best, name, effect.valley)
