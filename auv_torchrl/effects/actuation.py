@@ -112,6 +112,7 @@ thruster_misalignment = Effect(
             "thruster {which} points {value:+.2f} rad off its direction",
             "thruster",
             guessed=0.05,  # brackets are straight within 3 degrees
+            ordinary=0.05,
         ),
     ),
     change=_misalignment,

@@ -40,7 +40,7 @@ class Parameter:
     over: tuple[str, ...] | str | None = None  # "thruster", or the names of the members
     discrete: bool = False
     guessed: float | Callable[[Vehicle, str], float] = 0.0  # standard deviation where a vehicle's file is a guess
-    ordinary: float = 0.0  # what clocks and filters of a sound vehicle are off by: no finding beside a fault
+    ordinary: float = 0.0  # what clocks, filters, brackets of a sound vehicle are off by: no finding beside a fault
     loose: float = 0.0  # standard deviation of sound sensors ...
     beside: tuple[str, ...] = ()  # ... in logs that hold some of these channels, beside which it shows; empty: in all
     varies: float = 0.0  # standard deviation from flight to flight of a sound vehicle, members of a family together

@@ -64,7 +64,15 @@ hull = Effect(
     source="Fossen 2021, section 6.4, diagonal damping and added mass; section 4.1, restoring",
     parameters=(
         *_hull_parameters(),
-        Parameter("mass", "kg", own("mass"), 0.1, 1000.0, "it weighs {value:.3g} kg, and displaces as much"),
+        Parameter(
+            "mass",
+            "kg",
+            own("mass"),
+            0.1,
+            1000.0,
+            "it weighs {value:.3g} kg, and displaces as much",
+            guessed=lambda vehicle, member: 0.1 * float(vehicle.mass),  # what one carries and the other does not
+        ),
         Parameter(
             "righting_arm",
             "m",

@@ -105,15 +105,18 @@ def stated(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ())
 
 
 def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient], windows: Windows) -> Nuisance:
-    """Of a vehicle whose file is a guess: its own ``coefficients`` where it states any of an effect, else guesses.
+    """Of a vehicle whose file is a guess: its own ``coefficients``, and guesses of what it does not state.
 
+    An effect that says what others say, in other numbers, is guessed at where the file states some of these numbers.
     What smooths commands is left as it is where windows have snapshots of them, which are noisy: smoothed, they predict
     better, whatever the thrusters do. A delay stands for it.
     """
-    told = {c.effect for c in coefficients}
-    told |= {name for effect in told for name in EFFECTS[effect].covers}
+    effects = {c.effect for c in coefficients}
+    members = {(c.effect, c.member) for c in coefficients}
+    covered = {name for effect in effects for name in EFFECTS[effect].covers}
+    left = {name for name, effect in EFFECTS.items() if name in effects or not effect.covers} - covered
     given = [(c.effect, c.member, c.nominal, c.width) for c in coefficients]
-    given += [entry for entry in guesses(vehicle) if entry[0] not in told]
+    given += [entry for entry in guesses(vehicle) if entry[0] in left and entry[:2] not in members]
     if windows.errors.snapshot_s:
         given = [entry for entry in given if not EFFECTS[entry[0]].smooths]
     found = nuisance(vehicle, [*given, *sensor_slack(vehicle, settings, windows.channels)])
