@@ -1,12 +1,15 @@
 """What commands import before their work begins, by sys.modules and not by the clock."""
 
+import gc
 import json
 import os
 import subprocess
 import sys
+from importlib import import_module
 
 import pytest
 
+from auv_torchrl.command import importing
 from auv_torchrl.paths import PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
@@ -64,6 +67,20 @@ def test_a_log_that_there_is_not_is_refused_before_torch_is_imported(tmp_path):
         ended, modules = loaded(CALL, DIAGNOSE, f"log={tmp_path / log}", f"output={tmp_path / 'out'}")
         assert ended == 2
         assert not modules & HEAVY
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_imports_without_collections_leave_the_collector_as_it_was(enabled):
+    """Also where what is imported fails."""
+    before = gc.isenabled()
+    try:
+        (gc.enable if enabled else gc.disable)()
+        with pytest.raises(ModuleNotFoundError), importing():
+            assert not gc.isenabled()
+            import_module("no_such_module")
+        assert gc.isenabled() is enabled
+    finally:
+        (gc.enable if before else gc.disable)()
 
 
 def test_a_diagnosis_imports_neither_torchrl_nor_an_environment_nor_a_compiler():

@@ -5,8 +5,6 @@ from contextlib import contextmanager
 from typing import Any
 from unittest.mock import patch
 
-import torch.compiler
-
 _MARKS = ("allow_in_graph", "assume_constant_result")  # each loads the whole compiler when it is called
 
 
@@ -17,6 +15,8 @@ def without_compiler() -> Iterator[None]:
     tensordict does so with two functions of its own when it is imported. They do the same without the mark; a process
     that compiled what calls them would need it, so this is for the command alone.
     """
+    import torch.compiler  # here, not above: it takes a second
+
     with patch.multiple(torch.compiler, **dict.fromkeys(_MARKS, _unmarked)):
         yield
 

@@ -2,7 +2,7 @@
 
 from omegaconf import DictConfig
 
-from auv_torchrl.command import command
+from auv_torchrl.command import command, importing
 from auv_torchrl.experiment import schema
 
 
@@ -15,6 +15,7 @@ from auv_torchrl.experiment import schema
 )
 def main(config: DictConfig) -> None:
     """Run the experiment of a config that Hydra has checked."""
-    from auv_torchrl.experiment.job import train  # here: --help and a mistaken command line need nothing of it
+    with importing():  # here, not above: --help and a mistaken command line need nothing of it
+        from auv_torchrl.experiment.job import train
 
     train(config)
