@@ -9,7 +9,7 @@ from importlib import import_module
 
 import pytest
 
-from auv_torchrl.command import importing
+from auv_torchrl.importing import importing
 from auv_torchrl.paths import PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
@@ -87,8 +87,8 @@ def test_a_diagnosis_imports_neither_torchrl_nor_an_environment_nor_a_compiler()
     """Of torch it needs the vehicle and the gradient of the physics."""
     code = """
 import json, sys
-from auv_torchrl.diagnosis.uncompiled import without_compiler
-with without_compiler():
+from auv_torchrl.importing import importing_without_compiler
+with importing_without_compiler():
     import auv_torchrl.diagnosis.job
 print(json.dumps([0, sorted(sys.modules)]))
 """

@@ -4,10 +4,8 @@ from auv_torchrl.command.callback import OutputFolder
 from auv_torchrl.command.entry import BAD_INPUT, INTERRUPTED, command
 from auv_torchrl.command.errors import BadInput, checking_input
 from auv_torchrl.command.folder import claim_folder
-from auv_torchrl.command.importing import importing
 from auv_torchrl.command.terminal import LogFile
 
 __all__ = [
     "BAD_INPUT", "INTERRUPTED", "BadInput", "LogFile", "OutputFolder", "checking_input", "claim_folder", "command",
-    "importing",
 ]  # fmt: skip

@@ -2,10 +2,10 @@
 
 from omegaconf import DictConfig
 
-from auv_torchrl.command import checking_input, command, importing
+from auv_torchrl.command import checking_input, command
 from auv_torchrl.diagnosis.logs import find_logs, is_series
 from auv_torchrl.diagnosis.schema import register
-from auv_torchrl.diagnosis.uncompiled import without_compiler
+from auv_torchrl.importing import importing_without_compiler
 
 register()
 
@@ -17,7 +17,7 @@ def main(config: DictConfig) -> None:
         found = find_logs(config)
         if config.alike and not found["healthy"]:
             raise ValueError("alike=true holds runs against sound ones: give healthy=[...], logs of sound runs")
-    with importing(), without_compiler():  # here, not above: torch takes a second
+    with importing_without_compiler():  # here, not above: torch takes a second
         if config.alike:
             from auv_torchrl.diagnosis.alike.job import answer_alike as answer
         elif is_series(config):

@@ -2,8 +2,9 @@
 
 from omegaconf import DictConfig
 
-from auv_torchrl.command import command, importing
+from auv_torchrl.command import command
 from auv_torchrl.experiment import schema
+from auv_torchrl.importing import importing
 
 
 @command(

@@ -9,6 +9,7 @@ from typing import NoReturn
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import READERS
 from auv_torchrl.flightlog.streams.options import read_options
+from auv_torchrl.importing import importing_without_compiler
 
 _BAD_INPUT = 2  # exit code, as for a wrong command line
 _KEYS = ("output", "modes", "params", "system", "replace", "healthy")
@@ -38,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         action, files, keys = _parsed(given)
         modes = [mode.strip() for mode in keys.get("modes", "").strip("[]").split(",") if mode.strip()]
         options = read_options(modes, keys.get("params"), keys.get("system"))
-        from auv_torchrl.flightlog.job import convert, info  # here: --help and a mistaken command line need neither
+        with importing_without_compiler():  # here, not above: --help and a mistaken command line need neither
+            from auv_torchrl.flightlog.job import convert, info
 
         if action == "info":
             info(files, options, keys.get("healthy", ""))

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-from auv_torchrl.command import checking_input, command, importing
+from auv_torchrl.command import checking_input, command
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.schema import register
-from auv_torchrl.diagnosis.uncompiled import without_compiler
 from auv_torchrl.flightlog.readers import READERS, choose_reader
+from auv_torchrl.importing import importing_without_compiler
 
 register()
 
@@ -21,7 +21,7 @@ def main(config: DictConfig) -> None:
     """Calibrate on the logs that are named, once it is sure that they are there and the file can be written."""
     with checking_input():
         logs, output = find_healthy(config), find_output(config)
-    with importing(), without_compiler():  # here, not above: torch takes a second
+    with importing_without_compiler():  # here, not above: torch takes a second
         from auv_torchrl.diagnosis.calibrate.job import keep
 
     keep(config, logs, output)

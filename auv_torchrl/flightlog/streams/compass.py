@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.streams.stream import Floats, Stream, Streams
@@ -60,6 +61,7 @@ class Interference(NamedTuple):
         return size > float(fdtri(2, self.blocks - 2, SURE))
 
 
+@threadpool_limits.wrap(limits=1)  # the matrices are slim: a second thread only waits
 def check_compass(streams: Streams, parameters: Mapping[str, float]) -> list[Finding]:
     """A finding for each compass whose heading the current turns by more than 3 degrees."""
     return list(_turned(streams, parameters))
