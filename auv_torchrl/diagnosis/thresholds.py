@@ -69,6 +69,7 @@ SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
+FEW_LOST = 0.1  # share of diverged windows below which each is an accident
 OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
 MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
