@@ -118,6 +118,22 @@ def test_a_hint_that_needs_slack_at_its_limit_does_not_end_the_search():
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("number", "effects"),
+    [
+        pytest.param(39, ("current", "tether"), id="dead band"),
+        pytest.param(42, ("linear_drag", "drag_coupling"), id="windows that fly off"),
+        pytest.param(78, ("battery_sag", "thruster_gain"), id="slack"),
+    ],
+)
+def test_two_effects_are_found_though_fits_end_early(number, effects):
+    """Dead bands that a fit came by, two windows that fly off, and slack at its limits hide no effect and add none."""
+    case = Case(number, "pair", effects=effects, plant="mujoco" if number % 2 else "foreign")
+    ((log, _),) = sealed_flights([case], PAPER, 60317)
+    assert {effect.name for effect in diagnose(log, PAPER).effects} == set(effects)
+
+
+@pytest.mark.thorough
 def test_further_effects_are_tried_though_slack_hides_that_one_is_needed():
     """A weak thruster beside ballast, which gains at their limits fit to 3 %, is named though a limit promised more."""
     case = Case(52, "pair", effects=("buoyancy", "thruster_gain"), plant="foreign")
