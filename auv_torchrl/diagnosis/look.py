@@ -20,7 +20,7 @@ from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base, leaves_much, log_likelihood
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much, log_likelihood
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
@@ -73,8 +73,7 @@ def look(
         found = _search_colours(*follow_agreeing(behind), report, hints, others, below, rival)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
             return Looked(found, sound, onset)
-        hints = [replace(judged.explanation, slack={}) for judged in found.polished if judged.explanation.effects]
-        whole = _search_colours(problem, follow, report, hints[:POLISHED], Others.NONE, np.inf)
+        whole = _search_colours(problem, follow, report, _each_once(found.polished)[:POLISHED], Others.NONE, np.inf)
         return Looked(replace(whole, promise=found.promise), sound)
     return Looked(_search_colours(problem, follow, report, hints, others, below, rival), sound)
 
@@ -156,11 +155,16 @@ def look_both_ways(
 
 def hints_of(found: Found) -> list[Explanation]:
     """The best explanation and the likeliest one by one other effect, without their slack."""
-    hints: dict[tuple[str, ...], Explanation] = {}
-    for judged in [found.best, *(j for j in found.polished if len(j.explanation.effects) == 1)]:
+    return _each_once([found.best, *(j for j in found.polished if len(j.explanation.effects) == 1)])[:HINTS]
+
+
+def _each_once(ranked: Sequence[Judged]) -> list[Explanation]:
+    """Of explanations by the same effects the first one, without its slack; "no effect" is none of them."""
+    once: dict[tuple[str, ...], Explanation] = {}
+    for judged in ranked:
         if judged.explanation.effects:
-            hints.setdefault(judged.explanation.effects, replace(judged.explanation, slack={}))
-    return list(hints.values())[:HINTS]
+            once.setdefault(tuple(sorted(judged.explanation.effects)), replace(judged.explanation, slack={}))
+    return list(once.values())
 
 
 def _worth_flying(level: Looked) -> tuple[Others, float]:

@@ -69,6 +69,7 @@ SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
+FEW_LOST = 0.1  # share of diverged windows below which each is an accident
 OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
 MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
@@ -112,7 +113,7 @@ THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED_STEPS = np.linspace(-1.0, 1.0, 9)  # of each reach
 WALKS = 3  # at most, along a valley
 SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
-SLACK_NEAR = 0.4  # ... and for "no gap", on which calibrations rest, about the best of these
+SLACK_NEAR = 0.4  # ... and then about the best of these
 
 # Screening by marks
 ELASTIC_WIDTH = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
@@ -135,7 +136,7 @@ BROKEN_PROMISE = 10.0  # times what was promised: a fit that ends there began at
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
 STILL_GAINS = 1.0  # ... this log evidence, times the chi-square per number that it leaves
-HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted
+HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted where it leaves much
 FEW_VALUES = 4  # of an explanation that is taken without a look at others, where it leaves little
 # Most of the work is to look for effects, and two minutes of flight show which ones act. Logs of the recommended two to
 # three minutes have up to 90 windows, and all of these are searched. Of more than MANY_WINDOWS, some that are spread

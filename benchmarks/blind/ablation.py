@@ -29,7 +29,7 @@ APART = 0.5  # half widths of its interval, by which a value has moved
 # What switches a part off: it is never begun, or nothing is ever beyond it.
 OFF: dict[str, Any] = {
     "BENT": 0.0, "BROKEN_PROMISE": math.inf, "CLOSES": 0.0, "COMMON_SCALE": 0.0, "CONTENDS": 0.0,
-    "EVIDENCE_SLIP": 0.0, "FEW_VALUES": math.inf, "FITTED_ON": 0,
+    "EVIDENCE_SLIP": 0.0, "FEW_LOST": 0.0, "FEW_VALUES": math.inf, "FITTED_ON": 0,
     "FLICKERS": 0.0, "FURTHER_TRIED": 1, "GROWN": (0, 0), "HEIRS": 0, "HOPELESS": math.inf, "HUBER": math.inf,
     "IDLE": 0.0, "LEAST_NOISE": 0.0, "LOST_START": math.inf, "MANY_OUTLIERS": 0.0,
     "MANY_WINDOWS": math.inf, "MINOR": 0.0, "MISSED": math.inf, "MODEL_ERROR": 0.0, "MOSTLY_LOST": 1.0,

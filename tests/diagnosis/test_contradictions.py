@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.identify.agreement import tells_twice
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import load_vehicle
@@ -34,6 +37,14 @@ def test_the_sensor_that_contradicts_the_others_is_named(name):
 def test_a_fault_beside_it_is_named_too():
     """A weak thruster is found along the motion that the right sensors tell of."""
     diagnosed("heading_bias", {"thruster_gain": {"gain_3": 0.4}})
+
+
+@pytest.mark.parametrize(("axes", "twice"), [(("x", "y", "z", "yaw"), False), (("z", "yaw", "r"), True), (AXES, True)])
+def test_only_what_is_told_twice_contradicts_itself(axes, twice):
+    """A force follows poses alone under any sensors, so that none is looked for; beside a velocity or a gyro one is."""
+    log, settings = replace(log_of({}), axes=axes), load_settings()
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    assert tells_twice(Problem.of(windows, load_vehicle("paper"), settings)) == twice
 
 
 def diagnosed(name, fault):

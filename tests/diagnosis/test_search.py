@@ -75,6 +75,17 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
         assert limit.sentence.startswith("every thruster saturates at")
 
 
+def test_a_limit_of_all_thrusters_is_found_beside_a_current():
+    """Limits of single thrusters can stand for what a current lacks, but one limit and the current say all of it."""
+    values = {"thrust_limit": {f"limit_{i}": 16.0 for i in range(1, 7)}, "current": {"north": 0.07, "east": 0.11}}
+    found = searched(problem_of(HELD, values, seed=2))
+    assert found == {
+        ("thrust_limit", "limit_1"): pytest.approx(16.0, rel=0.01),
+        ("current", "north"): pytest.approx(0.07, abs=0.002),
+        ("current", "east"): pytest.approx(0.11, abs=0.002),
+    }
+
+
 def test_what_promises_too_little_along_the_measured_motion_is_not_simulated():
     """A search for less than the noise leaves "no gap" alone, and says what it could have had."""
     problem = problem_of(HELD, {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER}, seed=11)
@@ -104,6 +115,22 @@ def test_a_hint_that_needs_slack_at_its_limit_does_not_end_the_search():
         ("quadratic_drag", "scale_heave"): pytest.approx(0.5, abs=0.05),
         ("thruster_gain", "gain_5"): pytest.approx(0.55, abs=0.03),
     }
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("number", "effects"),
+    [
+        pytest.param(39, ("current", "tether"), id="dead band"),
+        pytest.param(42, ("linear_drag", "drag_coupling"), id="windows that fly off"),
+        pytest.param(78, ("battery_sag", "thruster_gain"), id="slack"),
+    ],
+)
+def test_two_effects_are_found_though_fits_end_early(number, effects):
+    """Dead bands that a fit came by, two windows that fly off, and slack at its limits hide no effect and add none."""
+    case = Case(number, "pair", effects=effects, plant="mujoco" if number % 2 else "foreign")
+    ((log, _),) = sealed_flights([case], PAPER, 60317)
+    assert {effect.name for effect in diagnose(log, PAPER).effects} == set(effects)
 
 
 @pytest.mark.thorough
@@ -296,6 +323,29 @@ def test_what_is_far_behind_a_rival_is_not_worked_out(monkeypatch):
         tidied.clear()
         search(problem, follow, lambda *_: None, rival=reached + ahead)
         assert bool(tidied) == worked_out
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_a_fit_ends_at_the_same_dead_band_wherever_it_begins(seed):
+    """The slack of a threshold, in which chi-square is rough, is found from two standard deviations to either side."""
+    vehicle = with_slack(HELD, np.random.default_rng(seed))
+    problem, follow = follow_windows(problem_of(vehicle, {"buoyancy": {"force": 6.0}}, seed=seed))
+    dead_band = next(parameter for parameter in problem.slack if problem.settings.is_rough(parameter[0]))
+    ends = []
+    for deviation in (-2, -1, 0, 1, 2):
+        begin = Explanation((Knob("buoyancy", ("force",), 5.5),), {dead_band[:2]: deviation * dead_band[3]})
+        ends.append(fit_by_simulation(problem, begin, follow).chi2)
+    assert max(ends) - min(ends) < 1.0
+
+
+@pytest.mark.parametrize(("values", "fitted"), [({}, True), ({"thruster_gain": {"gain_2": 0.5}}, False)])
+def test_no_effect_is_fitted_where_slack_does_however_far_behind_it_is(monkeypatch, values, fitted):
+    """A vehicle with slack is fitted without an effect though one promises more, unless that leaves much."""
+    monkeypatch.setattr(sys.modules[search.__module__], "HOPELESS", -np.inf)
+    monkeypatch.setattr(sys.modules[search.__module__], "left_to_slack", lambda *_: None)
+    problem, follow = follow_windows(problem_of(with_slack(HELD, np.random.default_rng(1)), values, seed=4))
+    found = search(problem, follow, lambda *_: None)
+    assert bool(found.none.explanation.slack) == fitted
 
 
 def test_slack_is_asked_before_a_value_is_believed():

@@ -18,12 +18,13 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.smooth import misfit
 from auv_torchrl.diagnosis.thresholds import AGREES_ALIKE, AGREES_BETTER, LOOKED_AT, MOSTLY_LOST
 from auv_torchrl.effects import EFFECTS, Origin
+from auv_torchrl.sensors import FELT, MOTION
 
 
 def follow_agreeing(problem: Problem) -> tuple[Problem, Base]:
     """The windows followed under the nominal vehicle, or where it cannot follow them, under one with another sensor."""
     problem, follow = follow_windows(problem)
-    if problem.followed.mean() > MOSTLY_LOST:
+    if problem.followed.mean() > MOSTLY_LOST or not tells_twice(problem):
         return problem, follow
     sensor = agreeing_sensor(problem)
     if sensor is None:
@@ -31,6 +32,12 @@ def follow_agreeing(problem: Problem) -> tuple[Problem, Base]:
     problem, follow = follow_windows(problem, sensor)
     fitted = fit_by_simulation(problem, sensor, follow).explanation  # a value nearby makes outliers of good samples
     return follow_windows(problem, replace(fitted, slack={}))
+
+
+def tells_twice(problem: Problem) -> bool:
+    """Whether sensors could contradict each other: a force follows any motion that each of them tells of alone."""
+    here = set(problem.windows.channels)
+    return any(len({MOTION[d], MOTION[d + 6], *FELT[d : d + 1]} & here) > 1 for d in problem.layout.dof)
 
 
 def agreeing_sensor(problem: Problem) -> Explanation | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import assess
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.following import nudge, rebase, settle_state
+from auv_torchrl.diagnosis.identify.following import nudge, rebase, settle_state, some_diverged
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
@@ -84,15 +84,21 @@ def rescued(problem: Problem, judged: Judged, follow: Base, enough: float = np.i
 
 
 def _descend(problem: Problem, base: Base, rounds: int) -> Judged:
-    """Gauss-Newton with a shrinking stride; where a step fails, the slack of thresholds stays from there on."""
+    """Gauss-Newton with a shrinking stride.
+
+    Where a step fails, the slack of thresholds stays from there on. Where the first one does because single windows
+    diverge, they begin anew behind it.
+    """
     best, *step = assess(problem, base)
     stride, even = 1.0, bool(problem.even.all())
-    for _ in range(rounds):
+    for turn in range(rounds):
         if not np.isfinite(best.chi2):
             break
         knobs, slack = even_step(problem, best) if even else step
         moved = take_step(problem, best.explanation, stride * knobs, stride * slack)
         trial, *trial_step = assess(problem, nudge(problem, moved, best.base), before=best)
+        if turn == 0 and not trial.chi2 <= best.chi2 and some_diverged(problem, best.base, trial.base):
+            trial, *trial_step = assess(problem, rebase(problem, moved, best.base))
         if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
             stride, even = (0.3 * stride if even else stride), True
             continue

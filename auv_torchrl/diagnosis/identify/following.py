@@ -26,6 +26,8 @@ from auv_torchrl.diagnosis.motion.smooth import (
 )
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import (
+    DIVERGED,
+    FEW_LOST,
     FOLLOWED,
     HEIRS,
     LOST,
@@ -163,6 +165,12 @@ def _stuck(problem: Problem, base: Base) -> np.ndarray:
     """(W,) windows that leave more than an explanation that is about right would."""
     numbers = (problem.windows.trust**2).sum((1, 2))
     return ~(_chi2_by_window(problem, base.state) < STUCK * numbers)
+
+
+def some_diverged(problem: Problem, *bases: Base) -> bool:
+    """Whether some windows, but few, diverge in one of these."""
+    astray = [_chi2_by_window(problem, base.state) >= DIVERGED for base in bases]
+    return any(lost.any() for lost in astray) and all(lost.mean() < FEW_LOST for lost in astray)
 
 
 def _chi2_by_window(problem: Problem, state: Smoothed) -> Floats:

@@ -62,7 +62,7 @@ def grow(
         if better.evidence <= best.evidence + WORTH_AN_EFFECT or best.chi2 - better.chi2 < CLOSES * left:
             return best
         best = better
-        if best.nothing_left:
+        if best.nothing_left and not is_strained(problem, best):
             return best
     return best
 

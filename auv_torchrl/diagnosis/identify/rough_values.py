@@ -15,7 +15,8 @@ from auv_torchrl.effects.effect import Valley
 def search_thresholds(problem: Problem, best: Judged) -> Judged:
     """Try values near by for effects that switch single samples, because there chi-square is rough.
 
-    The smooth numbers go along with each.
+    The smooth numbers go along with each. Slack of thresholds is tried too, however well the log is explained: fits
+    that end at different ones are apart by more than an effect is worth.
     """
     for order, knob in enumerate(best.explanation.fitted):
         if problem.settings.is_rough(knob.effect):
@@ -23,12 +24,10 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
                 width = reach * problem.prior.width(knob.effect, knob.members[0])
                 best = _best_along(problem, best, [{len(problem.slack) + order: width * u} for u in TRIED_STEPS])
     for column, (effect, _, _, width) in enumerate(problem.slack):
-        now = slack_now(problem, best.explanation)[column]
-        alone = not best.explanation.effects  # "no gap" has no knob by which a threshold would be tried
-        if problem.settings.is_rough(effect) and (alone or not best.nothing_left):
+        if problem.settings.is_rough(effect):
+            now = slack_now(problem, best.explanation)[column]
             best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
-            if alone:
-                best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
+            best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
     for name, effect in EFFECTS.items() if not leaves_much(problem, best) else ():
         if effect.valley is not None:
             best = _search_valley(problem, best, name, effect.valley)

@@ -180,7 +180,8 @@ class Field:
     def _grow(self, family: str, chosen: list[int]) -> Screened | None:
         """Add members of a family while that pays, at least one; None where it adds nothing to the chosen ones."""
         inside = [i for i, atom in enumerate(self.problem.atoms) if atom.effect == family and self.seen[i]]
-        alone = [i for i in inside if not _moves_all(self.problem, i)]  # once all members are moved, none is added
+        # once all members are moved, none is added
+        alone = [i for i in inside if not moves_all(self.problem, self.problem.atoms[i])]
         ways = [self._grown(chosen, inside), self._grown(chosen, alone) if len(alone) < len(inside) else None]
         return max((way for way in ways if way is not None), key=lambda way: way.evidence, default=None)
 
@@ -210,9 +211,8 @@ def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
     return False
 
 
-def _moves_all(problem: Problem, i: int) -> bool:
+def moves_all(problem: Problem, atom: Atom) -> bool:
     """Whether an atom moves all members of a family of parameters by one value."""
-    atom = problem.atoms[i]
     parameters = declared(atom.effect, problem.vehicle).parameters
     return len(atom.values) > 1 and not atom.discrete and len({parameters[name].name for name in atom.values}) == 1
 

@@ -21,6 +21,7 @@ from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, tidy
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
+from auv_torchrl.diagnosis.identify.sketches import is_near
 from auv_torchrl.diagnosis.thresholds import (
     BROKEN_PROMISE,
     CONTENDS,
@@ -77,7 +78,8 @@ def search(
 def _refit(problem: Problem, follow: Base, found: Found, progress: Progress, rival: float) -> Found:
     """What was ``found`` among some windows, fitted to all of them; effects are added where these show more."""
     field = Field.of(problem, follow)
-    hopeless = found.none.evidence < found.best.evidence - HOPELESS
+    behind = found.none.evidence < found.best.evidence - HOPELESS
+    hopeless = behind and not is_near(found.none.chi2, found.none.quadratic.numbers)
     polished = [fit_by_simulation(problem, found.none.explanation, follow, rounds=0 if hopeless else 4)]
     problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
     others = [judged for judged in found.polished if judged.explanation.effects and judged is not found.best]
@@ -99,7 +101,9 @@ def _search(
     field = Field.of(problem, follow)
     families = field.families()
     progress("screening effects", 0.4)
-    hopeless = bool(families) and field.none().evidence < families[0].evidence - HOPELESS
+    nothing = field.none()
+    behind = bool(families) and nothing.evidence < families[0].evidence - HOPELESS
+    hopeless = behind and not is_near(nothing.chi2, field.quadratic.numbers)
     polished = [fit_by_simulation(problem, Explanation(), follow, rounds=0 if hopeless else 4)]  # then with effects
     if not hopeless:
         polished = [rescued(problem, polished[0], follow)]

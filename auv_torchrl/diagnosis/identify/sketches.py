@@ -4,12 +4,15 @@ Where two effects act, a simulation with one of them alone is far from what was 
 other. Along the measured motion the forces of all effects are exact, so that the second one shows.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
 from auv_torchrl.diagnosis.identify.judged import Base, Judged
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.screen import Field, Screened
+from auv_torchrl.diagnosis.identify.screen import Field, Screened, moves_all
 from auv_torchrl.diagnosis.thresholds import CLOSES, GROWN, MOST_SKETCHED, NEAR, TURNED_ROUND
 from auv_torchrl.effects import EFFECTS
 
@@ -68,6 +71,34 @@ def _sketched(
               if not is_needless(name, s.explanation.effects[:-1])]  # fmt: skip
     sketches = []
     for explanation in chosen[:most]:
-        sketches.append(fit_along_motion(problem, explanation, follow, enough=TURNED_ROUND * least))
-        least = min(least, sketches[-1].chi2) if np.isfinite(least) else least
+        sketch = fit_along_motion(problem, explanation, follow, enough=TURNED_ROUND * least)
+        if np.isfinite(least):
+            sketch = _plainer(problem, follow, sketch, least)
+            least = min(least, sketch.chi2)
+        sketches.append(sketch)
     return sketches
+
+
+def _plainer(problem: Problem, follow: Base, sketch: Judged, least: float) -> Judged:
+    """A promising sketch, or one with one value in place of most of a family's own, where the log speaks for that.
+
+    A limit that was brought to 0 beside an unknown effect does not come back from there, where no slope shows it, and
+    what its thruster lacks then looks like a third effect.
+    """
+    for effect in sketch.explanation.effects:
+        shared = _with_one_value(problem, sketch.explanation, effect)
+        if shared is not None and sketch.chi2 < TURNED_ROUND * least:
+            other = fit_along_motion(problem, shared, follow, enough=TURNED_ROUND * least)
+            sketch = max(sketch, other, key=lambda one: one.evidence)
+    return sketch
+
+
+def _with_one_value(problem: Problem, explanation: Explanation, effect: str) -> Explanation | None:
+    """The explanation with one value for all members of a family, the median; None where few have one of their own."""
+    atoms = [atom for atom in problem.atoms if atom.effect == effect and moves_all(problem, atom)]
+    for members in dict.fromkeys(tuple(atom.values) for atom in atoms):
+        own = [knob for knob in explanation.knobs if knob.effect == effect and set(knob.members) < set(members)]
+        if 2 * len(own) > len(members):
+            shared = Knob(effect, members, float(np.median([knob.value for knob in own])))
+            return replace(explanation, knobs=(*(knob for knob in explanation.knobs if knob not in own), shared))
+    return None
