@@ -1,8 +1,8 @@
 """Fit many coefficients at once: simulate windows from their starts and shrink what is left.
 
-Commands of one size leave a bent valley, along which gains of thrusters and the exponent of their curve trade, and heavy
-and light vehicles that answer alike lie in valleys of their own. So the descent begins at several places, and what is
-kept is what the samples and the prior make likeliest.
+Commands of one size leave a bent valley, along which gains of thrusters and the exponent of their curve trade, and
+heavy and light vehicles that answer alike lie in valleys of their own. So the descent begins at several places, and
+what is kept is what the samples and the prior make likeliest.
 """
 
 from collections.abc import Sequence
