@@ -42,7 +42,7 @@ def test_one_bad_flight_of_three_is_found_and_the_rest_is_used():
 
 @pytest.mark.thorough
 def test_a_flight_is_left_out_of_a_calibration_as_if_it_had_not_been_there():
-    """From all flights less what one told, the vehicle is that which the others show by themselves, within its error."""
+    """From all flights less what one told, the vehicle is that which the others show by themselves, within error."""
     flights = [flown(name, None, seed, seconds=10.0) for seed, name in enumerate("abc")]
     everything = calibrate(flights, FILE, SETTINGS)
     without = leave_out(everything, flights, 2, SETTINGS)
