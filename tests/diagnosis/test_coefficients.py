@@ -15,7 +15,7 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
-from auv_torchrl.diagnosis.calibrate.output_error import prior_covariance
+from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
@@ -112,8 +112,9 @@ def test_coefficients_that_are_right_stand():
 def test_thrusters_are_off_together_more_likely_than_apart():
     """Gains of all thrusters that are half of the file's are likelier than two up and two down; drags stay apart."""
     uncertain = read_uncertainty({"thruster_gain": {"gain": 0.4}, "hull": {"linear_surge": 30.0}}, GIVEN)
-    covariance = prior_covariance(uncertain)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [c.width for c in uncertain])
+    width = np.array([c.width for c in uncertain])
+    covariance = shared_covariance([(c.effect, c.member) for c in uncertain], width)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), width)
     gains = np.array([c.effect == "thruster_gain" for c in uncertain])
     together = np.where(gains, -0.5, 0.0)
     apart = together * np.where(np.arange(len(gains)) % 2, 1, -1)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis.calibrate.crossvalidation import (
@@ -12,6 +13,7 @@ from auv_torchrl.diagnosis.calibrate.crossvalidation import (
     why_not,
     without_odd_ones,
 )
+from auv_torchrl.diagnosis.calibrate.healthy import calibrate, leave_out
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from tests.diagnosis.healthy_flights import FAULT, FILE, flown
 
@@ -28,12 +30,32 @@ def test_one_bad_flight_of_three_is_found_and_the_rest_is_used():
     """A thruster that lost 40 % in one flight does not become part of the vehicle."""
     flights = [flown(name, fault, seed, seconds=10.0) for seed, (name, fault) in enumerate(ONE_BAD.items())]
     done = []
-    used, left, out = without_odd_ones(flights, FILE, SETTINGS, report=done.append)
+    sound, left, out = without_odd_ones(flights, FILE, SETTINGS, report=done.append)
     assert [flight.name for flight in out] == ["bad"]
-    assert [flight.name for flight in used] == [flight.name for flight in left] == ["a", "b"]
+    assert [flight.name for flight in left] == ["a", "b"]
+    assert sound.known.flights == len(left)
+    assert not sound.has_gap
     assert all(flight.excess < SETTINGS.excess and flight.after < 0.5 * flight.before for flight in left)
     assert not why_not(left)
-    assert done == [1, 2, 3, 4, 5]
+    assert done == [1, 2, 3, 4, 5, 6, 7]
+
+
+@pytest.mark.thorough
+def test_a_flight_is_left_out_of_a_calibration_as_if_it_had_not_been_there():
+    """From all flights less what one told, the vehicle is that which the others show by themselves, within error."""
+    flights = [flown(name, None, seed, seconds=10.0) for seed, name in enumerate("abc")]
+    everything = calibrate(flights, FILE, SETTINGS)
+    without = leave_out(everything, flights, 2, SETTINGS)
+    alone = calibrate(flights[:2], FILE, SETTINGS)
+    assert without is not None
+    assert without.known.flights == 2
+    own, anew = ({entry[:2]: entry[2:] for entry in c.centred.nuisance.slack} for c in (without, alone))
+    shared = own.keys() & anew.keys()
+    assert len(shared) > 20
+    apart = np.array([(own[key][0] - anew[key][0]) / anew[key][1] for key in shared])
+    assert np.sqrt((apart**2).mean()) < 1.0
+    assert without.excess < SETTINGS.excess
+    assert without.known.floor == pytest.approx(alone.known.floor, rel=0.5)
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.calibrate.descent import fit
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
-from auv_torchrl.diagnosis.calibrate.output_error import fit
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.effects import EFFECTS

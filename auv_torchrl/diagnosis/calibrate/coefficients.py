@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr  # of the normal distribution; scipy.stats has it too, and takes a second to import
 
+from auv_torchrl.diagnosis.calibrate.descent import fit
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
-from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, errors, fit, measure_scale, pseudo_huber
+from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, errors, measure_scale, pseudo_huber
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
@@ -75,9 +76,9 @@ def calibrate_coefficients(
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_WINDOWS).astype(int))
     nothing = np.array([c.nominal for c in coefficients])
     fold = np.arange(len(windows)) % FOLDS
-    before, after = [], []
+    before, after, whole = [], [], fit(windows, held, coefficients)
     for k in range(FOLDS):
-        fitted = fit(windows.subset(fold != k), held, coefficients)
+        fitted = fit(windows.subset(fold != k), held, coefficients, [whole.values])
         unseen = windows.subset(fold == k)
         left = errors(unseen, held, [as_values(coefficients, at) for at in (nothing, fitted.values)])
         before.append(left[0])
@@ -90,11 +91,10 @@ def calibrate_coefficients(
             "their error): its coefficients stand"
         )
         return Calibrated(vehicle, findings=(Finding(Severity.INFO, "coefficients_stand", sentence),))
-    fitted = fit(windows, held, coefficients)
-    own = apply_values(vehicle, as_values(coefficients, fitted.values))
+    own = apply_values(vehicle, as_values(coefficients, whole.values))
     command = _typical_command(windows, vehicle)
     said = differences(respond(vehicle, command), respond(own, command), command)
-    effects = _effects(windows, held, coefficients, fitted, gain.probability, said)
+    effects = _effects(windows, held, coefficients, whole, gain.probability, said)
     sentence = (
         f"{len(coefficients)} coefficients of the vehicle's file were corrected on {log.name}; windows that the fit "
         f"did not see are predicted {gain.share:.0%} better"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration, leave_out
 from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
@@ -74,16 +74,21 @@ def cross_validate(
     settings: Settings,
     coefficients: Sequence[Coefficient] = (),
     report: Callable[[int], None] = lambda done: None,
-) -> tuple[Unseen, ...]:
-    """Each of two or more flights under the calibration of all the others; ``report`` is told how many are done."""
-    found = []
-    for i, flight in enumerate(healthy):
-        others = [log for k, log in enumerate(healthy) if k != i]
-        found.append(
-            hold_against(flight, calibrate_attitude(others, vehicle, settings, coefficients), vehicle, settings)
-        )
-        report(i + 1)
-    return tuple(found)
+) -> tuple[tuple[Unseen, ...], Calibration]:
+    """Each of two or more flights under the calibration of all the others, and that on all of them.
+
+    Where all of them are one vehicle, the others are calibrated from there. ``report`` is told how many are done.
+    """
+    sound, found = calibrate_attitude(healthy, vehicle, settings, coefficients), []
+    report(1)
+    for place, flight in enumerate(healthy):
+        others = leave_out(sound, healthy, place, settings)
+        if others is None:
+            rest = [log for k, log in enumerate(healthy) if k != place]
+            others = calibrate_attitude(rest, vehicle, settings, coefficients)
+        found.append(hold_against(flight, others, vehicle, settings))
+        report(place + 2)
+    return tuple(found), sound
 
 
 def odd_one(flights: Sequence[Unseen], settings: Settings) -> int | None:
@@ -115,18 +120,20 @@ def without_odd_ones(
     settings: Settings,
     coefficients: Sequence[Coefficient] = (),
     report: Callable[[int], None] = lambda done: None,
-) -> tuple[tuple[FlightLog, ...], tuple[Unseen, ...], tuple[Unseen, ...]]:
-    """The flights that agree, each under the calibration of the others among them, and those that were left out.
+) -> tuple[Calibration, tuple[Unseen, ...], tuple[Unseen, ...]]:
+    """The calibration on flights that agree, each under that of the others among them, and those that were left out.
 
     At most a minority is left out: of flights half of which are odd, nobody knows which half.
     """
     used, left_out, done = tuple(healthy), [], 0
     while True:
-        flights = cross_validate(used, vehicle, settings, coefficients, lambda more, before=done: report(before + more))
+        flights, sound = cross_validate(
+            used, vehicle, settings, coefficients, lambda more, before=done: report(before + more)
+        )
         odd = odd_one(flights, settings) if 2 * (len(left_out) + 1) < len(healthy) else None
         if odd is None:
-            return used, flights, tuple(left_out)
-        done += len(used)
+            return sound, flights, tuple(left_out)
+        done += len(used) + 1
         left_out.append(flights[odd])
         used = tuple(log for place, log in enumerate(used) if place != odd)
 

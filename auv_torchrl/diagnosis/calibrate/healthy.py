@@ -12,11 +12,9 @@ import numpy as np
 from torch import Tensor
 
 from auv_torchrl.diagnosis.calibrate.approach import approach
-from auv_torchrl.diagnosis.calibrate.flights import Told, share
-from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.gauge import hold_scale, scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
-from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
+from auv_torchrl.diagnosis.calibrate.together import Together, follow_all
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
@@ -33,7 +31,7 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
-PASSES = 2  # coefficients and floor in turn
+FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
 FITS = 8  # at most, of the coefficients of a file that is a guess, while each ...
 STILL_FALLS = 2.0  # ... lowers chi-square by this: what no flight tells then follows the prior
 
@@ -49,6 +47,7 @@ class Calibration:
     excess: float  # that of the calibrated vehicle, under the floor of the settings
     has_gap: bool  # beyond what the file may have wrong
     findings: tuple[Finding, ...]
+    together: Together | None = None  # what each flight tells, where they are here
 
     @property
     def vehicle(self) -> Vehicle:
@@ -77,22 +76,21 @@ def calibrate(
     flights, centred = _parted(healthy, windows), Centred.at(vehicle, nuisance)
     known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
     strays: tuple[str, ...] = ()
-    as_stated = excess = _excess([judged])
-    if excess < BEYOND_TRIM:
-        centred, known, excess = _over_flights(flights, centred, known, settings, settings.excess)
-        as_stated = excess
-    if as_stated > settings.excess:
+    as_stated = excess = judged.chi2 / judged.quadratic.numbers
+    together = follow_all(flights, centred, known, settings, settings.excess) if excess < BEYOND_TRIM else None
+    if together is not None:
+        centred, known, as_stated = together.centred, together.known, together.excess
+    if together is None or as_stated > settings.excess:
         near = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
         problem, follow = follow_windows(Problem.of(windows, near.vehicle, settings))
         problem, refitted = _fit(problem, near.nuisance, follow, FITS)
-        if _excess([refitted]) < _excess([judged]):
+        if refitted.chi2 / refitted.quadratic.numbers < excess:
             moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), near)
             centred = scaled_as_the_file(near.moved(*moved))
             strays = _strays(centred, settings)
             known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
-        centred, known, excess = _over_flights(flights, centred, known, settings)
-    calibration = Calibration(centred, known, strays, as_stated, excess, excess > settings.excess, ())
-    return replace(calibration, findings=tuple(_findings(log, calibration, settings)))
+        together = follow_all(flights, centred, known, settings)
+    return _told(together, strays, as_stated, log, settings)
 
 
 def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tensor, settings: Settings) -> Calibration:
@@ -105,34 +103,32 @@ def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tenso
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     centred = replace(level.centred, vehicle=changed(level.vehicle, free=free))
     known = replace(level.known, floor=np.array(settings.floor_force))
-    centred, known, excess = _over_flights(_parted(healthy, windows), centred, known, settings)
-    freed = replace(level, centred=centred, known=known, excess=excess, has_gap=excess > settings.excess)
-    return replace(freed, findings=tuple(_findings(log, freed, settings)))
+    together = follow_all(_parted(healthy, windows), centred, known, settings)
+    return _told(together, level.strays, level.as_stated, log, settings)
 
 
-def _over_flights(
-    flights: Sequence[Windows], centred: Centred, known: Known, settings: Settings, most: float = np.inf
-) -> tuple[Centred, Known, float]:
-    """What flights share, how they differ, the floor (6,), and the excess under the one to begin from.
+def leave_out(sound: Calibration, healthy: Sequence[FlightLog], place: int, settings: Settings) -> Calibration | None:
+    """The calibration on all of these flights but one, from that on all of them.
 
-    Of an excess of more than ``most``, nothing else: then another vehicle is needed.
+    None where that is no start: where all of them are not one vehicle, the one that is left out may have led the others
+    astray, and one of two flights alone may lie far from both.
     """
-    excess, shrinks = np.inf, None
-    for turn in range(PASSES):
-        known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
-        fitted = [follow_flight(own, centred.vehicle, settings, known) for own in flights]
-        excess = excess if turn else _excess([judged for _, judged in fitted])
-        if excess > most:
-            return centred, known, excess
-        dof, floor = fitted[0][0].layout.dof, known.floor.copy()
-        floor[dof] = disturbance_floor(fitted)
-        known = replace(known, floor=floor)
-        shared = share([_tells(*_under(one, floor[dof])) for one in fitted], centred)
-        open_still = hold_scale(shared.covariance, centred) if known.scale else shared.covariance
-        centred = centred.moved(shared.mean, open_still, shared.sizes)
-        shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
-    known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
-    return centred, replace(known, flights=len(flights), shrinks=shrinks), excess
+    together = sound.together
+    few = len(healthy) < FEWEST_TO_LEAVE_ONE
+    if together is None or sound.has_gap or few or len(together.told) != len(healthy):
+        return None
+    others = join([log for k, log in enumerate(healthy) if k != place])
+    return _told(together.without(place), sound.strays, sound.as_stated, others, settings)
+
+
+def _told(
+    together: Together, strays: tuple[str, ...], as_stated: float, log: FlightLog, settings: Settings
+) -> Calibration:
+    """With the findings about flights that are joined to a log."""
+    excess = together.excess
+    has_gap = excess > settings.excess
+    found = Calibration(together.centred, together.known, strays, as_stated, excess, has_gap, (), together)
+    return replace(found, findings=tuple(_findings(log, found, settings)))
 
 
 def noise_findings(noisier: dict[str, float]) -> tuple[Finding, ...]:
@@ -171,17 +167,6 @@ def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple
     return problem, judged
 
 
-def _under(flight: tuple[Problem, Judged], floor: Floats) -> tuple[Problem, Judged]:
-    """A flight fitted again under another disturbance (D,)."""
-    problem, judged = flight
-    problem = replace(problem, floor=floor)
-    return problem, fit_by_simulation(problem, judged.explanation, judged.base)
-
-
-def _tells(problem: Problem, judged: Judged) -> Told:
-    return Told.of(judged.quadratic, slack_now(problem, judged.explanation))
-
-
 def _left_open(problem: Problem, judged: Judged) -> Floats:
     """Covariance (k, k) of slack, as the log leaves it open."""
     k = len(problem.slack)
@@ -193,11 +178,6 @@ def _parted(healthy: Sequence[FlightLog], windows: Windows) -> list[Windows]:
     ends = np.cumsum([len(log.episodes) for log in healthy])
     flight = np.searchsorted(ends, windows.episode, side="right")
     return [windows.subset(flight == number) for number in np.unique(flight)]
-
-
-def _excess(flights: Sequence[Judged]) -> float:
-    """Chi-square per measured number."""
-    return sum(judged.chi2 for judged in flights) / sum(judged.quadratic.numbers for judged in flights)
 
 
 def _strays(centred: Centred, settings: Settings) -> tuple[str, ...]:

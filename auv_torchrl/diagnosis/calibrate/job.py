@@ -122,18 +122,14 @@ def calibrate_and_judge(
     One flight is held against its own first part.
     """
     given = (asked.vehicle, asked.settings, asked.uncertainty)
-    count = len(asked.healthy)
-    if count == 1:
-        progress("holding its end against the rest", 0.0)
-        early, late, _ = split(asked.healthy[0], ())
-        with np.errstate(all="ignore"):
-            flights = (hold_against(late, calibrate_attitude([early], *given), asked.vehicle, asked.settings),)
-        used, left_out = asked.healthy, ()
-    else:
-        stage = "holding each flight against the others"
+    only, *more = asked.healthy
+    if more:
+        stage, count = "holding each flight against the others", 1 + len(asked.healthy)
         progress(stage, 0.0)
-        used, flights, left_out = without_odd_ones(
-            asked.healthy, *given, report=lambda done: progress(stage, min(done / (count + 1), 0.95))
-        )
-    progress("calibrating on all of them", count / (count + 1))
-    return calibrate_attitude(used, *given), flights, left_out
+        return without_odd_ones(asked.healthy, *given, report=lambda done: progress(stage, min(done / count, 0.95)))
+    progress("holding its end against the rest", 0.0)
+    early, late, _ = split(only, ())
+    with np.errstate(all="ignore"):
+        flights = (hold_against(late, calibrate_attitude([early], *given), asked.vehicle, asked.settings),)
+    progress("calibrating on all of it", 0.5)
+    return calibrate_attitude(asked.healthy, *given), flights, ()

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import (
     Entry,
@@ -17,7 +18,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
 )
 from auv_torchrl.diagnosis.identify.problem import Slack
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import MENDED_REPEATS, REPEATS, SHARED_BY_THRUSTERS
+from auv_torchrl.diagnosis.thresholds import MENDED_REPEATS, REPEATS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
@@ -35,7 +36,7 @@ class Nuisance:
     spread: tuple[Floats, ...]  # (k, k) covariances between flights, each with a size of its own that can be learnt
     repeats: Floats  # (k,) standard deviation within which every sound vehicle repeats itself
     repeating: float = REPEATS  # relative, how well
-    together: float = 0.0  # share of the file's variance about each thruster that is common to all of them
+    is_guess: bool = False  # the file: what it has wrong of thrusters, it has wrong of all of them
 
     def between_flights(self, sizes: Sequence[float] | None = None) -> Floats:
         """Covariance (k, k) between flights; ``sizes`` are times what is stated of each spread."""
@@ -51,22 +52,11 @@ class Nuisance:
 
     @property
     def file_precision(self) -> Floats:
-        """Precision (k, k) of the file: what it says of each thruster alike is wrong of all together, too."""
+        """Precision (k, k) of the file."""
         total = np.array([entry[3] for entry in self.slack])
-        covariance = np.diag(np.maximum(self.width**2, SURELY * total**2))
-        for members in self._thrusters():
-            own = np.where(np.isin(np.arange(len(total)), members), self.width, 0.0)
-            covariance += self.together * (np.outer(own, own) - np.diag(own**2))
-        return np.linalg.inv(covariance)
-
-    def _thrusters(self) -> list[list[int]]:
-        """The places of numbers that each thruster has one of."""
-        families: dict[tuple[str, str], list[int]] = {}
-        for place, (effect, member, *_) in enumerate(self.slack):
-            for p in EFFECTS[effect].parameters:
-                if p.over == "thruster" and member.rpartition("_")[0] == p.name:
-                    families.setdefault((effect, p.name), []).append(place)
-        return list(families.values())
+        width = np.maximum(self.width, SURELY**0.5 * total)
+        members = [entry[:2] for entry in self.slack]
+        return np.linalg.inv(shared_covariance(members, width) if self.is_guess else np.diag(width**2))
 
 
 def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) -> Nuisance:
@@ -120,7 +110,7 @@ def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coeffic
     if windows.errors.snapshot_s:
         given = [entry for entry in given if not EFFECTS[entry[0]].smooths]
     found = nuisance(vehicle, [*given, *sensor_slack(vehicle, settings, windows.channels)])
-    return replace(found, repeating=MENDED_REPEATS, together=SHARED_BY_THRUSTERS)
+    return replace(found, repeating=MENDED_REPEATS, is_guess=True)
 
 
 def guesses(vehicle: Vehicle) -> list[Entry]:

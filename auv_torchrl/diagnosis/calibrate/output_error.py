@@ -1,4 +1,4 @@
-"""Fit many coefficients at once: simulate windows from their starts and shrink what is left.
+"""What is left of windows that are simulated from their starts, with many coefficients at once.
 
 Output error (Ljung 1999, section 3.2) instead of the innovations of the search: where a vehicle's file is a guess, what
 counts is the prediction over seconds from the commands alone, and the error is the model's, not the sensors'.
@@ -13,14 +13,10 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER, SHARED_BY_THRUSTERS
+from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER
 from auv_torchrl.flightlog import POSE
 from auv_torchrl.vehicle import Vehicle
 
-STEP = 1e-3  # of a coefficient's width, for slopes
-DAMPING = (1e-3, 3e-2, 1.0, 30.0)  # tried side by side in every round
-ROUNDS = 25
-SETTLED = 1e-3  # relative fall of the cost below which the fit stands
 START_WIDTH = np.array([0.1] * 6 + [0.1] * 3 + [0.3] * 3)  # m, rad, m/s, rad/s, of a start about its guess
 UNSEEN_BY_VELOCITY = (0, 1, 2, 5)  # position and yaw
 SMALLEST = 1e-6  # a channel's scale, where nothing is left at all
@@ -86,76 +82,6 @@ def pseudo_huber(left: Floats, scale: Floats) -> Floats:
     return np.sign(r) * HUBER * np.sqrt(2 * (np.sqrt(1 + (r / HUBER) ** 2) - 1))
 
 
-def prior_covariance(coefficients: Sequence[Coefficient]) -> Floats:
-    """Covariance (k, k) of coefficients before any flight.
-
-    What makes all members of a family differ from flight to flight, as volts do all thrusters, is also what a file has
-    wrong of all of them. Else a fit would rather bend the curve of thrust than pay once for each thruster, and go wrong
-    where commands are larger than those that it has seen.
-    """
-    width = np.array([c.width for c in coefficients])
-    family = [c.family for c in coefficients]
-    same = np.array([[one is not None and one == other for other in family] for one in family])
-    return np.outer(width, width) * np.where(np.eye(len(width), dtype=bool), 1.0, SHARED_BY_THRUSTERS * same)
-
-
-def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient], rounds: int = ROUNDS) -> Fitted:
-    """Levenberg-Marquardt within the bounds, from the values of the vehicle, priors as wide as they are uncertain.
-
-    Each window starts near its guess, where the coefficients want it. The scale of each channel and the correlation of
-    the errors are measured anew in every round, so that neither a channel that no coefficient explains nor a thousand
-    samples of one slow error outweigh the prior.
-    """
-    nominal = np.array([c.nominal for c in coefficients])
-    width = np.array([c.width for c in coefficients])
-    low, high = np.array([c.low for c in coefficients]), np.array([c.high for c in coefficients])
-    at, k, known = nominal.copy(), len(coefficients), np.linalg.inv(prior_covariance(coefficients))
-    entries = start_entries(windows, vehicle)
-    start, loose = windows.guess.copy(), START_WIDTH[entries]
-
-    def cost(r: Floats, point: Floats, starts: Floats) -> float:
-        moved = (starts - windows.guess)[:, entries] / loose
-        return float((r**2).sum() + (point - nominal) @ known @ (point - nominal) + (moved**2).sum())
-
-    while True:
-        step = np.where(at + STEP * width > high, -STEP * width, STEP * width)
-        points = [at, *(at + step * unit for unit in np.eye(k)), *[at] * len(entries)]
-        starts = np.repeat(start[:, None], len(points), axis=1)
-        starts[:, np.arange(1 + k, len(points)), entries] += STEP * loose
-        left = errors(windows, vehicle, [as_values(coefficients, point) for point in points], starts)
-        scale, memory = measure_scale(windows, left[0])
-        r = _scaled(windows, left, scale, memory)
-        slope = (r[1 : 1 + k] - r[0]) / step[:, None, None]
-        local = (r[1 + k :] - r[0]) / (STEP * loose)[:, None, None]
-        gram = np.einsum("lwn,mwn->wlm", local, local) + np.diag(loose**-2.0)
-        cross = np.einsum("lwn,kwn->wlk", local, slope)
-        pull = np.einsum("lwn,wn->wl", local, r[0]) + (start - windows.guess)[:, entries] / loose**2
-        response, offset = np.linalg.solve(gram, cross), np.linalg.solve(gram, pull[..., None])[..., 0]
-        curvature = np.einsum("iwn,jwn->ij", slope, slope) - np.einsum("wli,wlj->ij", cross, response)
-        curvature = 0.5 * (curvature + curvature.T) + known
-        gradient = np.einsum("kwn,wn->k", slope, r[0]) - np.einsum("wlk,wl->k", cross, offset)
-        gradient += known @ (at - nominal)
-        fitted, rounds = Fitted(at, np.linalg.inv(curvature), scale), rounds - 1
-        if not rounds:  # the last one only takes the slopes
-            return fitted
-        free = ~(((at <= low) & (gradient > 0)) | ((at >= high) & (gradient < 0)))
-        trials = []
-        for damping in DAMPING:
-            inside = curvature[np.ix_(free, free)]
-            move = np.zeros(k)
-            move[free] = -np.linalg.solve(inside + damping * np.diag(np.diag(inside)), gradient[free])
-            trials.append(np.clip(at + move, low, high))
-        starts = np.repeat(start[:, None], len(trials), axis=1)
-        starts[..., entries] -= np.stack([offset + response @ (trial - at) for trial in trials], axis=1)
-        tried = errors(windows, vehicle, [as_values(coefficients, trial) for trial in trials], starts)
-        tried = _scaled(windows, tried, scale, memory)
-        costs = [cost(tried[i], trial, starts[:, i]) for i, trial in enumerate(trials)]
-        best = int(np.argmin(costs))
-        if costs[best] > cost(r[0], at, start) * (1 - SETTLED):
-            return fitted
-        at, start = trials[best], starts[:, best]
-
-
 def start_entries(windows: Windows, vehicle: Vehicle) -> np.ndarray:
     """Which of the 12 numbers of a start are free: those that the used channels can see."""
     moves = np.flatnonzero(vehicle.free.numpy() > 0)
@@ -164,7 +90,7 @@ def start_entries(windows: Windows, vehicle: Vehicle) -> np.ndarray:
     return entries if poses else np.setdiff1d(entries, UNSEEN_BY_VELOCITY)
 
 
-def _scaled(windows: Windows, left: Floats, scale: Floats, memory: float) -> Floats:
+def scaled(windows: Windows, left: Floats, scale: Floats, memory: float) -> Floats:
     """Numbers (R, W, m C) whose squares add up to the cost of what is left (R, W, m, C)."""
     r = pseudo_huber(left, scale) * windows.present[..., None] / np.sqrt(memory)
     return r.reshape(*r.shape[:2], -1)

@@ -21,14 +21,6 @@ class Coefficient:
     high: float
     unit: str
 
-    @property
-    def family(self) -> tuple[str, str] | None:
-        """The effect and its parameter where all members of that differ together from flight to flight."""
-        for p in get_effect(self.effect).parameters:
-            if p.varies and p.over is not None and self.member.startswith(f"{p.name}_"):
-                return self.effect, p.name
-        return None
-
 
 def load_uncertainty(name: str | Path, vehicle: Vehicle) -> tuple[Coefficient, ...]:
     """What is uncertain in the vehicle of that name in ``conf/vehicle``, or of that YAML file."""

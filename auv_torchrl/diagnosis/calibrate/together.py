@@ -1,0 +1,100 @@
+"""A vehicle as several flights show it together, and as all of them but one do."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.calibrate.flights import Told, share
+from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
+from auv_torchrl.diagnosis.calibrate.gauge import hold_scale
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred
+from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.problem import Known, Problem
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+
+PASSES = 2  # coefficients and floor in turn
+Fit = tuple[Problem, Judged]
+
+
+@dataclass(frozen=True)
+class Together:
+    """The vehicle with what its flights tell of it."""
+
+    centred: Centred
+    known: Known
+    excess: float  # chi-square per number under the floor to begin from
+    about: Centred  # about which the flights were followed last ...
+    fits: tuple[Fit, ...] = ()  # ... under the floor before,
+    told: tuple[Told, ...] = ()  # and what they tell under the one that they show
+    misfits: tuple[tuple[float, float], ...] = ()  # of each flight under the floor to begin from: chi-square, numbers
+
+    def without(self, place: int) -> "Together":
+        """As all flights but one show it, linearised about what all of them show.
+
+        What a flight tells does not depend on the others, but for the vehicle about which it is linearised: what the
+        one that is left out has told is gone. The prior is the file's, and the floor that of the others.
+        """
+        first, behind = slice(place), slice(place + 1, None)
+        fits, told = self.fits[first] + self.fits[behind], self.told[first] + self.told[behind]
+        centred, known = _shown(self.about, replace(self.known, floor=_floor(self.known.floor, fits)), told)
+        misfits = self.misfits[first] + self.misfits[behind]
+        return Together(centred, known, _per_number(misfits), self.about, fits, told, misfits)
+
+
+def follow_all(
+    flights: Sequence[Windows], centred: Centred, known: Known, settings: Settings, most: float = np.inf
+) -> Together:
+    """What flights share, how they differ, the floor (6,), and the excess under the one to begin from.
+
+    Of an excess of more than ``most``, nothing else: then another vehicle is needed.
+    """
+    misfits, about, fits, told = (), centred, (), ()
+    for turn in range(PASSES):
+        known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
+        fits = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
+        if not turn:
+            misfits = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in fits)
+            if _per_number(misfits) > most:
+                return Together(centred, known, _per_number(misfits), centred)
+        known = replace(known, floor=_floor(known.floor, fits))
+        told = tuple(_tells(*_under(one, known.floor[one[0].layout.dof])) for one in fits)
+        about = centred
+        centred, known = _shown(about, known, told)
+    return Together(centred, known, _per_number(misfits), about, fits, told, misfits)
+
+
+def _shown(about: Centred, known: Known, told: Sequence[Told]) -> tuple[Centred, Known]:
+    """The vehicle that flights show, of what each tells of numbers ``about`` one."""
+    shared = share(told, about)
+    open_still = hold_scale(shared.covariance, about) if known.scale else shared.covariance
+    centred = about.moved(shared.mean, open_still, shared.sizes)
+    shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
+    slack = {"slack": centred.nuisance.slack, "slack_covariance": centred.covariance}
+    return centred, replace(known, **slack, flights=len(told), shrinks=shrinks)
+
+
+def _floor(before: Floats, fits: Sequence[Fit]) -> Floats:
+    """The disturbance (6,) that flights show; as before where they cannot."""
+    floor = before.copy()
+    floor[fits[0][0].layout.dof] = disturbance_floor(fits)
+    return floor
+
+
+def _under(flight: Fit, floor: Floats) -> Fit:
+    """A flight fitted again under another disturbance (D,)."""
+    problem, judged = flight
+    problem = replace(problem, floor=floor)
+    return problem, fit_by_simulation(problem, judged.explanation, judged.base)
+
+
+def _tells(problem: Problem, judged: Judged) -> Told:
+    return Told.of(judged.quadratic, slack_now(problem, judged.explanation))
+
+
+def _per_number(misfits: Sequence[tuple[float, float]]) -> float:
+    chi2, numbers = np.sum(misfits, axis=0).tolist()
+    return chi2 / numbers
