@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.identify.judged import Judged, are_small, is_minor, is_strained, leaves_much
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
@@ -80,9 +80,15 @@ def tidy(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
 
 
 def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
+    """Take out effects for which the log does not pay, and what slack would do where nothing is left without it."""
     while len(best.explanation.effects) > 1:
         fewer = [_without(problem, best, effect) for effect in best.explanation.effects]
         polished += fewer
+        small = are_small(problem, best)
+        needless = [one for one, is_small in zip(fewer, small, strict=True) if is_small and one.nothing_left]
+        if needless:
+            best = max(needless, key=lambda judged: judged.evidence)
+            continue
         better = max(fewer, key=lambda judged: judged.evidence)
         if better.evidence <= best.evidence - WORTH_AN_EFFECT:
             return best
