@@ -14,10 +14,12 @@ from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
 from auv_torchrl.diagnosis.motion.rollout import simulate
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER, SHARED_BY_THRUSTERS
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE
 from auv_torchrl.vehicle import Vehicle
 
 STEP = 1e-3  # of a coefficient's width, for slopes
+ROUGH_STEP = 0.2  # likewise of a threshold, which switches single samples: enough of them must do so to make a slope
 DAMPING = (1e-3, 3e-2, 1.0, 30.0)  # tried side by side in every round
 ROUNDS = 25
 SETTLED = 1e-3  # relative fall of the cost below which the fit stands
@@ -110,6 +112,7 @@ def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient],
     width = np.array([c.width for c in coefficients])
     low, high = np.array([c.low for c in coefficients]), np.array([c.high for c in coefficients])
     at, k, known = nominal.copy(), len(coefficients), np.linalg.inv(prior_covariance(coefficients))
+    reach = width * np.where([EFFECTS[c.effect].is_rough for c in coefficients], ROUGH_STEP, STEP)
     entries = start_entries(windows, vehicle)
     start, loose = windows.guess.copy(), START_WIDTH[entries]
 
@@ -118,7 +121,7 @@ def fit(windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient],
         return float((r**2).sum() + (point - nominal) @ known @ (point - nominal) + (moved**2).sum())
 
     while True:
-        step = np.where(at + STEP * width > high, -STEP * width, STEP * width)
+        step = np.where(at + reach > high, -reach, reach)
         points = [at, *(at + step * unit for unit in np.eye(k)), *[at] * len(entries)]
         starts = np.repeat(start[:, None], len(points), axis=1)
         starts[:, np.arange(1 + k, len(points)), entries] += STEP * loose
