@@ -85,7 +85,7 @@ def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
         fewer = [_without(problem, best, effect) for effect in best.explanation.effects]
         polished += fewer
         small = are_small(problem, best)
-        needless = [one for one, is_small in zip(fewer, small, strict=True) if is_small and one.nothing_left]
+        needless = [one for one, is_small in zip(fewer, small, strict=True) if is_small and _suffices(problem, one)]
         if needless:
             best = max(needless, key=lambda judged: judged.evidence)
             continue
@@ -94,6 +94,12 @@ def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
             return best
         best = better
     return best
+
+
+def _suffices(problem: Problem, judged: Judged) -> bool:
+    """Whether nothing is left, or of a vehicle whose file was mended no more than its physics may be wrong by."""
+    is_mended = problem.known is not None and problem.known.scale > 0
+    return judged.nothing_left or (is_mended and not leaves_much(problem, judged))
 
 
 def _without(problem: Problem, best: Judged, effect: str) -> Judged:
