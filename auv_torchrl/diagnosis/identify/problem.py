@@ -205,6 +205,6 @@ def _reach(vehicle: Vehicle) -> Floats:
 
 
 def _or_alike(reach: Floats) -> Floats:
-    """The same (6,), with the largest of its kind where thrusters make no force, or no moment: nothing is large there."""
+    """The same (6,), with the largest of its kind where thrusters make no force, or no moment."""
     largest = np.repeat(reach.reshape(2, 3).max(1), 3)
     return np.where(reach > LEAST_REACH, reach, largest)
