@@ -33,7 +33,8 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
-PASSES = 2  # coefficients and floor in turn
+PASSES = 6  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
+STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or nothing was left
 FITS = 8  # at most, of the coefficients of a file that is a guess, while each ...
 STILL_FALLS = 2.0  # ... lowers chi-square by this: what no flight tells then follows the prior
 
@@ -117,20 +118,26 @@ def _over_flights(
 
     Of an excess of more than ``most``, nothing else: then another vehicle is needed.
     """
-    excess, shrinks = np.inf, None
+    excess, shrinks, is_last = np.inf, None, False
     for turn in range(PASSES):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         fitted = [follow_flight(own, centred.vehicle, settings, known) for own in flights]
-        excess = excess if turn else _excess([judged for _, judged in fitted])
+        left = _excess([judged for _, judged in fitted])
+        excess = excess if is_last else min(excess, left)
         if excess > most:
             return centred, known, excess
         dof, floor = fitted[0][0].layout.dof, known.floor.copy()
         floor[dof] = disturbance_floor(fitted)
-        known = replace(known, floor=floor)
         shared = share([_tells(*_under(one, floor[dof])) for one in fitted], centred)
         open_still = hold_scale(shared.covariance, centred) if known.scale else shared.covariance
         centred = centred.moved(shared.mean, open_still, shared.sizes)
         shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
+        if is_last:
+            known = replace(known, floor=floor)
+            break
+        still = np.abs(shared.mean) < STANDS * np.sqrt(np.diag(open_still))
+        if left <= 1 or still.all() or turn == PASSES - 2:
+            known, is_last = replace(known, floor=floor), True
     known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
     return centred, replace(known, flights=len(flights), shrinks=shrinks), excess
 
