@@ -82,7 +82,9 @@ class _Flown(NamedTuple):
 def _level(flown: list[_Flown], pushed: float, speed: float) -> float | None:
     """Depth in m, in the sense looked at, at which a vehicle does not go on; None where it stands nowhere.
 
-    ``pushed`` is the least change of push in N, ``speed`` the one in m/s at which that moves a sound vehicle.
+    ``pushed`` is the least change of push in N, ``speed`` the one in m/s at which that moves a sound vehicle, as its
+    file says. What is still beside a vehicle that flies faster than that is told by its own flight: it bounces faster,
+    too.
     """
     levels = []
     for part in flown:
@@ -94,9 +96,12 @@ def _level(flown: list[_Flown], pushed: float, speed: float) -> float | None:
     if not levels:
         return None
     level = min(levels)
-    depth, moving = (np.concatenate(field) for field in (zip(*((f.depth, f.speed) for f in flown), strict=True)))
-    there = moving[depth >= level] < STILL * speed
-    elsewhere = moving[depth < level - NEAR_M] > MOVES * speed
+    depth, moving, push = (np.concatenate(field) for field in zip(*flown, strict=True))
+    clear = depth < level - NEAR_M
+    asked = clear & (np.abs(push) > pushed)
+    own = float(np.median(moving[asked])) if asked.any() else 0.0
+    there = moving[depth >= level] < STILL * max(speed, own)
+    elsewhere = moving[clear] > MOVES * speed
     return level if there.mean() > ALL_STILL and elsewhere.sum() * BLOCK_S >= 1.0 else None
 
 

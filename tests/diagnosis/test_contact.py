@@ -7,7 +7,7 @@ from flown_logs import AXES, DT, Pushed, fly, hold
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values
 from auv_torchrl.flightlog import Episode, FlightLog
-from auv_torchrl.flightlog.contact import NEAR_M, leave_out_contact
+from auv_torchrl.flightlog.contact import NEAR_M, _Flown, _level, leave_out_contact
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import load_vehicle
 
@@ -109,6 +109,15 @@ def test_a_vehicle_that_holds_its_depth_stands_nowhere(values, seed):
     log = fly(PAPER, values, seed=seed)
     episodes, findings = leave_out_contact(log.episodes, PAPER)
     assert episodes is log.episodes and not findings
+
+
+def test_a_file_that_makes_the_vehicle_slow_hides_no_bottom():
+    """A vehicle that flies at twice the speed of its file bounces on the bottom faster than that file calls still."""
+    flown = np.repeat([0.9, 0.02, 0.1, 0.02], [40, 40, 10, 10])  # m/s, in blocks of half a second
+    push = np.where(np.arange(100) % 10 < 5, 20.0, 80.0)
+    depth = np.concatenate([np.linspace(0.0, 18.0, 40), np.full(60, 18.4)])
+    assert _level([_Flown(depth, flown, push)], 51.5, 0.44) == pytest.approx(18.4)
+    assert _level([_Flown(depth, np.where(flown == 0.1, 0.3, flown), push)], 51.5, 0.44) is None
 
 
 def test_a_log_that_is_all_contact_is_kept_and_doubted():

@@ -58,6 +58,24 @@ def test_an_overall_scale_is_found_and_changes_no_motion(factor):
     assert abs(np.log(ratio)) < 0.2 * abs(np.log(factor))
 
 
+def test_a_factor_that_a_fit_takes_to_nothing_can_come_back():
+    """What is left of the drag is small and as unsure in newtons as before, so that another fit finds it again."""
+    file = load_vehicle("paper")
+    windows = cut_windows(fly(hold(file), {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
+    about = Centred.at(file, guessed(file, SETTINGS, (), windows))
+    place = [entry[:2] for entry in about.nuisance.slack].index(("quadratic_drag", "scale_heave"))
+    away = np.zeros(len(about.nuisance.slack))
+    away[place] = -1.0
+    gone = about.shifted(away)
+    drag, before = (float(c.vehicle.quadratic_drag[..., 2]) for c in (gone, about))
+    assert 0 < drag < 0.2 * before
+    np.testing.assert_allclose(gone.nuisance.width[place] * drag, about.nuisance.width[place] * before)
+    away[place] = before / drag - 1
+    back = gone.shifted(away)
+    np.testing.assert_allclose(float(back.vehicle.quadratic_drag[..., 2]), before)
+    np.testing.assert_allclose(back.file[place], 0.0, atol=1e-9)
+
+
 def test_a_file_that_is_wrong_by_factors_is_mended_by_a_flight():
     """Twice the thrust on another curve, a third of the drag and half of the inertia leave nothing but noise."""
     file = hold(load_vehicle("paper"))

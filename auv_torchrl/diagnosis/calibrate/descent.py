@@ -24,9 +24,11 @@ from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.motion.within import least_within
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
 STEP = 1e-3  # of a coefficient's width, for slopes
+ROUGH_STEP = 0.2  # likewise of a threshold, which switches single samples: enough of them must do so to make a slope
 DAMPING = (1e-6, 1e-3, 3e-2, 1.0)  # tried side by side in every round
 ROUNDS = 40
 SETTLED = 0.4  # chi-square by which a round must lower what is left: less moves no coefficient by its error
@@ -66,6 +68,7 @@ class Descent:
         ).T
         self.covariance = shared_covariance([(c.effect, c.member) for c in coefficients], self.width)
         self.known = np.linalg.inv(self.covariance)
+        self.reach = self.width * np.where([EFFECTS[c.effect].is_rough for c in coefficients], ROUGH_STEP, STEP)
         self.entries = start_entries(windows, vehicle)
         self.loose = START_WIDTH[self.entries]
 
@@ -92,7 +95,7 @@ class Descent:
     def slopes(self, at: Floats, start: Floats) -> _Slopes:
         """What is left at coefficients (k,) and starts (W, 12), with slopes."""
         k, entries, loose, windows = len(at), self.entries, self.loose, self.windows
-        step = np.where(at + STEP * self.width > self.high, -STEP * self.width, STEP * self.width)
+        step = np.where(at + self.reach > self.high, -self.reach, self.reach)
         points = [at, *(at + step * unit for unit in np.eye(k)), *[at] * len(entries)]
         starts = np.repeat(start[:, None], len(points), axis=1)
         starts[:, np.arange(1 + k, len(points)), entries] += STEP * loose

@@ -24,7 +24,9 @@ from auv_torchrl.vehicle import Vehicle
 
 WARMTH = 0.4  # of what sound sensors are off by, that comes and goes with their temperature
 SURELY = 1e-9  # of a total variance, that a number without a width may be off by: inverses need one
-SMALLEST_FACTOR = 0.05  # of what it was: a number that is nearly gone has no relative width
+SMALLEST_FACTOR = (
+    0.1  # of what it was: no factor brings back what is gone, and the largest ones, of 10, bring this back
+)
 
 
 @dataclass(frozen=True)
@@ -171,11 +173,13 @@ class Centred:
         """
         own = apply_values(self.vehicle, self._values(deviation))
         nominal = [EFFECTS[effect].nominal(own)[member] for effect, member, *_ in self.nuisance.slack]
-        factor = np.ones(len(nominal))
-        for i, ((*_, old, _), new) in enumerate(zip(self.nuisance.slack, nominal, strict=True)):
-            value = old + deviation[i]
-            if old and new == old and abs(value) > SMALLEST_FACTOR * abs(old):
-                factor[i] = old / value
+        before = np.array([entry[2] for entry in self.nuisance.slack])
+        is_factor = (before != 0) & (np.array(nominal) == before)
+        gone = is_factor & (np.abs(before + deviation) < SMALLEST_FACTOR * np.abs(before))
+        if gone.any():
+            deviation = np.where(gone, (SMALLEST_FACTOR - 1) * before, deviation)
+            own = apply_values(self.vehicle, self._values(deviation))
+        factor = np.where(is_factor, before / np.where(is_factor, before + deviation, 1.0), 1.0)
         slack = tuple((*s[:2], new, s[3]) for s, new in zip(self.nuisance.slack, nominal, strict=True))
         keys = [(effect, member) for effect, member, *_ in slack]
         repeats = _repeats(own, keys, nominal, self.nuisance.repeating)

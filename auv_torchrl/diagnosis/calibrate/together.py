@@ -16,7 +16,8 @@ from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 
-PASSES = 2  # coefficients and floor in turn
+PASSES = 6  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
+STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or nothing was left
 Fit = tuple[Problem, Judged]
 
 
@@ -40,7 +41,7 @@ class Together:
         """
         first, behind = slice(place), slice(place + 1, None)
         fits, told = self.fits[first] + self.fits[behind], self.told[first] + self.told[behind]
-        centred, known = _shown(self.about, replace(self.known, floor=_floor(self.known.floor, fits)), told)
+        centred, known, _ = _shown(self.about, replace(self.known, floor=_floor(self.known.floor, fits)), told)
         misfits = self.misfits[first] + self.misfits[behind]
         return Together(centred, known, _per_number(misfits), self.about, fits, told, misfits)
 
@@ -52,29 +53,39 @@ def follow_all(
 
     Of an excess of more than ``most``, nothing else: then another vehicle is needed.
     """
-    misfits, about, fits, told = (), centred, (), ()
+    misfits, about, fits, told, is_last = (), centred, (), (), False
     for turn in range(PASSES):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         fits = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
-        if not turn:
-            misfits = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in fits)
-            if _per_number(misfits) > most:
-                return Together(centred, known, _per_number(misfits), centred)
-        known = replace(known, floor=_floor(known.floor, fits))
-        told = tuple(_tells(*_under(one, known.floor[one[0].layout.dof])) for one in fits)
+        left = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in fits)
+        if not misfits or not is_last and _per_number(left) < _per_number(misfits):
+            misfits = left
+        if _per_number(misfits) > most:
+            return Together(centred, known, _per_number(misfits), centred)
+        floor = _floor(known.floor, fits)
+        told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
         about = centred
-        centred, known = _shown(about, known, told)
+        centred, shown, moved = _shown(about, known, told)
+        if is_last:
+            known = replace(shown, floor=floor)
+            break
+        is_last = _per_number(left) <= 1 or moved < STANDS or turn == PASSES - 2
+        known = replace(shown, floor=floor) if is_last else shown
     return Together(centred, known, _per_number(misfits), about, fits, told, misfits)
 
 
-def _shown(about: Centred, known: Known, told: Sequence[Told]) -> tuple[Centred, Known]:
-    """The vehicle that flights show, of what each tells of numbers ``about`` one."""
+def _shown(about: Centred, known: Known, told: Sequence[Told]) -> tuple[Centred, Known, float]:
+    """The vehicle that flights show, of what each tells of numbers ``about`` one.
+
+    Also by how many of its standard deviations the number moved that moved most.
+    """
     shared = share(told, about)
     open_still = hold_scale(shared.covariance, about) if known.scale else shared.covariance
     centred = about.moved(shared.mean, open_still, shared.sizes)
     shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
     slack = {"slack": centred.nuisance.slack, "slack_covariance": centred.covariance}
-    return centred, replace(known, **slack, flights=len(told), shrinks=shrinks)
+    moved = float(np.max(np.abs(shared.mean) / np.sqrt(np.diag(open_still)), initial=0.0))
+    return centred, replace(known, **slack, flights=len(told), shrinks=shrinks), moved
 
 
 def _floor(before: Floats, fits: Sequence[Fit]) -> Floats:

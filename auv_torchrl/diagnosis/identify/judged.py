@@ -131,8 +131,14 @@ def is_minor(problem: Problem, judged: Judged) -> bool:
     explanation = judged.explanation
     if not problem.slack_suffices or not explanation.effects or not np.isfinite(judged.chi2):
         return False
+    return any(are_small(problem, judged))
+
+
+def are_small(problem: Problem, judged: Judged) -> list[bool]:
+    """Of each effect of an explanation, whether it does no more than slack does anyway."""
+    explanation = judged.explanation
     alone = [
         Explanation(tuple(knob for knob in explanation.knobs if knob.effect == effect))
         for effect in explanation.effects
     ]
-    return bool((_sizes(problem, alone, judged.base) < MINOR * problem.slack_size).any())
+    return (_sizes(problem, alone, judged.base) < MINOR * problem.slack_size).tolist()

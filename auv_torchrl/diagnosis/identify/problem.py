@@ -17,6 +17,7 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
 Slack = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
+LEAST_REACH = 0.1  # N, N m, where thrusters make nothing
 FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each holds as much as the slopes
 
 
@@ -90,7 +91,7 @@ class Problem:
     known: Known | None  # from healthy logs
     layout: Layout
     floor: Floats  # (D,) N, N m: standard deviation of the disturbance in the measured degrees of freedom
-    reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom
+    reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom, or in one alike
     wide: Floats  # (D,) N, N m: prior of the force while a wrong model follows the log
     atoms: tuple[Atom, ...]  # changes to try
     slack: tuple[Slack, ...]
@@ -134,7 +135,7 @@ class Problem:
             known=known,
             layout=layout,
             floor=floor[layout.dof],
-            reach=reach,
+            reach=_or_alike(reach),
             wide=reach[layout.dof] * np.where(layout.felt, FELT_ALONE, 1.0),
             atoms=atoms,
             slack=slack,
@@ -200,4 +201,10 @@ def _reach(vehicle: Vehicle) -> Floats:
     """Force (6,) that the thrusters can make in each degree of freedom, N and N m, or most of it."""
     c = prepare(batch(vehicle, [{}])).numpy()
     push = np.abs((c.allocation * c.full_thrust[..., None, :])[0]).sum(-1)
-    return np.maximum(WIDE_SHARE * push, 0.1)
+    return np.maximum(WIDE_SHARE * push, LEAST_REACH)
+
+
+def _or_alike(reach: Floats) -> Floats:
+    """The same (6,), with the largest of its kind where thrusters make no force, or no moment."""
+    largest = np.repeat(reach.reshape(2, 3).max(1), 3)
+    return np.where(reach > LEAST_REACH, reach, largest)

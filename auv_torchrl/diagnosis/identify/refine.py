@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import Judged, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.identify.judged import Judged, are_small, is_minor, is_strained, leaves_much
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
@@ -80,14 +80,26 @@ def tidy(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
 
 
 def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
+    """Take out effects for which the log does not pay, and what slack would do where nothing is left without it."""
     while len(best.explanation.effects) > 1:
         fewer = [_without(problem, best, effect) for effect in best.explanation.effects]
         polished += fewer
+        small = are_small(problem, best)
+        needless = [one for one, is_small in zip(fewer, small, strict=True) if is_small and _suffices(problem, one)]
+        if needless:
+            best = max(needless, key=lambda judged: judged.evidence)
+            continue
         better = max(fewer, key=lambda judged: judged.evidence)
         if better.evidence <= best.evidence - WORTH_AN_EFFECT:
             return best
         best = better
     return best
+
+
+def _suffices(problem: Problem, judged: Judged) -> bool:
+    """Whether nothing is left, or of a vehicle whose file was mended no more than its physics may be wrong by."""
+    is_mended = problem.known is not None and problem.known.scale > 0
+    return judged.nothing_left or (is_mended and not leaves_much(problem, judged))
 
 
 def _without(problem: Problem, best: Judged, effect: str) -> Judged:
