@@ -32,6 +32,7 @@ class Together:
     fits: tuple[Fit, ...] = ()  # ... under the floor before,
     told: tuple[Told, ...] = ()  # and what they tell under the one that they show
     misfits: tuple[tuple[float, float], ...] = ()  # of each flight under the floor to begin from: chi-square, numbers
+    at_once: float = np.inf  # the excess before any flight has told the others anything
 
     def without(self, place: int) -> "Together":
         """As all flights but one show it, linearised about what all of them show.
@@ -43,7 +44,7 @@ class Together:
         fits, told = self.fits[first] + self.fits[behind], self.told[first] + self.told[behind]
         centred, known, _ = _shown(self.about, replace(self.known, floor=_floor(self.known.floor, fits)), told)
         misfits = self.misfits[first] + self.misfits[behind]
-        return Together(centred, known, _per_number(misfits), self.about, fits, told, misfits)
+        return Together(centred, known, _per_number(misfits), self.about, fits, told, misfits, self.at_once)
 
 
 def follow_all(
@@ -53,11 +54,12 @@ def follow_all(
 
     Of an excess of more than ``most``, nothing else: then another vehicle is needed.
     """
-    misfits, about, fits, told, is_last = (), centred, (), (), False
+    misfits, about, fits, told, is_last, at_once = (), centred, (), (), False, np.inf
     for turn in range(PASSES):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         fits = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
         left = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in fits)
+        at_once = at_once if turn else _per_number(left)
         if not misfits or not is_last and _per_number(left) < _per_number(misfits):
             misfits = left
         if _per_number(misfits) > most:
@@ -71,7 +73,7 @@ def follow_all(
             break
         is_last = _per_number(left) <= 1 or moved < STANDS or turn == PASSES - 2
         known = replace(shown, floor=floor) if is_last else shown
-    return Together(centred, known, _per_number(misfits), about, fits, told, misfits)
+    return Together(centred, known, _per_number(misfits), about, fits, told, misfits, at_once)
 
 
 def _shown(about: Centred, known: Known, told: Sequence[Told]) -> tuple[Centred, Known, float]:
