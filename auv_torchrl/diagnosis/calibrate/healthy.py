@@ -13,7 +13,7 @@ from torch import Tensor
 
 from auv_torchrl.diagnosis.calibrate.approach import approach
 from auv_torchrl.diagnosis.calibrate.flights import Told, share
-from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
+from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor, sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.gauge import hold_scale, scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
 from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
@@ -27,11 +27,11 @@ from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS
+from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, NEAR, STRAYS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
-from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
+from auv_torchrl.vehicle import Vehicle
 
 PASSES = 6  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
 STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or nothing was left
@@ -126,18 +126,20 @@ def _over_flights(
         excess = excess if is_last else min(excess, left)
         if excess > most:
             return centred, known, excess
+        if is_last and left > max(NEAR, excess):  # windows were lost under the smaller floor: no disturbance
+            break
         dof, floor = fitted[0][0].layout.dof, known.floor.copy()
         floor[dof] = disturbance_floor(fitted)
         shared = share([_tells(*_under(one, floor[dof])) for one in fitted], centred)
         open_still = hold_scale(shared.covariance, centred) if known.scale else shared.covariance
         centred = centred.moved(shared.mean, open_still, shared.sizes)
         shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
-        if is_last:
-            known = replace(known, floor=floor)
-            break
         still = np.abs(shared.mean) < STANDS * np.sqrt(np.diag(open_still))
-        if left <= 1 or still.all() or turn == PASSES - 2:
-            known, is_last = replace(known, floor=floor), True
+        if is_last or left <= 1 or still.all() or turn == PASSES - 2:
+            known = replace(known, floor=floor)
+            if is_last:
+                break
+            is_last = True
     known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
     return centred, replace(known, flights=len(flights), shrinks=shrinks), excess
 
@@ -149,16 +151,6 @@ def noise_findings(noisier: dict[str, float]) -> tuple[Finding, ...]:
     sizes = ", ".join(f"{name} {times:.1f} times" for name, times in noisier.items())
     sentence = f"the sensors are noisier than on the healthy log: {sizes}; their noise is fitted on this log instead"
     return (Finding(Severity.WARNING, "noisier_than_healthy", sentence, columns=tuple(noisier)),)
-
-
-def stated_floor(settings: Settings, dof: np.ndarray) -> Finding:
-    """What the verdict rests on where there is no healthy log."""
-    sentence = (
-        f"no healthy log: the verdict rests on an assumed disturbance of {_sizes(np.array(settings.floor_force), dof)} "
-        "and on coefficients within a few per cent"
-    )
-    remedy = "Give healthy=LOG, a flight of the sound vehicle, to measure both"
-    return Finding(Severity.INFO, "floor_assumed", sentence, remedy)
 
 
 def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple[Problem, Judged]:
@@ -227,7 +219,7 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
-        f"{_sizes(known.floor, dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
+        f"{sizes_by_axis(known.floor, dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
     )
     found = [Finding(Severity.INFO, "floor_measured", sentence)]
     if calibration.as_stated > settings.excess:
@@ -245,7 +237,3 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
         )
         found.append(Finding(Severity.WARNING, "healthy_has_gap", sentence, "Diagnose the healthy log by itself first"))
     return found
-
-
-def _sizes(floor: Floats, dof: np.ndarray) -> str:
-    return ", ".join(f"{floor[d]:.2g} {'N' if d < 3 else 'N m'} in {DEGREES_OF_FREEDOM[d]}" for d in dof)
