@@ -8,7 +8,8 @@ from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.calibrate.healthy import noise_findings, stated_floor
+from auv_torchrl.diagnosis.calibrate.floor import stated_floor
+from auv_torchrl.diagnosis.calibrate.healthy import noise_findings
 from auv_torchrl.diagnosis.calibrate.kept import Kept
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.configured import configured, said_too

@@ -4,12 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Judged
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.reduce import disturbance_precision, local_precision
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import PRIOR_NUMBERS
+from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
 ROUNDS = 30
 
@@ -48,3 +51,18 @@ def _numbers(problem: Problem, judged: Judged) -> tuple[Floats, Floats, Floats]:
     starts = (state.start - windows.guess)[:, problem.layout.start]
     away = np.concatenate([starts, state.bins.reshape(len(windows), -1)], 1)
     return slope.swapaxes(1, 2) @ slope, np.einsum("wkl,wk->wl", slope, residual), away[used]
+
+
+def stated_floor(settings: Settings, dof: np.ndarray) -> Finding:
+    """What the verdict rests on where there is no healthy log."""
+    sentence = (
+        "no healthy log: the verdict rests on an assumed disturbance of "
+        f"{sizes_by_axis(np.array(settings.floor_force), dof)} and on coefficients within a few per cent"
+    )
+    remedy = "Give healthy=LOG, a flight of the sound vehicle, to measure both"
+    return Finding(Severity.INFO, "floor_assumed", sentence, remedy)
+
+
+def sizes_by_axis(floor: Floats, dof: np.ndarray) -> str:
+    """Sizes of a disturbance (6,) in N and N m, of the degrees of freedom ``dof``, in words."""
+    return ", ".join(f"{floor[d]:.2g} {'N' if d < 3 else 'N m'} in {DEGREES_OF_FREEDOM[d]}" for d in dof)

@@ -12,6 +12,7 @@ import numpy as np
 from torch import Tensor
 
 from auv_torchrl.diagnosis.calibrate.approach import approach
+from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.gauge import hold_scale, scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
 from auv_torchrl.diagnosis.calibrate.together import Together, follow_all
@@ -29,7 +30,7 @@ from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
-from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
+from auv_torchrl.vehicle import Vehicle
 
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
 FITS = 8  # at most, of the coefficients of a file that is a guess, while each ...
@@ -140,16 +141,6 @@ def noise_findings(noisier: dict[str, float]) -> tuple[Finding, ...]:
     return (Finding(Severity.WARNING, "noisier_than_healthy", sentence, columns=tuple(noisier)),)
 
 
-def stated_floor(settings: Settings, dof: np.ndarray) -> Finding:
-    """What the verdict rests on where there is no healthy log."""
-    sentence = (
-        f"no healthy log: the verdict rests on an assumed disturbance of {_sizes(np.array(settings.floor_force), dof)} "
-        "and on coefficients within a few per cent"
-    )
-    remedy = "Give healthy=LOG, a flight of the sound vehicle, to measure both"
-    return Finding(Severity.INFO, "floor_assumed", sentence, remedy)
-
-
 def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple[Problem, Judged]:
     """Fit what may be off on all flights at once, and measure the noise under it."""
     covariance = np.diag(np.array([width for *_, width in nuisance.slack]) ** 2)
@@ -200,7 +191,7 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
-        f"{_sizes(known.floor, dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
+        f"{sizes_by_axis(known.floor, dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"
     )
     found = [Finding(Severity.INFO, "floor_measured", sentence)]
     if calibration.as_stated > settings.excess:
@@ -218,7 +209,3 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
         )
         found.append(Finding(Severity.WARNING, "healthy_has_gap", sentence, "Diagnose the healthy log by itself first"))
     return found
-
-
-def _sizes(floor: Floats, dof: np.ndarray) -> str:
-    return ", ".join(f"{floor[d]:.2g} {'N' if d < 3 else 'N m'} in {DEGREES_OF_FREEDOM[d]}" for d in dof)

@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import NEAR
 
 PASSES = 6  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
 STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or nothing was left
@@ -57,22 +58,26 @@ def follow_all(
     misfits, about, fits, told, is_last, at_once = (), centred, (), (), False, np.inf
     for turn in range(PASSES):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
-        fits = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
-        left = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in fits)
+        followed = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
+        left = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in followed)
         at_once = at_once if turn else _per_number(left)
         if not misfits or not is_last and _per_number(left) < _per_number(misfits):
             misfits = left
-        if _per_number(misfits) > most:
-            return Together(centred, known, _per_number(misfits), centred)
-        floor = _floor(known.floor, fits)
-        told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
-        about = centred
-        centred, shown, moved = _shown(about, known, told)
-        if is_last:
-            known = replace(shown, floor=floor)
+        excess = _per_number(misfits)
+        if excess > most:
+            return Together(centred, known, excess, centred)
+        if is_last and _per_number(left) > max(
+            NEAR, excess
+        ):  # windows were lost under the smaller floor: no disturbance
             break
-        is_last = _per_number(left) <= 1 or moved < STANDS or turn == PASSES - 2
-        known = replace(shown, floor=floor) if is_last else shown
+        about, fits, floor = centred, followed, _floor(known.floor, followed)
+        told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
+        centred, known, moved = _shown(about, known, told)
+        stands = _per_number(left) <= 1 or moved < STANDS or turn == PASSES - 2
+        known = replace(known, floor=floor) if is_last or stands else known
+        if is_last:
+            break
+        is_last = stands
     return Together(centred, known, _per_number(misfits), about, fits, told, misfits, at_once)
 
 
