@@ -4,17 +4,24 @@ Observations of a transition and of the one after go through the actor at once, 
 the critics; weights that a loss does not move get no gradient, and nothing is recorded.
 """
 
+from collections.abc import Callable
 from typing import Any, cast
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import biased_softplus
 from torch import Tensor
+from torchrl.objectives.utils import distance_loss
 
 from auv_torchrl.agents.losses import FusedSACLoss
 from auv_torchrl.agents.networks import ACTION_LIMIT, Layers, perceptron, perceptron_values, tanh_normal
 
 _ops: Any = torch.ops.aten
+_SLOPES: dict[str, Callable[[Tensor], Tensor]] = {  # of TorchRL's distances, by how far apart the values are
+    "l1": torch.sign,
+    "l2": lambda apart: 2 * apart,
+    "smooth_l1": lambda apart: apart.clamp(-1, 1),
+}
 
 
 class ClosedForm:
@@ -41,7 +48,9 @@ class ClosedForm:
         value, imagined_value = values[-1].split(count, dim=1)
         apart = value - target
         least = imagined_value.amin(0)
-        slopes = torch.cat((apart * (2 / count), (imagined_value == least) * (-1 / count)), dim=1)
+        slopes = torch.cat(
+            (_SLOPES[loss.loss_function](apart) / count, (imagined_value == least) * (-1 / count)), dim=1
+        )
         by_action = _backward(critics, values, slopes, moved=slice(0, count), wanted=slice(count, None))
         entropy = -sampled.log_prob.mean()
         if actor:
@@ -52,7 +61,7 @@ class ClosedForm:
                 weight.grad = None
         losses = {
             "loss_actor": -alpha * entropy - least.mean(),
-            "loss_qvalue": apart.square().sum() / count,
+            "loss_qvalue": distance_loss(value, target.expand_as(value), loss.loss_function).sum() / count,
             "loss_alpha": loss.log_alpha * (entropy - loss.target_entropy),
             "alpha": alpha,
             "entropy": entropy,

@@ -60,6 +60,7 @@ class SACConfig(OffPolicyConfig):
     name = "sac"
 
     loss: Annotated[str, OneOf(("fused", "stock"))]
+    critic_distance: Annotated[str, OneOf(("l1", "l2", "smooth_l1"))]
     alpha_learning_rate: Annotated[float, In("(0, inf)")]
     target_entropy: Annotated[float, In("[-1000, 1000]")]
     alpha_init: Annotated[float, In("(0, 1000]")]
@@ -81,7 +82,8 @@ class SACConfig(OffPolicyConfig):
 
         return make_loss(
             kind or self.loss, observations, actions, self.hidden, gamma=self.gamma,
-            target_entropy=self.target_entropy, alpha_init=self.alpha_init, device=device,
+            target_entropy=self.target_entropy, alpha_init=self.alpha_init, distance=self.critic_distance,
+            device=device,
         )  # fmt: skip
 
     def make_updater(self, observations: int, actions: int, device: "torch.device") -> "Updater":

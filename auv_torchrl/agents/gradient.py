@@ -67,8 +67,7 @@ class GradientLearner(Learner):
         (-reward).backward()
         norm = torch.nn.utils.clip_grad_norm_(self._weights, config.gradient_norm)
         self.optimiser.step()
-        updates = frames / (config.num_envs * config.steps_per_batch)
-        self._move_average(min(config.average, updates / (updates + 10)))  # the first weights of all are soon forgotten
+        self._move_average(config.average)
         return {"loss_actor": -reward.detach(), "gradient_norm": norm}
 
     def state_dict(self) -> dict[str, Any]:

@@ -40,6 +40,7 @@ class Learner(ABC):
         self.exploring, self.averaged, self.best = (make_policy(**self.network, device=device) for _ in range(3))
         self._average = [p.data for p in self.averaged.parameters()]
         self._actor: list[Tensor] = []
+        self._moves = 0  # of the average
 
     @abstractmethod
     def learn(self, fleet: EnvBase, before: int, critics_alone: int) -> Iterator[Learnt]:
@@ -59,8 +60,13 @@ class Learner(ABC):
             average.copy_(weight)
 
     def _move_average(self, share: float) -> None:
-        """Keep ``share`` of the averaged weights, and take the rest from the policy's."""
-        get_ema_multi_avg_fn(share)(self._average, self._actor, 0)  # AveragedModel sorts all weights anew at every step
+        """Keep ``share`` of the averaged weights, at first less, and take the rest from the policy's.
+
+        The average reaches back over no more than the last tenth of the updates: what was learnt first is soon outdone.
+        """
+        self._moves += 1
+        kept = min(share, self._moves / (self._moves + 10))
+        get_ema_multi_avg_fn(kept)(self._average, self._actor, 0)  # AveragedModel sorts all weights anew at every step
 
     def start_from(self, policy: TensorDictModuleBase) -> None:
         """Begin with the weights of a policy of the same network instead of random ones."""
@@ -75,9 +81,10 @@ class Learner(ABC):
 
     def state_dict(self) -> dict[str, Any]:
         """Everything that what follows depends on."""
-        return {"averaged": self.averaged.state_dict(), "best": self.best.state_dict()}
+        return {"averaged": self.averaged.state_dict(), "best": self.best.state_dict(), "moves": self._moves}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from :meth:`state_dict`."""
         self.averaged.load_state_dict(state["averaged"])
         self.best.load_state_dict(state["best"])
+        self._moves = state["moves"]

@@ -3,12 +3,12 @@
 from typing import Any
 
 import torch
-import torch.nn.functional as F
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import NormalParamExtractor, dispatch
 from torch import Tensor
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss, SACLoss, TD3Loss, ValueEstimators
+from torchrl.objectives.utils import distance_loss
 
 from auv_torchrl.agents.networks import (
     Device,
@@ -24,7 +24,7 @@ from auv_torchrl.agents.networks import (
 
 
 class FusedSACLoss(SACLoss):
-    """``SACLoss`` (second version, TD(0), squared error) without its overhead; same parameters, losses, gradients.
+    """``SACLoss`` (second version, TD(0)) without its overhead; same parameters, losses, gradients.
 
     Critics run stacked in one batched product, the tanh-normal is written out, and no vmap, no functional call and
     no distribution object is made. Needs the networks of :mod:`auv_torchrl.agents.networks`.
@@ -80,7 +80,7 @@ class FusedSACLoss(SACLoss):
             soft_value = next_value.amin(0) - self.log_alpha.exp() * next_log_prob.unsqueeze(-1)
             target = torch.where(terminated, reward, reward + self.discount * soft_value)
         value = perceptron(self.layers("qvalue_network_params"), torch.cat((observation, action), -1))
-        return F.mse_loss(value, target.expand_as(value)) * len(value)
+        return distance_loss(value, target.expand_as(value), self.loss_function).sum() / value.shape[1]
 
     def _actor_loss(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         action, log_prob = self.sample(observation)
@@ -113,14 +113,18 @@ def make_loss(
     gamma: float,
     target_entropy: float,
     alpha_init: float,
+    distance: str = "l1",
     device: Device = "cpu",
 ) -> SACLoss:
-    """Actor, twin critics and their targets in one loss module: ``"fused"``, ``"stock"``, or a class of one's own."""
+    """Actor, twin critics and their targets in one loss module: ``"fused"``, ``"stock"``, or a class of one's own.
+
+    ``distance`` of the critics from what they should say is ``"l1"``, ``"l2"`` or ``"smooth_l1"``.
+    """
     loss = (LOSSES[name] if isinstance(name, str) else name)(
         actor_network=make_actor(observations, actions, hidden, device),
         qvalue_network=make_critic(observations, actions, hidden, device),
         num_qvalue_nets=2,
-        loss_function="l2",
+        loss_function=distance,
         alpha_init=alpha_init,
         target_entropy=target_entropy,
         delay_qvalue=True,

@@ -1,8 +1,11 @@
 """What a person sees of a training: a progress bar, a CSV and, by choice, TensorBoard."""
 
+import csv
+import io
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
-import pandas as pd
 from tqdm import tqdm
 
 from auv_torchrl.files import write_whole
@@ -50,7 +53,7 @@ class Progress:
             f"best {newest['best_m']:.4f} m, {newest['frames_per_s']:.0f} steps/s"
         )
         if self.csv:
-            write_whole(self.folder / "progress.csv", pd.DataFrame(curve).to_csv(index=False).encode())
+            write_whole(self.folder / "progress.csv", _as_csv(curve).encode())
         if self.writer is not None:
             for name, value in newest.items():
                 if name != "frames":
@@ -61,3 +64,12 @@ class Progress:
         self.bar.close()
         if self.writer is not None:
             self.writer.close()
+
+
+def _as_csv(curve: Sequence[CurvePoint]) -> str:
+    """A row per point, empty where a value is no number."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, curve[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: "" if math.isnan(value) else value for name, value in row.items()} for row in curve)
+    return text.getvalue()

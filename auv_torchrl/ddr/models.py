@@ -62,9 +62,15 @@ class Regressor(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """(..., states + rest) to (..., outputs)."""
-        x = (self._expanded(inputs) - self.input_mean) / self.input_scale
-        network = self.network(x[..., : self.network[0].in_features])
-        return (self.linear(x) + network) * self.output_scale + self.output_mean
+        return self.of_standardised(self.standardised(inputs)) * self.output_scale + self.output_mean
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """What the linear map reads (..., k), of inputs (..., states + rest)."""
+        return (self._expanded(inputs) - self.input_mean) / self.input_scale
+
+    def of_standardised(self, x: Tensor) -> Tensor:
+        """Outputs (..., outputs), less their means, over their scales, of :meth:`standardised` inputs (..., k)."""
+        return self.linear(x) + self.network(x[..., : self.network[0].in_features])
 
     def _expanded(self, inputs: Tensor) -> Tensor:
         state = inputs[..., : self.states]

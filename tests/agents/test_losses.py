@@ -23,9 +23,9 @@ def batch_of(rows: int, spread: float = 1.0) -> TensorDict:
     return TensorDict({**current, "next": following}, batch_size=[rows])
 
 
-def both(hidden: tuple[int, ...] = (16, 16)):
-    stock = make_loss("stock", hidden=hidden, **SETTINGS)
-    fused = make_loss("fused", hidden=hidden, **SETTINGS)
+def both(hidden: tuple[int, ...] = (16, 16), distance: str = "l1"):
+    stock = make_loss("stock", hidden=hidden, distance=distance, **SETTINGS)
+    fused = make_loss("fused", hidden=hidden, distance=distance, **SETTINGS)
     for network in ("qvalue_network_params", "target_qvalue_network_params", "actor_network_params"):
         for parameter in leaves(stock, network):
             parameter.data.normal_(std=0.3)  # targets that differ from the online critics
@@ -35,10 +35,11 @@ def both(hidden: tuple[int, ...] = (16, 16)):
 
 @pytest.mark.parametrize("spread", [1.0, 30.0], ids=["ordinary", "saturated"])
 @pytest.mark.parametrize("hidden", [(16,), (16, 16), (8, 12, 10)], ids=str)
-def test_fused_loss_equals_stock_loss(hidden, spread):
+@pytest.mark.parametrize("distance", ["l1", "l2", "smooth_l1"])
+def test_fused_loss_equals_stock_loss(distance, hidden, spread):
     """With the same parameters and random numbers, all losses and all gradients agree."""
     torch.manual_seed(0)
-    stock, fused = both(hidden)
+    stock, fused = both(hidden, distance)
     batch = batch_of(40, spread)
     results = []
     for loss in (stock, fused):
@@ -57,10 +58,11 @@ def test_fused_loss_equals_stock_loss(hidden, spread):
 @pytest.mark.parametrize("actor", [True, False], ids=["all", "critics alone"])
 @pytest.mark.parametrize("spread", [1.0, 30.0], ids=["ordinary", "saturated"])
 @pytest.mark.parametrize("hidden", [(16,), (16, 16), (8, 12, 10)], ids=str)
-def test_the_closed_form_is_what_autograd_finds(hidden, spread, actor):
+@pytest.mark.parametrize("distance", ["l1", "l2", "smooth_l1"])
+def test_the_closed_form_is_what_autograd_finds(distance, hidden, spread, actor):
     """With the same parameters and random numbers, all losses and all gradients agree, and none is left behind."""
     torch.manual_seed(0)
-    _, fused = both(hidden)
+    _, fused = both(hidden, distance)
     batch = batch_of(40, spread)
     torch.manual_seed(1)
     expected = fused(batch)

@@ -45,7 +45,7 @@ def test_an_agent_of_ones_own_is_chosen_on_the_command_line(gentle):
     schema.register()
     check_config_files()
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose("train", ["agent=gentle", "agent.gamma=0.9"])
+        config = compose("train", ["agent=gentle", "agent.gamma=0.8"])
     agent = read_agent(cast(Any, OmegaConf.to_container(config.agent)))
-    assert isinstance(agent, gentle) and asdict(agent)["gamma"] == 0.9
-    assert asdict(load_agent_config("gentle"))["gamma"] == 0.95
+    assert isinstance(agent, gentle) and asdict(agent)["gamma"] == 0.8
+    assert asdict(load_agent_config("gentle"))["gamma"] == asdict(load_agent_config("sac"))["gamma"]

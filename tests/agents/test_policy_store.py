@@ -199,7 +199,7 @@ def other(value):
     if isinstance(value, bool):
         return not value
     if isinstance(value, str):
-        return {"fused": "stock"}[value]
+        return {"fused": "stock", "l1": "l2"}[value]
     if isinstance(value, tuple):
         return tuple(2 * number for number in value)
     return 2 * value if isinstance(value, int) else value / 2 if value else 0.1

@@ -148,7 +148,7 @@ def test_checkpoint_with_other_keys_is_refused_and_kept(broken_off, tmp_path, ch
 
 
 @pytest.mark.parametrize(
-    "change", [{"vehicle": load_vehicle("bluerov2")}, {"seed": 6}, {"gamma": 0.9}, {"backend": "mujoco"}], ids=str
+    "change", [{"vehicle": load_vehicle("bluerov2")}, {"seed": 6}, {"gamma": 0.8}, {"backend": "mujoco"}], ids=str
 )
 def test_checkpoint_of_another_training_is_refused(broken_off, tmp_path, change):
     """Another vehicle, seed, setting or backend: the error says so, and the checkpoint stays."""
