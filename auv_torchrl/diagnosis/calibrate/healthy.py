@@ -111,8 +111,8 @@ def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tenso
 def leave_out(sound: Calibration, healthy: Sequence[FlightLog], place: int, settings: Settings) -> Calibration | None:
     """The calibration on all of these flights but one, from that on all of them.
 
-    None where that is no start: where all of them are not one vehicle at once, the one that is left out may have led the
-    others astray to a vehicle that explains it too, and one of two flights alone may lie far from both.
+    None where that is no start: where all of them are not one vehicle at once, the one that is left out may have led
+    the others astray to a vehicle that explains it too, and one of two flights alone may lie far from both.
     """
     together = sound.together
     few = len(healthy) < FEWEST_TO_LEAVE_ONE

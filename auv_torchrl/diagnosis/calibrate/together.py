@@ -66,9 +66,7 @@ def follow_all(
         excess = _per_number(misfits)
         if excess > most:
             return Together(centred, known, excess, centred)
-        if is_last and _per_number(left) > max(
-            NEAR, excess
-        ):  # windows were lost under the smaller floor: no disturbance
+        if is_last and _per_number(left) > max(NEAR, excess):  # windows were lost, which is no disturbance
             break
         about, fits, floor = centred, followed, _floor(known.floor, followed)
         told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
