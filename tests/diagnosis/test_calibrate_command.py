@@ -127,7 +127,9 @@ def test_the_round_trip_keeps_what_the_logs_tell_together(mine):
     assert kept is not None
     places = [i for i, entry in enumerate(kept.slack) if entry[1] in ("gain_1", "gain_2")]
     inside = kept.known.slack_covariance[np.ix_(places, places)]
-    assert inside[0, 0] + inside[1, 1] - 2 * inside[0, 1] < 0.1 * inside[0, 0]
+    assert kept.scale > 0
+    assert kept.known.scale == kept.scale
+    assert inside[0, 0] + inside[1, 1] - 2 * inside[0, 1] < 0.1 * (inside[0, 0] + kept.scale**2)
     assert np.linalg.eigvalsh(kept.known.slack_covariance).min() > 0
 
 
@@ -154,6 +156,8 @@ HOSTILE = {
     "strange channel": (["calibration", "noise"], {"salt": 1.0}, "out of x"),
     "too few rows": (["calibration", "together"], [[1.0]], "one row for each"),
     "level of nothing": (["calibration", "level"], "yes", "level"),
+    "scale of less than nothing": (["calibration", "scale"], -0.1, "from 0 to below 1"),
+    "scale of everything": (["calibration", "scale"], float("nan"), "from 0 to below 1"),
     "another length": (["uncertainty", "added_mass"], None, "one row for each"),
 }
 

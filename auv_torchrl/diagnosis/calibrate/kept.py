@@ -18,7 +18,10 @@ from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle, read_vehicle_file
 
-KEYS = ("logs", "seconds", "vehicle", "made", "version", "excess", "level", "floor", "noise", "rough_noise", "together")
+KEYS = (
+    "logs", "seconds", "vehicle", "made", "version", "excess", "level", "scale", "floor", "noise", "rough_noise",
+    "together",
+)  # fmt: skip
 REMEDY = "calibrate it again with auv-calibrate, or take the section calibration out"
 
 
@@ -33,6 +36,7 @@ class Kept:
     version: str  # of this package
     excess: float  # chi-square per number of the healthy logs under the calibrated vehicle
     level: bool  # whether roll and pitch were held
+    scale: float  # relative, what all forces and masses may be off by together; 0 where the file was right about it
     floor: Floats  # (6,) N, N m
     noise: dict[str, float]  # by channel
     rough_noise: dict[str, float]  # by channel, from third differences
@@ -43,7 +47,7 @@ class Kept:
     def known(self) -> Known:
         """What a diagnosis takes from healthy logs."""
         factor = np.array([width for *_, width in self.slack])[:, None] * self.together
-        return Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T)
+        return Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T, scale=self.scale)
 
     def calibration(self, vehicle: Vehicle) -> Calibration:
         """As if the healthy logs were here; ``vehicle`` is that of the file, roll and pitch held or free."""
@@ -104,6 +108,9 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
     logs = content["logs"]
     if not isinstance(logs, list | tuple) or not isinstance(content["level"], bool):
         raise ValueError(f"calibration: logs is no list, or level neither true nor false: {REMEDY}")
+    scale = content["scale"]
+    if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 <= scale < 1:
+        raise ValueError(f"calibration: scale is no number from 0 to below 1: {REMEDY}")
     slack = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients)
     return Kept(
         logs=tuple(map(str, logs)),
@@ -113,6 +120,7 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
         version=str(content["version"]),
         excess=excess,
         level=content["level"],
+        scale=float(scale),
         floor=floor,
         noise=noise,
         rough_noise=rough,

@@ -40,9 +40,9 @@ def vehicle_yaml(
         lines += section_lines(key, value)
     lines += [
         "# Standard deviations, each with all others unknown. No log tells the overall scale, of all masses, thrusts",
-        "# and drags alike: it is where the vehicle that was calibrated had it, and makes most of these numbers. What",
-        "# the logs tell of them together is in calibration.together. The words compare with the vehicle that was",
-        f"# calibrated, {one_line(str(about['vehicle']))}.",
+        "# and drags alike: it is where the vehicle that was calibrated had it, and calibration.scale is how far all",
+        "# may be off. What the logs tell of them together is in calibration.together. The words compare them with",
+        f"# the vehicle that was calibrated, {one_line(str(about['vehicle']))}.",
         "uncertainty:",
     ]
     told = _told(sound, given)
@@ -56,6 +56,7 @@ def vehicle_yaml(
         **about,
         "excess": _round(sound.excess),
         "level": not bool((sound.vehicle.free[3:5] > 0).any()),
+        "scale": _round(sound.known.scale),
         "floor": [_round(size) for size in sound.known.floor.tolist()],
         "noise": {channel: _round(size) for channel, size in sound.known.noise.items()},
         "rough_noise": {channel: _round(size) for channel, size in sound.known.rough_noise.items()},

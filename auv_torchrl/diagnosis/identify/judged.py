@@ -85,6 +85,16 @@ def is_strained(problem: Problem, judged: Judged) -> bool:
     return bool((np.abs(slack_now(problem, judged.explanation)) > STRAINED * widths).any())
 
 
+def slack_does(problem: Problem, judged: Judged) -> bool:
+    """Whether slack alone explains the log, all of it together no further off than calibration is likely to be.
+
+    Each number may be: gains of which healthy flights leave a common scale open are sure of each other nevertheless.
+    """
+    at = slack_now(problem, judged.explanation)
+    likely = len(at) + STRAINED * np.sqrt(2 * len(at))
+    return not leaves_much(problem, judged) and bool(at @ problem.slack_precision @ at < likely)
+
+
 def log_likelihood(problem: Problem, judged: Judged) -> float:
     """Log evidence of the samples, the free start and the disturbance of every window integrated out.
 

@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.identify.judged import (
     is_strained,
     leaves_much,
     log_likelihood,
+    slack_does,
 )
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -81,7 +82,7 @@ def _refit(problem: Problem, follow: Base, found: Found, progress: Progress, riv
     behind = found.none.evidence < found.best.evidence - HOPELESS
     hopeless = behind and not is_near(found.none.chi2, found.none.quadratic.numbers)
     polished = [fit_by_simulation(problem, found.none.explanation, follow, rounds=0 if hopeless else 4)]
-    problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
+    problem = replace(problem, slack_suffices=slack_does(problem, polished[0]))
     others = [judged for judged in found.polished if judged.explanation.effects and judged is not found.best]
     chosen = [found.best, *others] if found.best.explanation.effects else others
     polished += [fit_by_simulation(problem, judged.explanation, follow) for judged in chosen[: 1 + REFITTED]]
@@ -107,7 +108,7 @@ def _search(
     polished = [fit_by_simulation(problem, Explanation(), follow, rounds=0 if hopeless else 4)]  # then with effects
     if not hopeless:
         polished = [rescued(problem, polished[0], follow)]
-    problem = replace(problem, slack_suffices=not leaves_much(problem, polished[0]))
+    problem = replace(problem, slack_suffices=slack_does(problem, polished[0]))
     promise = np.inf
     for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
         polished.append(rescued(problem, fit_by_simulation(problem, explanation, follow), follow))
@@ -222,7 +223,7 @@ def _without_effects(problem: Problem, best: Judged, polished: list[Judged]) -> 
     nothing = left_to_slack(problem, best, range(len(knobs)), LITTLE) if knobs else None
     if nothing is None or not nothing.evidence > polished[0].evidence:
         return problem, polished
-    return replace(problem, slack_suffices=not leaves_much(problem, nothing)), [nothing, *polished[1:]]
+    return replace(problem, slack_suffices=slack_does(problem, nothing)), [nothing, *polished[1:]]
 
 
 def _best(problem: Problem, polished: list[Judged]) -> Judged:
