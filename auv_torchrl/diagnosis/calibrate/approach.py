@@ -22,8 +22,6 @@ MOST_WINDOWS = 120  # four minutes: what more windows tell is fitted later, with
 def approach(windows: Windows, file: Vehicle, nuisance: Nuisance) -> Centred:
     """About a vehicle that predicts windows from their starts, as unsure as before.
 
-    What a vehicle is for good and nobody looks for, as where its thrusters sit, is settled by that, and no slack.
-
     Args:
         windows: of sound flight, so short that a vehicle from afar stays near.
         file: the vehicle as its file says, empty batch.
@@ -39,11 +37,17 @@ def approach(windows: Windows, file: Vehicle, nuisance: Nuisance) -> Centred:
     before = np.array([c.nominal for c in coefficients])
     near = Centred.at(file, nuisance).moved(fitted.values - before, fitted.covariance)
     wide = replace(near.nuisance, width=near.nuisance.width * _grown(near.nuisance, before))
-    settled = {name for name, effect in EFFECTS.items() if effect.is_property and not effect.is_searched}
-    left = [place for place, (effect, *_) in enumerate(wide.slack) if effect not in settled]
-    wide = wide.only(left)
     covariance = np.diag(wide.width**2) + wide.between_flights()
-    return Centred(near.vehicle, wide, near.file[left], covariance).sure(covariance)
+    return Centred(near.vehicle, wide, near.file, covariance).sure(covariance)
+
+
+def settled(centred: Centred) -> Centred:
+    """Without what a vehicle is for good and nobody looks for, as where its thrusters sit: that is no slack."""
+    for_good = {name for name, effect in EFFECTS.items() if effect.is_property and not effect.is_searched}
+    left = [place for place, (effect, *_) in enumerate(centred.nuisance.slack) if effect not in for_good]
+    return Centred(
+        centred.vehicle, centred.nuisance.only(left), centred.file[left], centred.covariance[np.ix_(left, left)]
+    )
 
 
 def _grown(nuisance: Nuisance, before: Floats) -> Floats:

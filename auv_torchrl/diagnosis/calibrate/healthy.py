@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from torch import Tensor
 
-from auv_torchrl.diagnosis.calibrate.approach import approach
+from auv_torchrl.diagnosis.calibrate.approach import approach, settled
 from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.gauge import hold_scale, scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
@@ -87,7 +87,7 @@ def calibrate(
         problem, refitted = _fit(problem, near.nuisance, follow, FITS)
         if refitted.chi2 / refitted.quadratic.numbers < excess:
             moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), near)
-            centred = scaled_as_the_file(near.moved(*moved))
+            centred = settled(scaled_as_the_file(near.moved(*moved)))
             strays = _strays(centred, settings)
             known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
         together = follow_all(flights, centred, known, settings)
