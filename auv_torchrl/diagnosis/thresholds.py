@@ -11,9 +11,8 @@ WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the forc
 FELT_ALONE = 0.1  # of that prior, where a force is felt and no motion measured: a wider one lets the speed be anything
 NOISIER = 1.3  # times the noise of the healthy log, from which its noise says nothing about this log
 REPEATS = 0.003  # relative, how well a sound vehicle repeats itself from day to day
-MENDED_REPEATS = (
-    0.02  # likewise where a wrong file was mended: its numbers take up what the model lacks, in each flight anew
-)
+# Likewise where a wrong file was mended: its numbers take up what the model lacks, in each flight anew.
+MENDED_REPEATS = 0.02
 MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
 LEAST_FREEDOM = 0.15  # share of the numbers that a force must leave over to tell the noise from them

@@ -34,7 +34,7 @@ ROUNDS = 40
 SETTLED = 0.4  # chi-square by which a round must lower what is left: less moves no coefficient by its error
 ALONE = 1e-6  # of a variance, by which a prior of numbers that are alone may seem to share it
 # Standard deviations along what the prior leaves open most, which is how strong thrusters are, from where descents
-# begin: the file, and vehicles so weak that they stay near what was flown. One that is too strong flies off at once.
+# begin: the file, and a vehicle so weak that it stays near what was flown. One that is too strong flies off at once.
 BEGINS = (0.0, -np.sqrt(3.0))
 
 
@@ -157,7 +157,7 @@ class Descent:
 def fit(
     windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient], begins: Sequence[Floats] = ()
 ) -> Fitted:
-    """The likeliest of what is reached from coefficients (k,) to begin from; none for those of ``Descent.begins``."""
+    """The likeliest end of descents that begin at ``begins``, coefficients (k,); without any, at those of the file."""
     descent = Descent(windows, vehicle, coefficients)
     ends = [descent.down(begin) for begin in begins or descent.begins()]
     memory = min(end.memory for end in ends)

@@ -24,9 +24,8 @@ from auv_torchrl.vehicle import Vehicle
 
 WARMTH = 0.4  # of what sound sensors are off by, that comes and goes with their temperature
 SURELY = 1e-9  # of a total variance, that a number without a width may be off by: inverses need one
-SMALLEST_FACTOR = (
-    0.1  # of what it was: no factor brings back what is gone, and the largest ones, of 10, bring this back
-)
+# Of what a number was: no factor brings back what is gone, and the largest ones, of 10, bring this back.
+SMALLEST_FACTOR = 0.1
 
 
 @dataclass(frozen=True)

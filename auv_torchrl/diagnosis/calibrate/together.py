@@ -28,12 +28,16 @@ class Together:
 
     centred: Centred
     known: Known
-    excess: float  # chi-square per number under the floor to begin from
-    about: Centred  # about which the flights were followed last ...
-    fits: tuple[Fit, ...] = ()  # ... under the floor before,
+    about: Centred  # about which the flights were followed last
+    misfits: tuple[tuple[float, float], ...]  # of each flight under the floor to begin from: chi-square, numbers
+    fits: tuple[Fit, ...] = ()  # about there under the floor before,
     told: tuple[Told, ...] = ()  # and what they tell under the one that they show
-    misfits: tuple[tuple[float, float], ...] = ()  # of each flight under the floor to begin from: chi-square, numbers
     at_once: float = np.inf  # the excess before any flight has told the others anything
+
+    @property
+    def excess(self) -> float:
+        """Chi-square per number under the floor to begin from."""
+        return _per_number(self.misfits)
 
     def without(self, place: int) -> "Together":
         """As all flights but one show it, linearised about what all of them show.
@@ -45,7 +49,7 @@ class Together:
         fits, told = self.fits[first] + self.fits[behind], self.told[first] + self.told[behind]
         centred, known, _ = _shown(self.about, replace(self.known, floor=_floor(self.known.floor, fits)), told)
         misfits = self.misfits[first] + self.misfits[behind]
-        return Together(centred, known, _per_number(misfits), self.about, fits, told, misfits, self.at_once)
+        return Together(centred, known, self.about, misfits, fits, told, self.at_once)
 
 
 def follow_all(
@@ -65,7 +69,7 @@ def follow_all(
             misfits = left
         excess = _per_number(misfits)
         if excess > most:
-            return Together(centred, known, excess, centred)
+            return Together(centred, known, centred, misfits)
         if is_last and _per_number(left) > max(NEAR, excess):  # windows were lost, which is no disturbance
             break
         about, fits, floor = centred, followed, _floor(known.floor, followed)
@@ -76,7 +80,7 @@ def follow_all(
         if is_last:
             break
         is_last = stands
-    return Together(centred, known, _per_number(misfits), about, fits, told, misfits, at_once)
+    return Together(centred, known, about, misfits, fits, told, at_once)
 
 
 def _shown(about: Centred, known: Known, told: Sequence[Told]) -> tuple[Centred, Known, float]:

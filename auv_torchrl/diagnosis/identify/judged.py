@@ -88,7 +88,8 @@ def is_strained(problem: Problem, judged: Judged) -> bool:
 def slack_does(problem: Problem, judged: Judged) -> bool:
     """Whether slack alone explains the log, all of it together no further off than calibration is likely to be.
 
-    Each number may be: gains of which healthy flights leave a common scale open are sure of each other nevertheless.
+    One by one its numbers may be likely where together they are not: healthy flights that leave the scale of all gains
+    open still tell how much one gain differs from the next.
     """
     at = slack_now(problem, judged.explanation)
     likely = len(at) + STRAINED * np.sqrt(2 * len(at))

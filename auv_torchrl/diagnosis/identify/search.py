@@ -79,8 +79,7 @@ def search(
 def _refit(problem: Problem, follow: Base, found: Found, progress: Progress, rival: float) -> Found:
     """What was ``found`` among some windows, fitted to all of them; effects are added where these show more."""
     field = Field.of(problem, follow)
-    behind = found.none.evidence < found.best.evidence - HOPELESS
-    hopeless = behind and not is_near(found.none.chi2, found.none.quadratic.numbers)
+    hopeless = _is_hopeless(found.none, found.none.quadratic.numbers, found.best.evidence)
     polished = [fit_by_simulation(problem, found.none.explanation, follow, rounds=0 if hopeless else 4)]
     problem = replace(problem, slack_suffices=slack_does(problem, polished[0]))
     others = [judged for judged in found.polished if judged.explanation.effects and judged is not found.best]
@@ -88,6 +87,11 @@ def _refit(problem: Problem, follow: Base, found: Found, progress: Progress, riv
     polished += [fit_by_simulation(problem, judged.explanation, follow) for judged in chosen[: 1 + REFITTED]]
     few_left_much = leaves_much(found.problem, found.best)
     return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress, rival)
+
+
+def _is_hopeless(none: Screened | Judged, numbers: int, best: float) -> bool:
+    """Whether "no gap" is so far behind the evidence of the ``best``, and leaves so much, that no slack helps it."""
+    return none.evidence < best - HOPELESS and not is_near(none.chi2, numbers)
 
 
 def _search(
@@ -102,9 +106,7 @@ def _search(
     field = Field.of(problem, follow)
     families = field.families()
     progress("screening effects", 0.4)
-    nothing = field.none()
-    behind = bool(families) and nothing.evidence < families[0].evidence - HOPELESS
-    hopeless = behind and not is_near(nothing.chi2, field.quadratic.numbers)
+    hopeless = bool(families) and _is_hopeless(field.none(), field.quadratic.numbers, families[0].evidence)
     polished = [fit_by_simulation(problem, Explanation(), follow, rounds=0 if hopeless else 4)]  # then with effects
     if not hopeless:
         polished = [rescued(problem, polished[0], follow)]

@@ -86,8 +86,10 @@ def _plainer(problem: Problem, follow: Base, sketch: Judged, least: float) -> Ju
     what its thruster lacks then looks like a third effect.
     """
     for effect in sketch.explanation.effects:
+        if not sketch.chi2 < TURNED_ROUND * least:  # also where it diverged
+            break
         shared = _with_one_value(problem, sketch.explanation, effect)
-        if shared is not None and sketch.chi2 < TURNED_ROUND * least:
+        if shared is not None:
             other = fit_along_motion(problem, shared, follow, enough=TURNED_ROUND * least)
             sketch = max(sketch, other, key=lambda one: one.evidence)
     return sketch

@@ -2,7 +2,7 @@
 
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -51,9 +51,7 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
     if experiment is not None and experiment.t is not None and experiment.thruster_commands is not None:
         commands = {"t": np.round(experiment.t, 6)}
         commands |= {f"cmd_{i + 1}": np.round(c, 6) for i, c in enumerate(experiment.thruster_commands.T)}
-        writers[experiment.commands] = lambda path: pyarrow.csv.write_csv(
-            pa.table({name: _column(values) for name, values in commands.items()}), path
-        )
+        writers[experiment.commands] = lambda path: pyarrow.csv.write_csv(_table(commands), path)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name, write in writers.items():
@@ -97,9 +95,13 @@ def predictions(windows: tuple[Window, ...]) -> pa.Table:
             values = np.hstack((trajectory.pose, trajectory.velocity))
             for i, axis in enumerate((*POSE, *VELOCITY)):
                 add(f"{kind}_{axis}", values[:, i])
-    return pa.table({name: _column(np.concatenate(parts)) for name, parts in columns.items()})
+    return _table({name: np.concatenate(parts) for name, parts in columns.items()})
 
 
-def _column(values: np.ndarray) -> pa.Array:
+def _table(columns: Mapping[str, np.ndarray]) -> pa.Table:
     """The values as they lie in memory: ``pa.array`` asks pandas first, which takes 0.15 s to import."""
-    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
+
+    def column(values: np.ndarray) -> pa.Array:
+        return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
+
+    return pa.table({name: column(values) for name, values in columns.items()})
