@@ -20,7 +20,8 @@ def least_within(
 
     What reaches a bound on the way stays there while the others go on. The start is 0 unless it is given.
     """
-    size, x = np.sqrt(np.maximum(np.diag(H), TINY)), np.zeros(len(g)) if start is None else start.copy()
+    # By the size alone: a curvature that is lost in what it was made of by subtraction may come out below 0.
+    size, x = np.sqrt(np.maximum(np.abs(np.diag(H)), TINY)), np.zeros(len(g)) if start is None else start.copy()
     low, high = bounds
     while directions.shape[1]:
         scaled = directions * size[:, None]
