@@ -32,7 +32,7 @@ class AgentConfig(ABC):
     learning_rate_end: Annotated[float, In("(0, 1]")]
     average: Annotated[float, In("[0, 1)")]
     num_envs: Annotated[int, In("[1, 100000]")]
-    steps_per_batch: Annotated[int, In("[1, 10000]")]
+    steps_per_batch: Annotated[int, In("[2, 10000]")]  # a collector of torchrl 0.14 that stacks one step dies (SIGFPE)
     total_frames: Annotated[int, In("[1, 1000000000]")]
     stretch_steps: Annotated[int, In("[1, 100000]")]
     evaluation_starts: Annotated[int, In("[1, 10000]")]

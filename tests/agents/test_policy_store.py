@@ -238,6 +238,7 @@ def test_everything_else_shapes_the_hash():
         ({"batch_size": 0}, "batch_size is 0: give a whole number of 1 or more"),
         ({"hidden": []}, "hidden is"),
         ({"stretch_steps": 41}, "multiple of steps_per_batch"),
+        ({"steps_per_batch": 1}, "steps_per_batch"),
         ({"tau": 0.0}, "tau is 0.0"),
     ],
     ids=str,
