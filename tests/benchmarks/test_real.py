@@ -6,9 +6,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.flightlog.log import AXES, Episode
+from auv_torchrl.physics.kinematics import euler_angles
+from auv_torchrl.physics.step import rest_state
 from auv_torchrl.simulator import simulate
+from auv_torchrl.vehicle import load_vehicle
 from benchmarks.real import __main__ as page
-from benchmarks.real import haizhe
+from benchmarks.real import altered, ardusub, haizhe
 
 RUNS, ROWS = 40, 196
 FLOWN = {haizhe.NORMAL: {}, haizhe.LOAD: {"buoyancy": {"force": 3.0}}, haizhe.DEPTH: {"depth_bias": {"offset": 0.2}}}
@@ -68,3 +74,54 @@ def test_what_is_absent_is_named(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         page.main()
     assert ended.value.code == 2
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """A flight of ArduSub's simulated vehicle by commands between dead band and what leaves room for larger ones."""
+    vehicle, rng = load_vehicle(ardusub.VEHICLE), np.random.default_rng(0)
+    commands = np.repeat(rng.uniform(0.1, 0.6, (1, 20, 8)) * rng.choice([-1.0, 1.0], (1, 20, 8)), 20, axis=1)
+    return flown(vehicle, commands), vehicle
+
+
+def flown(vehicle, commands, current=(0.0, 0.0, 0.0)):
+    """The positions and attitudes of a vehicle that begins at rest in the water, as a log."""
+    times = np.arange(commands.shape[1] + 1) / 20
+    start = rest_state(np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]]), np.array([[*current, 0, 0, 0]]), 8)
+    reported = simulate(vehicle, commands, times, start).reported
+    angles = np.stack(euler_angles(reported.quaternion[0, :-1]), axis=-1)
+    pose = np.concatenate([reported.position[0, :-1], angles], axis=-1)
+    episode = Episode(0, times[:-1], pose, np.full_like(pose, np.nan), commands[0])
+    return FlightLog("flight", (episode,), AXES[:6])
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in ardusub.ALTERED if case.alter and case.onset_s is None], ids=lambda case: case.name
+)
+def test_a_changed_log_is_that_of_the_vehicle_it_is_said_to_be(sound, case):
+    """The simulator, with what a case says was wrong, flies the changed commands as the log says."""
+    log, vehicle = sound
+    changed = case.alter(log).episodes[0]
+    effect = EFFECTS[case.effect]
+    wrong = effect.apply(vehicle, effect.read(vehicle, case.truth))
+    current = [case.truth.get(name, 0.0) for name in ("north", "east", "down")]
+    again = flown(wrong, changed.commands[None], current).episodes[0]
+    assert again.pose == pytest.approx(changed.pose, abs=1e-5)
+
+
+def test_what_sets_in_late_leaves_what_was_before(sound):
+    """From its moment on a change is the whole one, and before it there is none."""
+    (before,), (whole,), (late,) = (
+        log.episodes
+        for log in (sound[0], altered.multiplied(3, -0.5)(sound[0]), altered.multiplied(3, -0.5, 8.0)(sound[0]))
+    )
+    sets_in = int(np.searchsorted(late.t, 8.0))
+    assert np.array_equal(late.commands[:sets_in], before.commands[:sets_in])
+    assert np.array_equal(late.commands[sets_in:], whole.commands[sets_in:])
+    assert not np.array_equal(whole.commands, before.commands)
+
+
+def test_more_than_full_command_is_refused(sound):
+    """A log cannot have commands with which a thruster of a tenth would have pushed as a sound one did."""
+    with pytest.raises(ValueError, match="thruster 2 .*take less"):
+        altered.multiplied(2, 0.1)(sound[0])
