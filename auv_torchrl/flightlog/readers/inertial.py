@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.readers.lanes import latest, of_lane
-from auv_torchrl.flightlog.readers.messages import Columns, Messages
+from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked
 from auv_torchrl.flightlog.streams.stream import Sampling, Stream, stream
 
 BIASES = {"XKF1": ("GX", "GY", "GZ"), "XKF2": ("AX", "AY", "AZ")}  # that the filter found of gyro and accelerometer
@@ -68,7 +68,7 @@ def _bias(messages: Messages, name: str, primary: Columns | None, lane: int, t: 
     told = messages.get(name, *fields)
     if told is None or not len((told := of_lane(told, primary, lane))["t"]):
         return None
-    return np.stack([told[field].astype(np.float64) for field in fields], -1)[latest(told["t"], t)]
+    return stacked(told, fields)[latest(told["t"], t)]
 
 
 def _late(corner: float | None) -> float:
