@@ -10,10 +10,17 @@ from itertools import pairwise
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding
-from auv_torchrl.flightlog.readers.barometer import depth
-from auv_torchrl.flightlog.readers.firmware import mode_name, spelt, vehicle_facts
-from auv_torchrl.flightlog.readers.inertial import inertial
-from auv_torchrl.flightlog.readers.lanes import latest, leave_out_unknown, of_lane, primary_lane, rows
+from auv_torchrl.flightlog.readers.ardupilot_sensors import depth, inertial
+from auv_torchrl.flightlog.readers.firmware import (
+    latest,
+    leave_out_unknown,
+    mode_name,
+    of_lane,
+    primary_lane,
+    rows,
+    spelt,
+    vehicle_facts,
+)
 from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked
 from auv_torchrl.flightlog.streams.attitude import euler_angles
 from auv_torchrl.flightlog.streams.compass import COMPASSES, MOST_SAMPLES
