@@ -14,7 +14,7 @@ from auv_torchrl.ddr.learner import MapLearner
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.ddr.transform import ACTION, CommandMap
-from auv_torchrl.envs.expected import MEASURED
+from auv_torchrl.envs.start import MEASURED
 
 
 class DDRAdapter(CommandMap):

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from torchrl.envs import TransformedEnv
 
-from auv_torchrl.agents.checkpoint import CheckpointError
 from auv_torchrl.agents.policy import PolicyError, SourcePolicy
-from auv_torchrl.agents.storage import StorageError, storing
+from auv_torchrl.agents.storage import CheckpointError, StorageError, storing
 from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.command import checking_input

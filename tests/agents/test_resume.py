@@ -12,9 +12,9 @@ import tiny_training
 import torch
 from tiny_training import TASK, train_tiny
 
-from auv_torchrl.agents.checkpoint import CheckpointError, load_checkpoint, save_checkpoint
 from auv_torchrl.agents.interrupt import Interrupted
 from auv_torchrl.agents.score import Examiner
+from auv_torchrl.agents.storage import CheckpointError, load_checkpoint, save_checkpoint
 from auv_torchrl.agents.trainer import CHECKPOINT, Diverged
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
