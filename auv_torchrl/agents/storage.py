@@ -83,8 +83,6 @@ def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
     Raises:
         CheckpointError: for a file that is missing, damaged, changed since it was written, or of another training.
     """
-    if not path.is_file():
-        raise CheckpointError(f"there is no checkpoint {path}: train without resume to start from the beginning")
     try:
         whole = path.read_bytes()
         if hashlib.sha256(whole[:-DIGEST]).digest() != whole[-DIGEST:]:
@@ -99,8 +97,7 @@ def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
     if found != fingerprint:
         raise CheckpointError(
             f"checkpoint {path} belongs to another training ({found}, this one is {fingerprint}): vehicle, task, "
-            "randomization, agent settings, seed, backend or version differ; resume with the settings it was made "
-            "with, or train without resume to start from the beginning"
+            "randomization, agent settings, seed, backend or version differ; move it away to train from the beginning"
         )
     log.info("going on from checkpoint %s", path)
     return state
