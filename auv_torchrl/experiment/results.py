@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -56,26 +56,11 @@ class Results:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        flown = {"u_s": self.u_s, "u_t": self.u_t, "nominal": self.nominal}
-        return {
-            "scenario": self.scenario,
-            "task": self.task,
-            "vehicle": self.vehicle,
-            "seed": self.seed,
-            "box_m": self.box_m,
-            "starts": self.starts,
-            **{name: metrics and metrics.as_dict() for name, metrics in flown.items()},
-            "target_data_s": self.target_data_s,
-            "fit_s": self.fit_s,
-            "train_s": self.train_s,
-            "u_t_forms": {name: metrics.as_dict() for name, metrics in self.u_t_forms.items()},
-            "feasible": self.feasible,
-            "reason": self.reason,
-            "policy": self.policy,
-            "in_flight": self.in_flight,
-            "command_share": self.command_share,
-            "closing": self.closing,
-        }
+        told = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        told |= {name: metrics.as_dict() for name, metrics in told.items() if isinstance(metrics, Metrics)}
+        told["u_t_forms"] = {name: metrics.as_dict() for name, metrics in self.u_t_forms.items()}
+        del told["closed"]  # said in closing, too
+        return told
 
     def save(self, folder: Path) -> None:
         """Write ``results.json`` at once or not at all."""
