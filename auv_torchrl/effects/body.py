@@ -110,27 +110,18 @@ mass_offset = Effect(
     origin=Origin.BODY,
     meaning="centre of mass off the body origin",
     source="Fossen 2021, Eq. 3.49",
-    parameters=(
+    parameters=tuple(
         Parameter(
-            "x",
+            axis,
             "m",
             0.0,
             -0.3,
             0.3,
-            "the centre of mass is {value:+.3f} m forward of where it should be",
+            f"the centre of mass is {{value:+.3f}} m {words} of where it should be",
             guessed=0.005,
             varies=0.001,  # a battery that sits a little otherwise
-        ),
-        Parameter(
-            "y",
-            "m",
-            0.0,
-            -0.3,
-            0.3,
-            "the centre of mass is {value:+.3f} m to starboard of where it should be",
-            guessed=0.005,
-            varies=0.001,  # a battery that sits a little otherwise
-        ),
+        )
+        for axis, words in (("x", "forward"), ("y", "to starboard"))
     ),
     change=_mass_offset,
     advice=advice.mass_offset,
