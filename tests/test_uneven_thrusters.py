@@ -10,7 +10,8 @@ from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_atoms
 from auv_torchrl.effects import get_effect
-from auv_torchrl.effects.effect import changed, in_proportion, mean
+from auv_torchrl.effects.effect import changed, mean
+from auv_torchrl.effects.response import in_proportion
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.tasks import StationKeeping

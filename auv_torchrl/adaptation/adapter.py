@@ -11,12 +11,12 @@ from torchrl.data import Composite, TensorSpec, Unbounded
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.learner import InFlightLearner
-from auv_torchrl.adaptation.lookahead import look_ahead
 from auv_torchrl.adaptation.motion import SourceMotion
+from auv_torchrl.adaptation.timing import look_ahead
 from auv_torchrl.adaptation.transform import Array, ThrusterTransform, array, measured_state, set_expected
 from auv_torchrl.authority import Authority, Recovery, authority_of
 from auv_torchrl.ddr.transform import OBSERVATION
-from auv_torchrl.envs.expected import EXPECTED, TIME, expected_spec
+from auv_torchrl.envs.start import EXPECTED, TIME, expected_spec
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
 

@@ -7,10 +7,9 @@ import numpy as np
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.filter import VELOCITY, EffectivenessFilter, Innovation
-from auv_torchrl.adaptation.guard import MeasurementGuard, Verdict
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import SourceMotion, Step
-from auv_torchrl.adaptation.sensing import Reading, Sensing
+from auv_torchrl.adaptation.sensing import MeasurementGuard, Reading, Sensing, Verdict
 from auv_torchrl.adaptation.timing import ActuatorTiming
 from auv_torchrl.vehicle import CONTROLLED
 

@@ -8,10 +8,8 @@ import numpy as np
 
 from auv_torchrl.adaptation.choice import ThrustChoice
 from auv_torchrl.adaptation.config import AdaptationConfig
-from auv_torchrl.adaptation.dead_end import DeadEnd
-from auv_torchrl.adaptation.detector import ChangeDetector
+from auv_torchrl.adaptation.detector import ChangeDetector, DeadEnd, GainWatch
 from auv_torchrl.adaptation.estimate import Estimate, Evidence
-from auv_torchrl.adaptation.gain_watch import GainWatch
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.vehicle import CONTROLLED

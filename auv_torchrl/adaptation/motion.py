@@ -57,16 +57,13 @@ class SourceMotion:
     def __call__(self, velocity: Array, wrench: Array) -> Step:
         """Displacement, velocity (N, 4) and their derivatives for velocities (N, 4) and wrenches (N, 4)."""
         v = velocity[:, None] + self._columns[:, 0]
-        moved, reached = self._integrate(v, wrench[:, None] + self._columns[:, 1])
+        moved, reached = self.advance(v, wrench[:, None] + self._columns[:, 1])
         both = np.concatenate((moved, reached), axis=-1)  # (N, 9, 8)
         slopes = ((both[:, 1:] - both[:, :1]) / self._step_sizes[:, None]).swapaxes(-1, -2)
         return Step(moved[:, 0], reached[:, 0], slopes[..., :_D], slopes[..., _D:])
 
     def advance(self, velocity: Array, wrench: Array) -> tuple[Array, Array]:
-        """Displacement and velocity (N, 4) alone, without derivatives."""
-        return self._integrate(velocity, wrench)
-
-    def _integrate(self, velocity: Array, wrench: Array) -> tuple[Array, Array]:
+        """Displacement and velocity (..., 4) alone, without derivatives."""
         slow = bool((np.abs(velocity[..., :3]) < _SLOW).all())
         substeps = _SUBSTEPS_SLOW if slow else _SUBSTEPS
         h = self.control_dt / substeps

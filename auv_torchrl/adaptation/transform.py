@@ -10,8 +10,7 @@ from torch import Tensor
 
 from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.ddr.transform import ACTION, CommandMap
-from auv_torchrl.envs.expected import EXPECTED, MEASURED, TIME
-from auv_torchrl.envs.start import BODY
+from auv_torchrl.envs.start import BODY, EXPECTED, MEASURED, TIME
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import Vehicle

@@ -14,7 +14,7 @@ from torch import Tensor
 from torchrl.objectives.utils import distance_loss
 
 from auv_torchrl.agents.losses import FusedSACLoss
-from auv_torchrl.agents.networks import ACTION_LIMIT, Layers, perceptron, perceptron_values, tanh_normal
+from auv_torchrl.agents.networks import ACTION_LIMIT, Layers, perceptron_values, tanh_normal
 
 _ops: Any = torch.ops.aten
 _SLOPES: dict[str, Callable[[Tensor], Tensor]] = {  # of TorchRL's distances, by how far apart the values are
@@ -39,7 +39,7 @@ class ClosedForm:
         loss, following = self.loss, batch.get("next")
         observation, alpha = batch.get("observation"), loss.log_alpha.exp()
         sampled = _Sampled(loss, observation, following.get("observation"))
-        target = self._target(following, alpha, *sampled.following)
+        target = loss.target(following, alpha, *sampled.following)
         critics = loss.layers("qvalue_network_params")
         stored = torch.cat((observation, batch.get("action")), -1)
         imagined = torch.cat((observation, sampled.action), -1)
@@ -67,14 +67,6 @@ class ClosedForm:
             "entropy": entropy,
         }
         return TensorDict._new_unsafe(losses, torch.Size([]))
-
-    def _target(self, following: TensorDictBase, alpha: Tensor, action: Tensor, log_prob: Tensor) -> Tensor:
-        """What the critics should say (B, 1)."""
-        pair = torch.cat((following.get("observation"), action), -1)
-        value = perceptron(self.loss.layers("target_qvalue_network_params"), pair).amin(0)
-        soft = value - alpha * log_prob.unsqueeze(-1)
-        reward = following.get("reward")
-        return torch.where(following.get("terminated"), reward, reward + self.loss.discount * soft)
 
 
 class _Sampled:

@@ -70,16 +70,6 @@ class GradientLearner(Learner):
         self._move_average(config.average)
         return {"loss_actor": -reward.detach(), "gradient_norm": norm}
 
-    def state_dict(self) -> dict[str, Any]:
-        """Everything that what follows depends on."""
-        return {
-            **super().state_dict(),
-            "policy": self.exploring.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-        }
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from :meth:`state_dict`."""
-        super().load_state_dict(state)
-        self.exploring.load_state_dict(state["policy"])
-        self.optimiser.load_state_dict(state["optimiser"])
+    def parts(self) -> dict[str, Any]:
+        """Policy and optimiser, too."""
+        return {**super().parts(), "policy": self.exploring, "optimiser": self.optimiser}

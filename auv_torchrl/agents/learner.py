@@ -79,12 +79,16 @@ class Learner(ABC):
         """Take the averaged weights for the best ones."""
         self.best.load_state_dict(self.averaged.state_dict())
 
+    def parts(self) -> dict[str, Any]:
+        """What has a state of its own that what follows depends on, by name."""
+        return {"averaged": self.averaged, "best": self.best}
+
     def state_dict(self) -> dict[str, Any]:
         """Everything that what follows depends on."""
-        return {"averaged": self.averaged.state_dict(), "best": self.best.state_dict(), "moves": self._moves}
+        return {**{name: part.state_dict() for name, part in self.parts().items()}, "moves": self._moves}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from :meth:`state_dict`."""
-        self.averaged.load_state_dict(state["averaged"])
-        self.best.load_state_dict(state["best"])
+        for name, part in self.parts().items():
+            part.load_state_dict(state[name])
         self._moves = state["moves"]

@@ -50,14 +50,7 @@ class FusedSACLoss(SACLoss):
     @dispatch()
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Losses of a batch (B,) with observation, action and next observation, reward, terminated."""
-        following = tensordict.get("next")
-        loss_qvalue = self._qvalue_loss(
-            tensordict.get("observation"),
-            tensordict.get("action"),
-            following.get("reward"),
-            following.get("terminated"),
-            following.get("observation"),
-        )
+        loss_qvalue = self._qvalue_loss(tensordict)
         loss_actor, log_prob = self._actor_loss(tensordict.get("observation"))
         loss_alpha = (-self.log_alpha * (log_prob + self.target_entropy)).mean()
         losses = {
@@ -69,17 +62,20 @@ class FusedSACLoss(SACLoss):
         }
         return TensorDict._new_unsafe(losses, torch.Size([]))
 
-    def _qvalue_loss(
-        self, observation: Tensor, action: Tensor, reward: Tensor, terminated: Tensor, next_observation: Tensor
-    ) -> Tensor:
+    def target(self, following: TensorDictBase, alpha: Tensor, action: Tensor, log_prob: Tensor) -> Tensor:
+        """What the critics should say (B, 1), of what follows (B,), an action there and its log-probability."""
+        pair = torch.cat((following.get("observation"), action), -1)
+        value = perceptron(self.layers("target_qvalue_network_params"), pair).amin(0)
+        reward = following.get("reward")
+        soft = reward + self.discount * (value - alpha * log_prob.unsqueeze(-1))
+        return torch.where(following.get("terminated"), reward, soft)
+
+    def _qvalue_loss(self, batch: TensorDictBase) -> Tensor:
+        following = batch.get("next")
         with torch.no_grad():
-            next_action, next_log_prob = self.sample(next_observation)
-            next_value = perceptron(
-                self.layers("target_qvalue_network_params"), torch.cat((next_observation, next_action), -1)
-            )
-            soft_value = next_value.amin(0) - self.log_alpha.exp() * next_log_prob.unsqueeze(-1)
-            target = torch.where(terminated, reward, reward + self.discount * soft_value)
-        value = perceptron(self.layers("qvalue_network_params"), torch.cat((observation, action), -1))
+            target = self.target(following, self.log_alpha.exp(), *self.sample(following.get("observation")))
+        pair = torch.cat((batch.get("observation"), batch.get("action")), -1)
+        value = perceptron(self.layers("qvalue_network_params"), pair)
         return distance_loss(value, target.expand_as(value), self.loss_function).sum() / value.shape[1]
 
     def _actor_loss(self, observation: Tensor) -> tuple[Tensor, Tensor]:

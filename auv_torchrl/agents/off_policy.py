@@ -83,13 +83,16 @@ class OffPolicyLearner(Learner):
             self._move_average(config.average)
         return {key: torch.stack([loss[key].detach() for loss in losses]).mean() for key in self.losses}
 
+    def parts(self) -> dict[str, Any]:
+        """The updater, too."""
+        return {**super().parts(), "updater": self.updater}
+
     def state_dict(self) -> dict[str, Any]:
         """Everything that what follows depends on, the transitions included."""
         # cloned, because saving a slice would write the memory of the whole buffer
         stored = self.buffer[:].clone().flatten_keys(".").to_dict() if len(self.buffer) else {}
         return {
             **super().state_dict(),
-            "updater": self.updater.state_dict(),
             "transitions": {key: value for key, value in stored.items() if key != "index"},
             "cursor": self.buffer.writer.state_dict(),
         }
@@ -97,7 +100,6 @@ class OffPolicyLearner(Learner):
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from :meth:`state_dict`."""
         super().load_state_dict(state)
-        self.updater.load_state_dict(state["updater"])
         if state["transitions"]:
             transitions = TensorDict(state["transitions"], device=self.device).auto_batch_size_(1).unflatten_keys(".")
             self.buffer.empty()

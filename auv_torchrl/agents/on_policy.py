@@ -77,16 +77,6 @@ class OnPolicyLearner(Learner):
                 told.append(losses.detach())
         return {name: torch.stack([losses[name].mean() for losses in told]).mean() for name in self.losses}
 
-    def state_dict(self) -> dict[str, Any]:
-        """Everything that what follows depends on; what was flown is forgotten by then."""
-        return {
-            **super().state_dict(),
-            "loss": self.loss.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-        }
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from :meth:`state_dict`."""
-        super().load_state_dict(state)
-        self.loss.load_state_dict(state["loss"])
-        self.optimiser.load_state_dict(state["optimiser"])
+    def parts(self) -> dict[str, Any]:
+        """Loss and optimiser, too; what was flown is forgotten when a state is kept."""
+        return {**super().parts(), "loss": self.loss, "optimiser": self.optimiser}

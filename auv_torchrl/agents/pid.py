@@ -1,4 +1,4 @@
-"""The classical controller: one PID per controlled degree of freedom, in the body frame."""
+"""The classical controller: one PID per controlled degree of freedom, in the body frame, and what it feeds forward."""
 
 import math
 from collections.abc import Sequence
@@ -9,17 +9,17 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 
-from auv_torchrl.agents.feed_forward import FeedForward
-from auv_torchrl.envs.expected import EXPECTED, MEASURED, TIME, expected_along
-from auv_torchrl.envs.start import ALONG, BODY
-from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.envs.start import ALONG, BODY, EXPECTED, MEASURED, TIME, expected_along
+from auv_torchrl.physics import CONTROL_DT, ActiveTerms, prepare
+from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import euler_angles, matvec, rotation_matrix, wrap_angle
-from auv_torchrl.tasks import Task
+from auv_torchrl.tasks import Reference, Task
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 PROPORTIONAL = (10.0, 10.0, 10.0, 1.0)  # 1/m, 1/rad: `paper` leaves its dead band at 0.01 m; 3 is 5 times less precise
 DERIVATIVE = (1.0, 1.0, 1.0, 0.1)  # s/m, s/rad
 INTEGRAL_LIMIT = 0.3  # of the command; more would overshoot from far starts
+_C = list(CONTROLLED_INDEX)
 
 
 class PID(TensorDictModuleBase):
@@ -97,3 +97,39 @@ def _gain(name: str, values: Sequence[float]) -> Tensor:
     if len(values) != len(CONTROLLED) or not all(math.isfinite(v) and v >= 0 for v in values):
         raise ValueError(f"PID: {name} is {values!r}: give four gains of 0 or more, for {', '.join(CONTROLLED)}")
     return torch.tensor(values, dtype=torch.float32)
+
+
+class FeedForward:
+    """Channels (N, 4) that move a vehicle along the reference in still water: drag, inertia, weight, thrust curve.
+
+    Args:
+        vehicle: one vehicle (empty batch), what the flown one is taken for.
+        task: says where vehicles should be.
+    """
+
+    def __init__(self, vehicle: Vehicle, task: Task):
+        self.task = task
+        self.c = prepare(vehicle.double())
+        self.terms = ActiveTerms.of(self.c)
+        reach = (self.c.allocation * self.c.full_thrust) @ self.c.routing
+        self._thrusts = torch.linalg.pinv(reach[_C])  # (n, 4) shares of full thrust, per N and N m
+        self._channels = torch.linalg.pinv(vehicle.mixer[:, _C].double())  # (4, n)
+
+    def __call__(self, along: Tensor) -> Tensor:
+        """For vehicles that are ``along`` (N,) s along the task."""
+        now, soon = (self.task.reference(along.double() + later) for later in (0.0, self.task.control_dt))
+        velocity = self._velocity(now)
+        wanted = (self._velocity(soon) - velocity) / self.task.control_dt
+        nothing = torch.zeros_like(velocity)
+        rotation = rotation_matrix(now.quaternion)
+        alone = acceleration(self.c, self.terms, rotation, now.position, velocity, nothing)
+        wrench = matvec(self.c.mass_matrix, wanted - alone)
+        share = matvec(self._thrusts, wrench[..., _C])
+        reverse = torch.where(share < 0, 1.0 - self.c.asymmetry, 1.0)
+        command = share.sign() * (share / reverse).abs() ** (1.0 / self.c.exponent)
+        return matvec(self._channels, command)
+
+    def _velocity(self, reference: Reference) -> Tensor:
+        """(N, 6) of the reference along its own axes."""
+        moving = reference.moving(rotation_matrix(reference.quaternion).mT)
+        return moving if reference.velocity is not None else torch.zeros(*reference.position.shape[:-1], 6).double()

@@ -1,8 +1,10 @@
-"""Files of the policy store: recognised when they are read again, and one line where there is no room for them."""
+"""Files of the policy store: known again when they are read, checkpoints, and what is said where there is no room."""
 
 import errno
 import hashlib
+import io
 import json
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,10 +13,14 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.files import write_whole
+
 _STORAGE = {  # what an operating system says of a folder that cannot hold files, rather than of a defect of ours
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOTDIR,
     errno.EEXIST, errno.EISDIR,
 }  # fmt: skip
+log = logging.getLogger(__name__)
+DIGEST = hashlib.sha256().digest_size  # bytes, at the end of the file
 
 
 class StorageError(ValueError):
@@ -56,3 +62,46 @@ def storing(folder: Path, left: str = "") -> Iterator[None]:
             f"nothing can be kept in {folder} ({error.strerror}): make room there or give a folder that you may write "
             f"with policies=DIR{left and f'; {left}'}"
         ) from error
+
+
+class CheckpointError(RuntimeError):
+    """A checkpoint that cannot be used; the message says what to do."""
+
+
+def save_checkpoint(path: Path, fingerprint: str, state: Mapping[str, Any]) -> None:
+    """Write ``state`` so that ``path`` holds either the old or the new checkpoint, whenever the process dies."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    file = io.BytesIO()  # torch names no cause where a disk is full
+    torch.save({"fingerprint": fingerprint, "state": dict(state)}, file)
+    content = file.getvalue()
+    write_whole(path, content + hashlib.sha256(content).digest())
+
+
+def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
+    """The state of a checkpoint that was written under the same fingerprint.
+
+    Raises:
+        CheckpointError: for a file that is missing, damaged, changed since it was written, or of another training.
+    """
+    try:
+        whole = path.read_bytes()
+        if hashlib.sha256(whole[:-DIGEST]).digest() != whole[-DIGEST:]:
+            raise ValueError("its digest differs")
+        content = torch.load(io.BytesIO(whole[:-DIGEST]), map_location="cpu", weights_only=True)
+        found, state = content["fingerprint"], content["state"]
+    except Exception as error:  # torch.load raises whatever its unpickler and its zip reader raise
+        raise CheckpointError(
+            f"checkpoint {path} cannot be read ({_cause(error)}): it is damaged, changed, of an earlier version or no "
+            "checkpoint of ours; it is left as it is; move it away to train from the beginning"
+        ) from error
+    if found != fingerprint:
+        raise CheckpointError(
+            f"checkpoint {path} belongs to another training ({found}, this one is {fingerprint}): vehicle, task, "
+            "randomization, agent settings, seed, backend or version differ; move it away to train from the beginning"
+        )
+    log.info("going on from checkpoint %s", path)
+    return state
+
+
+def _cause(error: Exception) -> str:
+    return str(error) if isinstance(error, ValueError | OSError) else type(error).__name__

@@ -36,7 +36,6 @@ def train_source(
     seed: int,
     backend: str,
     folder: Path,
-    resume: Path | None = None,
     device: torch.device | str = "cpu",
 ) -> SourcePolicy:
     """The best policy of a training with these ingredients, on ``device``.
@@ -54,11 +53,10 @@ def train_source(
         seed: of everything random.
         backend: "mujoco" or "torch".
         folder: the store, for example ``outputs/policies``.
-        resume: a checkpoint to go on from instead of the one in the store.
         device: of networks, transitions and fleets.
 
     Raises:
-        CheckpointError: if the checkpoint is missing, damaged or of another training.
+        CheckpointError: if the checkpoint is damaged or of another training.
         PolicyError: if the policy in the store is damaged, changed or of another training.
         StorageError: if the store is full or may not be written.
         Interrupted: after Ctrl-C, with the checkpoint written.
@@ -69,15 +67,11 @@ def train_source(
     def trainer(training: Path, key: str) -> Trainer:
         return make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key, device)
 
-    return kept_or_trained(ingredients, trainer, folder, device, resume)
+    return kept_or_trained(ingredients, trainer, folder, device)
 
 
 def kept_or_trained(
-    ingredients: Mapping[str, Any],
-    make: Callable[[Path, str], Trainer],
-    folder: Path,
-    device: torch.device | str,
-    resume: Path | None = None,
+    ingredients: Mapping[str, Any], make: Callable[[Path, str], Trainer], folder: Path, device: torch.device | str
 ) -> SourcePolicy:
     """The policy of these ingredients from the store ``folder``, or trained now and put there.
 
@@ -86,7 +80,6 @@ def kept_or_trained(
         make: the trainer, from the folder of its checkpoint and the hash of the ingredients.
         folder: the store.
         device: where the policy is to be, and is trained.
-        resume: a checkpoint to go on from instead of the one in the store.
 
     Raises:
         CheckpointError, PolicyError, StorageError, Interrupted, Diverged: as :func:`train_source`.
@@ -103,7 +96,7 @@ def kept_or_trained(
         with locked(folder / f"{key}.lock", "trains the same source policy"):
             if finished.exists():  # by the process that was waited for
                 return _taken(finished, key, device)
-            return _trained(ingredients, make, finished, training, key, resume)
+            return _trained(ingredients, make, finished, training, key)
 
 
 def _taken(finished: Path, key: str, device: torch.device) -> SourcePolicy:
@@ -114,13 +107,12 @@ def _taken(finished: Path, key: str, device: torch.device) -> SourcePolicy:
 
 
 def _trained(
-    ingredients: Mapping[str, Any], make: Callable[[Path, str], Trainer], finished: Path, training: Path,
-    key: str, resume: Path | None,
-) -> SourcePolicy:  # fmt: skip
+    ingredients: Mapping[str, Any], make: Callable[[Path, str], Trainer], finished: Path, training: Path, key: str
+) -> SourcePolicy:
     training.mkdir(exist_ok=True)
     trainer = make(training, key)
-    checkpoint = resume or training / CHECKPOINT
-    if resume is not None or checkpoint.exists():
+    checkpoint = training / CHECKPOINT
+    if checkpoint.exists():
         trainer.resume(checkpoint)
         log.info("policy %s: going on from %s at %d transitions", key, checkpoint, trainer.frames)
     else:

@@ -17,7 +17,7 @@ from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.ddr.allocation import Allocation
 from auv_torchrl.ddr.transform import ACTION
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.envs.expected import EXPECTED, TIME, expected_spec
+from auv_torchrl.envs.start import EXPECTED, TIME, expected_spec
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix
@@ -26,7 +26,7 @@ from auv_torchrl.physics.step import push
 from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_target
 from auv_torchrl.sensors import MOTION, Inverse, ages
 from auv_torchrl.simulator import PlainSimulator, at_rest
-from auv_torchrl.simulator.rows import with_rows
+from auv_torchrl.simulator.arrays import with_rows
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 

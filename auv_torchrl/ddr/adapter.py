@@ -14,29 +14,25 @@ from auv_torchrl.ddr.learner import MapLearner
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.ddr.transform import ACTION, CommandMap
-from auv_torchrl.envs.expected import MEASURED
+from auv_torchrl.envs.start import MEASURED
 
 
 class DDRAdapter(CommandMap):
     """u_t = H(x, u_s(x)), or H(x, R(x, F(x, u_s(x)))): what the target executes for the source policy's action.
 
     While :attr:`learning`, every true transition updates the map and a dither is added as long as the map is uncertain.
-    Networks, bags, modes and the dither are in ``state_dict``.
+    Networks, bag, modes and the dither are in ``state_dict``.
 
     Args:
         models: F and R of the source vehicle.
         config: settings; ``map: thrusters`` needs an environment whose actions are thruster commands.
-        maps: 1 for one map that all vehicles share, or N for one map per vehicle.
-
-    Raises:
-        ValueError: for a network map per vehicle.
     """
 
-    def __init__(self, models: SourceModels, config: AdapterConfig | None = None, maps: int = 1):
+    def __init__(self, models: SourceModels, config: AdapterConfig | None = None):
         super().__init__()
         self.config = config or AdapterConfig()
         self.models = models
-        self.learner = MapLearner(make_map(models, self.config, maps), models.states, self.config)
+        self.learner = MapLearner(make_map(models, self.config), models.states, self.config)
         self.dither = Dither(self.config.seed)
         self.register_buffer("_learning", torch.zeros((), dtype=torch.bool))
 
@@ -68,9 +64,9 @@ class DDRAdapter(CommandMap):
         else:
             tau = self.models.actuation.intended(tau)
         control = self.g.invert(state, tau)
-        if self.config.dither > 0 and self.learning and bool(self.learner.uncertain.any()):
-            dithered = control + self.config.dither * self.dither.signs(control.shape).to(control)
-            control = self.g.space.shrink(torch.where(self.learner.uncertain[:, None], dithered, control))
+        if self.config.dither > 0 and self.learning and self.learner.uncertain:
+            dither = self.config.dither * self.dither.signs(control.shape).to(control)
+            control = self.g.space.shrink(control + dither)
         command = self.g.space.decode(control)
         sane = (action.isfinite().all(-1) & command.isfinite().all(-1))[:, None]
         return torch.where(sane, command, 0.0)
@@ -95,13 +91,11 @@ class DDRAdapter(CommandMap):
         return self.models.state_of(quaternion, velocity).float()
 
 
-def make_map(models: SourceModels, config: AdapterConfig, maps: int) -> AffineMap:
+def make_map(models: SourceModels, config: AdapterConfig) -> AffineMap:
     """G and H as the settings say, starting as the healthy vehicle's."""
     if config.map == "network":
-        if maps != 1:
-            raise ValueError(f"adapter: map=network takes one map, not {maps}: use map=affine for a map per vehicle")
         return NetworkMap(
             Channels(models.actuation), config.ridge, models.states, config.hidden, config.network_steps, config.seed
         )
     space = Thrusters(models.actuation) if config.map == "thrusters" else Channels(models.actuation)
-    return AffineMap(maps, space, config.ridge)
+    return AffineMap(space, config.ridge)

@@ -68,15 +68,15 @@ def adapt(
     adapter.learner.refit()
     fit_s = time.perf_counter() - began
     pairs = adapter.learner.bag.pairs()
-    error = (adapter.g(pairs.state, pairs.control) - pairs.source)[pairs.filled]
+    error = adapter.g(pairs.state, pairs.control) - pairs.source
     adaptation = Adaptation(
         adapter=adapter,
         target_data_s=steps * target.task.control_dt,
         fit_s=fit_s,
-        pairs=int(pairs.filled.sum()),
+        pairs=len(pairs.state),
         residual=float(error.square().mean().sqrt()),
-        condition=float(adapter.g.condition[0]),
-        standard_error=float(adapter.g.standard_error[0]),
+        condition=float(adapter.g.condition),
+        standard_error=float(adapter.g.standard_error),
     )
     log.info("%s", adaptation)
     return adaptation

@@ -9,32 +9,32 @@ from auv_torchrl.ddr.config import AdapterConfig
 
 
 class MapLearner(nn.Module):
-    """Keeps m maps up to date with the transitions of the target.
+    """Keeps the map up to date with the transitions of the target.
 
-    A map is either uncertain (``uncertain`` is set: pairs are collected with a dither, and the map is refitted from
-    scratch with each new pair as soon as there are enough) or settled (small errors are followed by gradient
+    It is either uncertain (``uncertain`` is set: pairs are collected with a dither, and the map is refitted from
+    scratch with new pairs as soon as there are enough) or settled (small errors are followed by gradient
     steps). The mean of Eq. 8 over the last ``window`` informative pairs beyond ``threshold`` empties the bag and
     makes the map uncertain again; a standard error of its weights below ``tolerance`` settles it.
 
     Args:
-        g: the maps.
+        g: the map.
         states: length of x.
         config: settings.
     """
 
-    uncertain: Tensor  # (m,) bool
-    residual: Tensor  # (m, window) newest values of Eq. 8, newest last
+    uncertain: Tensor  # () bool
+    residual: Tensor  # (window,) newest values of Eq. 8, newest last
     ignored: Tensor  # () pairs left out because a measurement was not finite or jumped impossibly
 
     def __init__(self, g: AffineMap, states: int, config: AdapterConfig):
         super().__init__()
         self.g = g
         self.config = config
-        maps, channels, controls = g.weight.shape
-        size = max(bag_size(g.weights_per_map, config.bag_cap), config.bag_least, config.least_pairs)
-        self.bag = Bag(maps, size, states, controls, channels)
-        self.register_buffer("uncertain", torch.ones(maps, dtype=torch.bool))
-        self.register_buffer("residual", torch.zeros(maps, config.window))
+        channels, controls = g.weight.shape
+        size = max(bag_size(g.weights, config.bag_cap), config.bag_least, config.least_pairs)
+        self.bag = Bag(size, states, controls, channels)
+        self.register_buffer("uncertain", torch.ones((), dtype=torch.bool))
+        self.register_buffer("residual", torch.zeros(config.window))
         self.register_buffer("ignored", torch.zeros((), dtype=torch.long))
 
     @torch.no_grad()
@@ -51,47 +51,33 @@ class MapLearner(nn.Module):
         possible = finite & (source.abs() < self.config.impossible).all(-1)
         self.ignored += (valid & ~possible).sum()
         use = valid & possible & self.g.space.informative(command)
-        maps = self.uncertain.shape[0]
-        control = self.g.space.encode(command)
-
-        def of_each_map(field: Tensor) -> Tensor:
-            return torch.where(use[..., None], field, 0.0).reshape(maps, -1, field.shape[-1])
-
-        pairs = Pairs(of_each_map(state), of_each_map(control), of_each_map(source), use.reshape(maps, -1))
-        self._watch(pairs)
+        pairs = Pairs(state[use], self.g.space.encode(command[use]), source[use])
+        if len(pairs.state):
+            error = (self.g(pairs.state, pairs.control) - pairs.source).norm(dim=-1).mean()
+            self.residual.copy_(torch.cat((self.residual[1:], error[None])))
+        if not self.uncertain and self.residual.mean() > self.config.threshold:  # it no longer explains what is seen
+            self.bag.empty()
+            self.residual.zero_()
+            self.uncertain.fill_(True)
         self.bag.push(pairs)
-        self._update(pairs.filled.any(-1))
+        if len(pairs.state):
+            self._update()
 
-    def _watch(self, pairs: Pairs) -> None:
-        """Empty the bags of maps that no longer explain what is seen."""
-        error = (self.g(pairs.state, pairs.control) - pairs.source).norm(dim=-1)
-        number = pairs.filled.sum(-1)
-        seen = number > 0
-        mean = torch.where(pairs.filled, error, 0.0).sum(-1) / number.clamp_min(1)
-        rolled = torch.cat((self.residual[:, 1:], mean[:, None]), dim=-1)
-        self.residual.copy_(torch.where(seen[:, None], rolled, self.residual))
-        alarm = (self.residual.mean(-1) > self.config.threshold) & ~self.uncertain
-        self.bag.empty(alarm)
-        self.residual.masked_fill_(alarm[:, None], 0.0)
-        self.uncertain |= alarm
-
-    def _update(self, new: Tensor) -> None:
-        """Refit uncertain maps, step settled ones."""
-        enough = self.bag.count >= self.config.least_pairs
-        refit = self.uncertain & enough & new
-        settled = ~self.uncertain & new
-        if bool(refit.any()):
-            self.g.fit(self.bag.pairs(), refit)
-            certain = refit & (self.g.standard_error < self.config.tolerance)
-            self.g.refine(self.bag.pairs(), certain)
-            self.uncertain &= ~certain
-        if self.config.gradient_rate > 0 and bool(settled.any()):
-            self.g.gradient_step(self.bag.pairs(), settled, self.config.gradient_rate)
+    def _update(self) -> None:
+        """Refit an uncertain map, step a settled one."""
+        if not self.uncertain:
+            if self.config.gradient_rate > 0:
+                self.g.gradient_step(self.bag.pairs(), self.config.gradient_rate)
+        elif self.bag.count >= self.config.least_pairs:
+            self.g.fit(self.bag.pairs())
+            if self.g.standard_error < self.config.tolerance:
+                self.g.refine(self.bag.pairs())
+                self.uncertain.fill_(False)
 
     @torch.no_grad()
     def refit(self) -> None:
-        """Fit all maps from scratch to what is in their bags."""
-        enough = self.bag.count >= self.config.least_pairs
-        self.g.fit(self.bag.pairs(), enough)
-        self.g.refine(self.bag.pairs(), enough)
+        """Fit the map from scratch to what is in the bag."""
+        if self.bag.count >= self.config.least_pairs:
+            self.g.fit(self.bag.pairs())
+            self.g.refine(self.bag.pairs())
         self.residual.zero_()

@@ -12,14 +12,14 @@ WEIGHT_DECAY = 1e-3
 
 
 class NetworkMap(AffineMap):
-    """One map. G(x, tau_t) adds a network to the affine fit, H(x, tau_s) one to its inverse.
+    """G(x, tau_t) adds a network to the affine fit, H(x, tau_s) one to its inverse.
 
     The networks start as nothing and are trained for a fixed number of steps: G on Eq. 8, then H with G fixed on
     the cycle loss |H(x, G(x, tau_t)) - tau_t|.
     """
 
     def __init__(self, space: ControlSpace, ridge: float, states: int, hidden: int, steps: int, seed: int):
-        super().__init__(1, space, ridge)
+        super().__init__(space, ridge)
         self.steps = steps
         channels = space.nominal.shape[0]
         with torch.random.fork_rng(devices=()):
@@ -29,41 +29,38 @@ class NetworkMap(AffineMap):
         self.requires_grad_(False)
 
     @property
-    def weights_per_map(self) -> int:
+    def weights(self) -> int:
         """n_p, the number of unknown weights of G."""
-        return super().weights_per_map + sum(p.numel() for p in self.g.parameters())
+        return super().weights + sum(p.numel() for p in self.g.parameters())
 
     def forward(self, state: Tensor, control: Tensor) -> Tensor:
-        """G: what controls (1, n, k) do in states (1, n, s), in source channels (1, n, 4)."""
+        """G: what controls (n, k) do in states (n, s), in source channels (n, 4)."""
         return super().forward(state, control) + self.g(torch.cat((state, control), dim=-1))
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
         """H: controls (N, k) within limits for source channels (N, 4) in states (N, s)."""
         return self.space.shrink(super().invert(state, tau) + self.h(torch.cat((state, tau), dim=-1)))
 
-    def fit(self, pairs: Pairs, which: Tensor) -> None:
+    def fit(self, pairs: Pairs) -> None:
         """Fit the affine part in closed form and silence the networks, which take longer to train."""
-        super().fit(pairs, which)
-        if bool(which.any()):
-            for parameter in (*self.g[-1].parameters(), *self.h[-1].parameters()):
-                parameter.zero_()
+        super().fit(pairs)
+        for parameter in (*self.g[-1].parameters(), *self.h[-1].parameters()):
+            parameter.zero_()
 
-    def refine(self, pairs: Pairs, which: Tensor) -> None:
+    def refine(self, pairs: Pairs) -> None:
         """Train both networks on top of the affine fit."""
-        if bool(which.any()):
-            self._train(pairs, self.steps)
+        self._train(pairs, self.steps)
 
-    def gradient_step(self, pairs: Pairs, which: Tensor, rate: float) -> None:
+    def gradient_step(self, pairs: Pairs, rate: float) -> None:
         """One gradient step of both networks over the bag."""
-        if bool(which.any()):
-            self._train(pairs, 1)
+        self._train(pairs, 1)
 
     def _train(self, pairs: Pairs, steps: int) -> None:
-        state, control, source = (field[pairs.filled] for field in pairs[:3])
-        left = source - AffineMap.forward(self, state[None], control[None])[0]
+        state, control, source = pairs
+        left = source - AffineMap.forward(self, state, control)
         _descend(self.g, torch.cat((state, control), -1), left, steps)
-        effect = self(state[None], control[None])[0]
-        back = (effect - self.bias) @ self.unlimited[0].mT  # the affine inverse, limits left out
+        effect = self(state, control)
+        back = (effect - self.bias) @ self.unlimited.mT  # the affine inverse, limits left out
         _descend(self.h, torch.cat((state, effect), -1), control - back, steps)
 
 

@@ -9,8 +9,7 @@ from torch import Tensor
 from torchrl.data import Bounded, Composite, TensorSpec
 from torchrl.envs.transforms import Compose, Transform
 
-from auv_torchrl.envs.expected import EXPECTED, expected_along
-from auv_torchrl.envs.start import BODY
+from auv_torchrl.envs.start import BODY, EXPECTED, expected_along
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED
 

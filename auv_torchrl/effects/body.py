@@ -4,9 +4,9 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, adds, changed
 from auv_torchrl.effects.scan import Scan
-from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 
 def per_dof(scale: Tensor) -> Tensor:
@@ -33,7 +33,7 @@ added_mass = Effect(
             0.2,
             5.0,
             "the inertia in {which} is {value:.2f} times the nominal one",
-            PER_DOF,
+            CONTROLLED,
             guessed=0.4,  # published added masses of one vehicle differ by that
         ),
     ),
@@ -76,10 +76,6 @@ payload = Effect(
 )
 
 
-def _buoyancy(vehicle: Vehicle, force: Tensor) -> Vehicle:
-    return changed(vehicle, vertical_force=vehicle.vertical_force + force)
-
-
 buoyancy = Effect(
     name="buoyancy",
     origin=Origin.BODY,
@@ -97,7 +93,7 @@ buoyancy = Effect(
             varies=0.5,  # 50 g of trim, a bubble, salt
         ),
     ),
-    change=_buoyancy,
+    change=adds(force="vertical_force"),
     shows="idle",
     advice=advice.buoyancy,
     scans={"force": Scan((5.0,), linear=True)},
@@ -114,27 +110,18 @@ mass_offset = Effect(
     origin=Origin.BODY,
     meaning="centre of mass off the body origin",
     source="Fossen 2021, Eq. 3.49",
-    parameters=(
+    parameters=tuple(
         Parameter(
-            "x",
+            axis,
             "m",
             0.0,
             -0.3,
             0.3,
-            "the centre of mass is {value:+.3f} m forward of where it should be",
+            f"the centre of mass is {{value:+.3f}} m {words} of where it should be",
             guessed=0.005,
             varies=0.001,  # a battery that sits a little otherwise
-        ),
-        Parameter(
-            "y",
-            "m",
-            0.0,
-            -0.3,
-            0.3,
-            "the centre of mass is {value:+.3f} m to starboard of where it should be",
-            guessed=0.005,
-            varies=0.001,  # a battery that sits a little otherwise
-        ),
+        )
+        for axis, words in (("x", "forward"), ("y", "to starboard"))
     ),
     change=_mass_offset,
     advice=advice.mass_offset,

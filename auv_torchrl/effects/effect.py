@@ -12,7 +12,7 @@ from torch import Tensor
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle import CONTROLLED, Vehicle
+from auv_torchrl.vehicle import Vehicle
 
 Values = Mapping[str, float | Tensor]
 
@@ -220,18 +220,6 @@ def mean(values: Tensor) -> Tensor:
     return first + (values - first[..., None]).mean(-1)
 
 
-def in_proportion(values: Tensor, to: Tensor, zero: float = 0.0) -> Tensor:
-    """One value per thruster (..., n) with the mean ``to`` (...), where thrusters differ as their ``values`` do.
-
-    Their distances from ``zero`` are multiplied by one factor; all must lie on one side of it. Where all values are
-    alike, all become ``to``.
-    """
-    alike = (values == values[..., :1]).all(-1)
-    distance = torch.where(alike, 1.0, mean(values) - zero)
-    factor = torch.where(alike, 1.0, (to - zero) / distance)
-    return torch.where(alike[..., None], to[..., None], zero + (values - zero) * factor[..., None])
-
-
 def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:
     """A copy of the vehicle with some fields replaced; the others are shared."""
     copy, precision = vehicle.clone(recurse=False), vehicle.mass.dtype
@@ -245,4 +233,8 @@ def sets(**fields: str) -> Callable[..., Vehicle]:
     return lambda vehicle, **values: changed(vehicle, **{fields[name]: value for name, value in values.items()})
 
 
-PER_DOF = CONTROLLED
+def adds(**fields: str) -> Callable[..., Vehicle]:
+    """A change that adds each parameter to a field: ``adds(angle="heading_bias")``."""
+    return lambda vehicle, **values: changed(
+        vehicle, **{fields[name]: getattr(vehicle, fields[name]) + value for name, value in values.items()}
+    )

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -44,10 +44,6 @@ tether = Effect(
 )
 
 
-def _surface(vehicle: Vehicle, depth: Tensor, air: Tensor) -> Vehicle:
-    return changed(vehicle, surface=depth, air=air)
-
-
 free_surface = Effect(
     name="free_surface",
     origin=Origin.EXTERNAL,
@@ -57,7 +53,7 @@ free_surface = Effect(
         Parameter("depth", "m", own("surface"), -50.0, 50.0, "the surface of the water lies at z = {value:.2f} m"),
         Parameter("air", "1", own("air"), 0.0, 1.0, "above the surface {value:.2f} of the water's density is missing"),
     ),
-    change=_surface,
+    change=sets(depth="surface", air="air"),
     advice=advice.said("nothing is broken: fly clear of the surface, or enter where it lies in the vehicle file"),
     is_searched=False,  # what was flown at the surface is left out of a log, unless the vehicle's file says where it is
 )

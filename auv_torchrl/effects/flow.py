@@ -7,9 +7,9 @@ from torch import Tensor
 
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.body import per_dof
-from auv_torchrl.effects.effect import PER_DOF, Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.effects.scan import Scan
-from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, GRAVITY, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, GRAVITY, Vehicle
 
 
 def _own(field: str, degree: int) -> Callable[[Vehicle], float]:
@@ -109,7 +109,7 @@ def _drag(order: str, change: Callable[[Vehicle, Tensor], Vehicle]) -> Effect:
         origin=Origin.FLOW,
         meaning=f"{order} drag per degree of freedom times its scale",
         source="Lu et al. 2023, Eq. 14 and Table 1",
-        parameters=(Parameter("scale", "1", 1.0, 0.0, 10.0, told, PER_DOF, guessed=published),),
+        parameters=(Parameter("scale", "1", 1.0, 0.0, 10.0, told, CONTROLLED, guessed=published),),
         change=change,
         wears={"scale": 1},
         advice=advice.said(_LOOK),
@@ -153,7 +153,7 @@ drag_asymmetry = Effect(
 
 linear_drag, quadratic_drag = _drag("linear", _linear), _drag("quadratic", _quadratic)
 
-COUPLINGS = tuple(f"{to}_from_{by}" for to in PER_DOF for by in PER_DOF if to != by)
+COUPLINGS = tuple(f"{to}_from_{by}" for to in CONTROLLED for by in CONTROLLED if to != by)
 
 
 def _coupling(vehicle: Vehicle, drag: Tensor) -> Vehicle:

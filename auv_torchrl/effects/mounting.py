@@ -2,17 +2,10 @@
 
 import math
 
-from torch import Tensor
-
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, adds
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.vehicle import Vehicle
-
-
-def _dvl_misalignment(vehicle: Vehicle, angle: Tensor) -> Vehicle:
-    return changed(vehicle, dvl_turn=vehicle.dvl_turn + angle)
-
 
 dvl_misalignment = Effect(
     name="dvl_misalignment",
@@ -32,14 +25,10 @@ dvl_misalignment = Effect(
             guessed=0.02,
         ),
     ),
-    change=_dvl_misalignment,
+    change=adds(angle="dvl_turn"),
     advice=advice.dvl_misalignment,
     scans={"angle": Scan((-2.4, -1.57, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.57, 2.4, 3.14))},
 )
-
-
-def _dvl_lever_arm(vehicle: Vehicle, arm: Tensor) -> Vehicle:
-    return changed(vehicle, dvl_position=vehicle.dvl_position + arm)
 
 
 def _guessed_arm(vehicle: Vehicle, member: str) -> float:
@@ -66,7 +55,7 @@ dvl_lever_arm = Effect(
             guessed=_guessed_arm,
         ),
     ),
-    change=_dvl_lever_arm,
+    change=adds(arm="dvl_position"),
     advice=advice.dvl_lever_arm,
     scans={"arm": Scan((0.2,), linear=True)},
     is_property=True,

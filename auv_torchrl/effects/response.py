@@ -1,11 +1,24 @@
 """Effects on how a thruster answers its command: its curve, and when."""
 
+import torch
 from torch import Tensor
 
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, Valley, changed, in_proportion, mean, own, sets
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, Valley, changed, mean, own, sets
 from auv_torchrl.effects.scan import DELAYS, Scan
 from auv_torchrl.vehicle import Vehicle
+
+
+def in_proportion(values: Tensor, to: Tensor, zero: float = 0.0) -> Tensor:
+    """One value per thruster (..., n) with the mean ``to`` (...), where thrusters differ as their ``values`` do.
+
+    Their distances from ``zero`` are multiplied by one factor; all must lie on one side of it. Where all values are
+    alike, all become ``to``.
+    """
+    alike = (values == values[..., :1]).all(-1)
+    distance = torch.where(alike, 1.0, mean(values) - zero)
+    factor = torch.where(alike, 1.0, (to - zero) / distance)
+    return torch.where(alike[..., None], to[..., None], zero + (values - zero) * factor[..., None])
 
 
 def _dead_band(vehicle: Vehicle, width: Tensor) -> Vehicle:

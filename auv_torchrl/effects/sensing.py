@@ -2,18 +2,11 @@
 
 import math
 
-from torch import Tensor
-
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.effect import Effect, Origin, Parameter, adds, own, sets
 from auv_torchrl.effects.scan import DELAYS, TIMES, TURNED_TIMES, Scan
-from auv_torchrl.vehicle import Vehicle
 
 _FELT = ("ax", "ay", "az")  # channels of the accelerometer
-
-
-def _heading_bias(vehicle: Vehicle, angle: Tensor) -> Vehicle:
-    return changed(vehicle, heading_bias=vehicle.heading_bias + angle)
 
 
 heading_bias = Effect(
@@ -22,7 +15,7 @@ heading_bias = Effect(
     meaning="measured yaw minus true yaw",
     source="compass deviation near iron, or a mocap frame turned against the body",
     parameters=(Parameter("angle", "rad", 0.0, -math.pi, math.pi, "the compass is off by {value:+.2f} rad"),),
-    change=_heading_bias,
+    change=adds(angle="heading_bias"),
     advice=advice.heading_bias,
     scans={"angle": Scan((-2.4, -1.6, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.6, 2.4, 3.1))},
 )
@@ -138,10 +131,6 @@ velocity_scale = Effect(
 )
 
 
-def _gyro_bias(vehicle: Vehicle, bias: Tensor) -> Vehicle:
-    return changed(vehicle, gyro_bias=vehicle.gyro_bias + bias)
-
-
 gyro_bias = Effect(
     name="gyro_bias",
     origin=Origin.SENSING,
@@ -159,14 +148,10 @@ gyro_bias = Effect(
             ordinary=0.005,  # what a filter knows the bias to: 0.3 degree/s
         ),
     ),
-    change=_gyro_bias,
+    change=adds(bias="gyro_bias"),
     scans={"bias": Scan((0.01,), linear=True)},
     advice=advice.said("calibrate the gyro with the vehicle at rest, and let it warm up before the dive"),
 )
-
-
-def _accelerometer_bias(vehicle: Vehicle, bias: Tensor) -> Vehicle:
-    return changed(vehicle, accelerometer_bias=vehicle.accelerometer_bias + bias)
 
 
 accelerometer_bias = Effect(
@@ -187,7 +172,7 @@ accelerometer_bias = Effect(
             loose=0.05,  # what a calibration leaves: half a hundredth of the weight, or 0.3 degree of mounting
         ),
     ),
-    change=_accelerometer_bias,
+    change=adds(bias="accelerometer_bias"),
     scans={"bias": Scan((0.1,), linear=True)},
     shown_by=_FELT,
     advice=advice.said("calibrate the accelerometer level and on all six sides, and look at how it is mounted"),

@@ -13,8 +13,8 @@ from torchrl.envs import EnvBase
 from auv_torchrl.envs.start import ALONG, BODY, read_start
 from auv_torchrl.physics import State
 from auv_torchrl.simulator import Simulator
+from auv_torchrl.simulator.arrays import with_rows
 from auv_torchrl.simulator.base import FARTHEST, FASTEST
-from auv_torchrl.simulator.rows import with_rows
 from auv_torchrl.simulator.scene import SIZE, Scene
 from auv_torchrl.tasks import Task
 from auv_torchrl.tasks.judge import Judge

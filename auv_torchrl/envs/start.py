@@ -1,13 +1,19 @@
-"""What a fleet begins with: its vehicles, and starts that are given to it, checked."""
+"""What a fleet begins with, and what a policy may know of it: what is measured, or what a map that predicts expects."""
+
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
+from torchrl.data import Composite, Unbounded
 
 from auv_torchrl.vehicle import Vehicle
 
 BODY = {"position": 3, "quaternion": 4, "velocity": 6}  # entries of a start, with their lengths
 ALONG = "along"  # s along the task: of a start, where it begins; of a report, where the vehicle is
+TIME = "time"
+MEASURED = "measured"  # the fleet's report of position, quaternion and velocity
+EXPECTED = "expected"  # by a map that predicts: the same when the next command acts, and ``time`` then
 
 
 def vehicles_of(vehicle: Vehicle, num_envs: int) -> Vehicle:
@@ -46,3 +52,20 @@ def read_start(start: TensorDictBase | None, rows: Tensor) -> tuple[Tensor, ...]
         raise ValueError("fleet: start.quaternion is not of unit length: give w, x, y, z of a rotation")
     parts[1] = torch.nn.functional.normalize(parts[1], dim=-1)
     return tuple(parts)
+
+
+def expected_along(tensordict: TensorDictBase) -> Tensor:
+    """How far along the task (N, 1) vehicles will be when the next command acts, s."""
+    return tensordict.get(ALONG) + (tensordict.get((EXPECTED, TIME)) - tensordict.get(TIME))
+
+
+def expected_spec(observation_spec: Composite) -> Composite:
+    """Spec of what a map that predicts reports under ``expected``."""
+    lengths = {**BODY, TIME: 1}
+    like: Any = observation_spec[MEASURED, "position"]
+    shape = like.shape[:-1]
+    entries = {
+        key: Unbounded(torch.Size((*shape, length)), dtype=like.dtype, device=like.device)
+        for key, length in lengths.items()
+    }
+    return Composite(entries, shape=shape, device=like.device)

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from torch import Tensor
 
 from auv_torchrl.evaluation import STEADY_FROM_S, steady_errors
-from auv_torchrl.experiment.paper import TABLE_2
+from auv_torchrl.experiment.results import TABLE_2
 from auv_torchrl.flight import Flight
 from auv_torchrl.palette import CONTROLLER, LABEL, NEUTRAL
 from auv_torchrl.physics import ActiveTerms, prepare

@@ -10,8 +10,7 @@ from matplotlib.patches import Patch
 from torch import Tensor
 
 from auv_torchrl.adaptation import PHASES, Phase
-from auv_torchrl.adaptation.moments import Happening
-from auv_torchrl.adaptation.recovery import BACK_M
+from auv_torchrl.adaptation.recovery import BACK_M, Happening
 from auv_torchrl.experiment.figures import FLOOR_M, aim, bare, draw_reference, reference_key
 from auv_torchrl.flight import Flight
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T

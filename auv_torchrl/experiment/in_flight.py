@@ -13,10 +13,8 @@ from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter
 from auv_torchrl.adaptation.config import SETTLED_S
-from auv_torchrl.adaptation.cost import cost_per_step
-from auv_torchrl.adaptation.flight import AdaptedFlight, fly_adapting, gains
-from auv_torchrl.adaptation.moments import Moment, moments
-from auv_torchrl.adaptation.recovery import BACK_M, Recovery, recoveries
+from auv_torchrl.adaptation.flight import AdaptedFlight, cost_per_step, fly_adapting, gains
+from auv_torchrl.adaptation.recovery import BACK_M, Moment, Recovery, moments, recoveries
 from auv_torchrl.authority import Authority, controlled_allocation
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.evaluation import Policy, fly

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from torchrl.envs import TransformedEnv
 
-from auv_torchrl.agents.checkpoint import CheckpointError
 from auv_torchrl.agents.policy import PolicyError, SourcePolicy
-from auv_torchrl.agents.storage import StorageError, storing
+from auv_torchrl.agents.storage import CheckpointError, StorageError, storing
 from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.command import checking_input
@@ -202,8 +201,8 @@ def summarize(
 
 def linear_map(adapter: DDRAdapter) -> ControlMap:
     """H about rest, away from the limits; of a network map its affine part."""
-    matrix = adapter.g.unlimited[0].double()
-    offset = -matrix @ adapter.g.bias[0].double()
+    matrix = adapter.g.unlimited.double()
+    offset = -matrix @ adapter.g.bias.double()
     size = matrix.shape[0]
     rows = CONTROLLED if size == len(CONTROLLED) else tuple(f"thruster {i + 1}" for i in range(size))
     return ControlMap(matrix.numpy(), offset.numpy(), rows)

@@ -13,8 +13,7 @@ from matplotlib.lines import Line2D
 from omegaconf import DictConfig
 
 from auv_torchrl.experiment.figures import DPI
-from auv_torchrl.experiment.paper import TABLE_2
-from auv_torchrl.experiment.results import read_results, with_task
+from auv_torchrl.experiment.results import TABLE_2, read_results, with_task
 from auv_torchrl.palette import CONTROLLER, LABEL
 from auv_torchrl.tasks import StationKeeping
 

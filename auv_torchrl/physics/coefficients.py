@@ -149,26 +149,15 @@ def prepare(vehicle: Vehicle) -> Coefficients:
     )
     net_weight = weight - vehicle.buoyancy + vehicle.payload_weight + vehicle.vertical_force
     identity = torch.eye(3, dtype=weight.dtype, device=weight.device)
-    return Coefficients(
-        mass_inverse=mass_inverse,
-        mass_matrix=mass_matrix,
-        linear_drag=vehicle.linear_drag,
-        quadratic_drag=vehicle.quadratic_drag,
-        restoring=torch.cat((net_weight[..., None, None] * identity, skew(arm)), dim=-2),
-        allocation=allocation_matrix(vehicle) * vehicle.gain[..., None, :],
-        hull_height=hull_height(vehicle),
-        **{name: getattr(vehicle, name) for name in _COPIED},
-    )
-
-
-_COPIED = (
-    "drag_asymmetry", "coriolis", "current", "tether_anchor", "tether_stiffness", "tether_slack", "buoyancy",
-    "centre_of_buoyancy", "surface", "air", "thruster_position", "gain", "routing",
-    "full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "battery_sag", "volts",
-    "heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale", "dvl_position",
-    "dvl_turn", "gyro_bias", "accelerometer_bias", "accelerometer_position", "compass_per_load", "position_noise",
-    "attitude_noise",
-)  # fmt: skip
+    worked_out = {
+        "mass_inverse": mass_inverse,
+        "mass_matrix": mass_matrix,
+        "restoring": torch.cat((net_weight[..., None, None] * identity, skew(arm)), dim=-2),
+        "allocation": allocation_matrix(vehicle) * vehicle.gain[..., None, :],
+        "hull_height": hull_height(vehicle),
+    }
+    copied = {name: getattr(vehicle, name) for name in Coefficients._fields if name not in worked_out}
+    return Coefficients(**worked_out, **copied)
 
 
 def hull_height(vehicle: Vehicle) -> Tensor:

@@ -9,13 +9,11 @@ from torch import Tensor
 
 from auv_torchrl.adaptation.flight import AdaptedFlight
 from auv_torchrl.adaptation.learner import PHASES
-from auv_torchrl.adaptation.moments import Happening, Moment
-from auv_torchrl.adaptation.recovery import BACK_M
+from auv_torchrl.adaptation.recovery import BACK_M, Happening, Moment
 from auv_torchrl.flight import Flight
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T, rgb
 from auv_torchrl.recording.body import record_vehicle
-from auv_torchrl.recording.reference import record_reference
-from auv_torchrl.recording.series import record_series
+from auv_torchrl.recording.series import record_reference, record_series
 from auv_torchrl.vehicle import Vehicle
 
 NEAR, FAR = f"within {BACK_M:g} m", f"beyond {BACK_M:g} m"

@@ -13,8 +13,7 @@ from auv_torchrl.recording.blueprint import run_blueprint
 from auv_torchrl.recording.body import record_vehicle
 from auv_torchrl.recording.file import write_recording
 from auv_torchrl.recording.flight import OneFlight, record_flight
-from auv_torchrl.recording.reference import record_reference
-from auv_torchrl.recording.series import record_series
+from auv_torchrl.recording.series import record_reference, record_series
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 PATHS = 24  # starts whose path is drawn

@@ -3,8 +3,15 @@
 from auv_torchrl.sensors.asked import report_alike
 from auv_torchrl.sensors.instruments import SENSORS, ages, read, sensor_of
 from auv_torchrl.sensors.inverse import Inverse
-from auv_torchrl.sensors.path import felt_along, felt_at_rows, is_felt, moving
-from auv_torchrl.sensors.report import measured_pose, measured_velocity, motion_of
+from auv_torchrl.sensors.report import (
+    felt_along,
+    felt_at_rows,
+    is_felt,
+    measured_pose,
+    measured_velocity,
+    motion_of,
+    moving,
+)
 from auv_torchrl.sensors.sensor import CHANNELS, FELT, MOTION, Sensor, at_once
 
 __all__ = [

@@ -7,7 +7,7 @@ import numpy as np
 from auv_torchrl.physics.coefficients import Coefficients
 from auv_torchrl.physics.thrusters import TARGET_FIELDS
 from auv_torchrl.sensors.instruments import ages, read
-from auv_torchrl.sensors.path import is_felt, moving
+from auv_torchrl.sensors.report import is_felt, moving
 from auv_torchrl.sensors.sensor import MOTION
 
 

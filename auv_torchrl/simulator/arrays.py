@@ -4,34 +4,14 @@ This is the one border between devices: what comes in and what goes out passes t
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
+from array_api_compat import array_namespace, is_torch_array
 from torch import Tensor
 
 Array = Any
-
-
-class Arrays(Protocol):
-    """Turns what comes from outside into the arrays that a simulator works with, and back."""
-
-    @property
-    def device(self) -> torch.device:
-        """Of the tensors that come out."""
-        ...
-
-    def native(self, values: Any) -> Array:
-        """A copy of a tensor or numpy array in the simulator's library, device and precision."""
-        ...
-
-    def tensor(self, array: Array, dtype: torch.dtype) -> Tensor:
-        """An array of the simulator as a tensor on the device."""
-        ...
-
-    def index(self, rows: Tensor) -> Array:
-        """Row numbers as an index of the simulator's arrays."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -41,15 +21,15 @@ class NumpyArrays:
     device: torch.device = torch.device("cpu")
 
     def native(self, values: Any) -> np.ndarray:
-        """A copy in double precision."""
+        """A copy of a tensor or numpy array in double precision."""
         return np.array(torch.as_tensor(values).detach().cpu().numpy(), dtype=np.float64)
 
     def tensor(self, array: np.ndarray, dtype: torch.dtype) -> Tensor:
-        """A copy on the device."""
+        """A copy of an array of the simulator on the device."""
         return torch.tensor(array, dtype=dtype, device=self.device)
 
     def index(self, rows: Tensor) -> np.ndarray:
-        """The row numbers as they are."""
+        """Row numbers as an index of the simulator's arrays: as they are."""
         return rows.numpy()
 
 
@@ -61,7 +41,7 @@ class TorchArrays:
     dtype: torch.dtype
 
     def native(self, values: Any) -> Tensor:
-        """A copy on the device."""
+        """A copy of a tensor or numpy array on the device, in the precision."""
         return torch.as_tensor(values).to(self.device, self.dtype, copy=True)
 
     def tensor(self, array: Tensor, dtype: torch.dtype) -> Tensor:
@@ -71,3 +51,22 @@ class TorchArrays:
     def index(self, rows: Tensor) -> Tensor:
         """The row numbers on the device."""
         return rows.to(self.device)
+
+
+Arrays = NumpyArrays | TorchArrays  # what comes from outside becomes what a simulator works with, and back
+
+
+def with_rows(array: Array, rows: Array, new: Array) -> Array:
+    """A copy of ``array`` (N, ...) whose ``rows`` are ``new``."""
+    copy = array.clone() if is_torch_array(array) else array.copy()
+    copy[rows] = new
+    return copy
+
+
+def lengthened(memory: Array, length: int) -> Array:
+    """The memory (N, L, k), newest first, with at least ``length`` entries; the oldest is repeated."""
+    missing = length - memory.shape[1]
+    if missing <= 0:
+        return memory
+    xp = array_namespace(memory)
+    return xp.concat((memory, *[memory[:, -1:]] * missing), axis=1)

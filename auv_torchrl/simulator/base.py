@@ -18,8 +18,7 @@ from auv_torchrl.physics.step import memory_length, push
 from auv_torchrl.physics.thrusters import applied_thrust, load
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.sensors import FELT, MOTION, SENSORS, ages, felt_along, measured_pose, measured_velocity, motion_of
-from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays
-from auv_torchrl.simulator.rows import lengthened, with_rows
+from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays, lengthened, with_rows
 from auv_torchrl.vehicle import Vehicle
 
 FARTHEST = 1e3  # m from the origin; a vehicle beyond it has diverged

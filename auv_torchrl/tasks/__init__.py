@@ -6,9 +6,8 @@ from typing import Any, cast
 
 from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
-from auv_torchrl.tasks.following import Following
+from auv_torchrl.tasks.following import Following, StationKeeping
 from auv_torchrl.tasks.recorded import Recorded
-from auv_torchrl.tasks.station_keeping import StationKeeping
 from auv_torchrl.tasks.task import Reference, Task
 from auv_torchrl.tasks.tracking import (
     Circle,

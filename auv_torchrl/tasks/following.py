@@ -1,6 +1,7 @@
 """Tasks that follow a reference: what is seen of it, Eq. 6 of Lu et al. 2023 relative to it, starts around it."""
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
@@ -161,3 +162,35 @@ class Following(Task):
         scale = torch.tensor((*(self.start_speed,) * 3, 0.0, 0.0, self.start_yaw_rate))
         around = self.reference(torch.zeros(count, dtype=torch.float64) if along is None else along).position
         return around + position, quaternion_from_euler(roll, pitch, yaw), scale * uniform(6)
+
+
+@dataclass(frozen=True)
+class Travelling(Following):
+    """Episodes of training begin anywhere along the task, those of an evaluation at its beginning."""
+
+    anywhere: bool = True  # training episodes begin anywhere along the task, not only at its beginning
+
+    @abstractmethod
+    def draw_anywhere(self, count: int, generator: "torch.Generator") -> "Tensor":
+        """Where on the whole way episodes begin, (count,) s along the task, float64."""
+
+    def draw_along(self, count: int, generator: "torch.Generator") -> "Tensor":
+        """How far along the task episodes begin, (count,) s, float64."""
+        return self.draw_anywhere(count, generator) if self.anywhere else super().draw_along(count, generator)
+
+    def for_evaluation(self, box_m: float | None) -> Self:
+        """The same task from its beginning, with all starts uniform in a cube around the reference there."""
+        return replace(super().for_evaluation(box_m), anywhere=False)
+
+
+@dataclass(frozen=True)
+class StationKeeping(Following):
+    """Follow a reference that rests at the origin."""
+
+    name = "station_keeping"
+    compiles = True
+
+    def reference(self, time: Array) -> Reference:
+        """The origin, level, heading north, at rest, at all times (...)."""
+        xp = array_namespace(time)
+        return Reference.resting(xp.zeros((*time.shape, 3), dtype=time.dtype, device=time.device))

@@ -9,9 +9,9 @@ import numpy as np
 
 from auv_torchrl.settings import Entries, In, OneOf
 from auv_torchrl.tasks.curve import Curve, flown
+from auv_torchrl.tasks.following import Travelling
 from auv_torchrl.tasks.shapes import helix, lemniscate, parallel_lanes, rounded
 from auv_torchrl.tasks.task import Reference
-from auv_torchrl.tasks.travelling import Travelling
 
 if TYPE_CHECKING:
     import torch

@@ -7,8 +7,8 @@ import numpy as np
 from array_api_compat import array_namespace
 
 from auv_torchrl.settings import Entries, In
+from auv_torchrl.tasks.following import Travelling
 from auv_torchrl.tasks.task import Reference
-from auv_torchrl.tasks.travelling import Travelling
 
 if TYPE_CHECKING:
     import torch

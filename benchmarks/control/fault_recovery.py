@@ -13,8 +13,7 @@ import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
-from auv_torchrl.adaptation.cost import cost_per_step
-from auv_torchrl.adaptation.flight import AdaptedFlight, fly_adapting
+from auv_torchrl.adaptation.flight import AdaptedFlight, cost_per_step, fly_adapting
 from auv_torchrl.adaptation.recovery import Recovery, recoveries
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet

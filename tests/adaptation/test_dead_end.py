@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.adaptation import load_adaptation_config
-from auv_torchrl.adaptation.dead_end import DeadEnd
+from auv_torchrl.adaptation.detector import DeadEnd
 
 LIMITS = (-np.ones(6), np.ones(6))
 

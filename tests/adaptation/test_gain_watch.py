@@ -3,8 +3,8 @@
 import numpy as np
 
 from auv_torchrl.adaptation import load_adaptation_config
+from auv_torchrl.adaptation.detector import GainWatch
 from auv_torchrl.adaptation.filter import Innovation
-from auv_torchrl.adaptation.gain_watch import GainWatch
 from auv_torchrl.adaptation.motion import Step
 
 COUNT, THRUSTERS, D = 400, 3, 4

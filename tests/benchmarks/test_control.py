@@ -10,7 +10,7 @@ import torch
 import yaml
 
 from auv_torchrl.adaptation import load_adaptation_config
-from auv_torchrl.adaptation.cost import cost_per_step
+from auv_torchrl.adaptation.flight import cost_per_step
 from auv_torchrl.adaptation.recovery import recoveries
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy

@@ -10,7 +10,7 @@ import yaml
 
 from auv_torchrl.command import BAD_INPUT
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.calibrate.kept import load_kept, read_kept
+from auv_torchrl.diagnosis.calibrate.kept import read_kept
 from auv_torchrl.diagnosis.calibrate.manoeuvres import respond
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
 from auv_torchrl.flightlog import write_flightlog
@@ -34,6 +34,11 @@ BAD = {  # what is wrong: command line, what the answer names
     "wrong vehicle": ([f"healthy={SHIPPED}", "vehicle=bluerov2_heavy", "output=mine.yaml"], "8 thrusters"),
     "misspelt key": ([f"healthy={SHIPPED}", "helthy=3", "output=mine.yaml"], "did you mean healthy"),
 }
+
+
+def load_kept(file, vehicle):
+    content = read_vehicle_file(file)
+    return read_kept(content.get("calibration"), load_uncertainty(file, vehicle))
 
 
 @pytest.fixture(scope="module")

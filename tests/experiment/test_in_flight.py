@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from auv_torchrl.adaptation.moments import Happening
+from auv_torchrl.adaptation.recovery import Happening
 from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.experiment.flight_figure import flight_figure
 from auv_torchrl.experiment.in_flight import fly_in_flight

@@ -11,7 +11,7 @@ import yaml
 from auv_torchrl.envs.randomize import RandomizeVehicle
 from auv_torchrl.experiment import command, job
 from auv_torchrl.experiment.schema import randomization_of
-from auv_torchrl.experiment.uncertain import spelt_out
+from auv_torchrl.experiment.setup import spelt_out
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
 from tests.experiment.conftest import TINY

@@ -20,7 +20,7 @@ from auv_torchrl.physics.kernel.symbols import Tape
 from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.physics.thrusters import thrust_targets
 from auv_torchrl.simulator import PlainSimulator, TorchArrays
-from auv_torchrl.simulator.rows import lengthened
+from auv_torchrl.simulator.arrays import lengthened
 from auv_torchrl.vehicle import Vehicle
 from tests.uneven import UNEVEN, load_any
 

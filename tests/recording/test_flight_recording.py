@@ -12,8 +12,7 @@ from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
 from auv_torchrl.adaptation.flight import fly_adapting, gains
-from auv_torchrl.adaptation.moments import Happening, moments
-from auv_torchrl.adaptation.recovery import recoveries
+from auv_torchrl.adaptation.recovery import Happening, moments, recoveries
 from auv_torchrl.authority import controlled_allocation
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet

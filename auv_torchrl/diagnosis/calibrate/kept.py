@@ -2,21 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.problem import Known, Slack
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle, read_vehicle_file
+from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 KEYS = (
     "logs", "seconds", "vehicle", "made", "version", "excess", "level", "scale", "floor", "noise", "rough_noise",
@@ -75,12 +74,6 @@ def sound_free(sound: Calibration) -> Calibration:
     """The same calibration of a vehicle that may roll and pitch."""
     vehicle = sound.centred.vehicle
     return replace(sound, centred=replace(sound.centred, vehicle=changed(vehicle, free=vehicle.free.new_ones(6))))
-
-
-def load_kept(name: str | Path, vehicle: Vehicle) -> Kept | None:
-    """What the file of a vehicle, of that name in ``conf/vehicle`` or a YAML file, keeps of its calibration."""
-    content = read_vehicle_file(name)
-    return read_kept(content.get("calibration"), read_uncertainty(content.get("uncertainty"), vehicle))
 
 
 def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | None:

@@ -10,11 +10,18 @@ from itertools import pairwise
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding
-from auv_torchrl.flightlog.readers.barometer import depth
-from auv_torchrl.flightlog.readers.firmware import frame_of, mode_name
-from auv_torchrl.flightlog.readers.inertial import inertial
-from auv_torchrl.flightlog.readers.lanes import latest, of_lane, primary_lane, rows
-from auv_torchrl.flightlog.readers.messages import Columns, Messages
+from auv_torchrl.flightlog.readers.ardupilot_sensors import depth, inertial
+from auv_torchrl.flightlog.readers.firmware import (
+    latest,
+    leave_out_unknown,
+    mode_name,
+    of_lane,
+    primary_lane,
+    rows,
+    spelt,
+    vehicle_facts,
+)
+from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked
 from auv_torchrl.flightlog.streams.attitude import euler_angles
 from auv_torchrl.flightlog.streams.compass import COMPASSES, MOST_SAMPLES
 from auv_torchrl.flightlog.streams.configuration import changed_in_flight
@@ -51,19 +58,15 @@ WANTED = {
     "MAG": ("TimeUS", "I", "MagX", "MagY", "MagZ"),
     "BAT": ("TimeUS", "I", "Inst", "Instance", "Volt", "Curr"),
 }
-_VELOCITY_KNOWN = 1 << 1  # of XKF4.SS: horizontal velocity; https://mavlink.io/en/messages/ardupilotmega.html
-_POSITION_KNOWN = (1 << 3) | (1 << 4)  # relative, absolute
-_STANDS_STILL = 1 << 7  # constant position mode: the filter has no position and says 0
 _ARMED, _DISARMED = 10, 11  # EV.Id
 
 
 def streams_of(name: str, kind: str, messages: Messages) -> Streams:
     """The streams of a log whose messages have the fields of :data:`WANTED`, times in s."""
     primary, lane, findings = primary_lane(messages)
-    vehicle = _vehicle(messages)
+    vehicle = vehicle_facts(messages, ("PARM", "Name", "Value"), ("MSG", "Message"))
     sounding, more = depth(messages, primary)
     modes = _modes(messages, vehicle)
-    end = max((float(c["t"].max()) for c in messages.types.values() if len(c.get("t", ()))), default=0.0)
     found = (
         _outputs(messages), _attitude(messages, primary, lane),
         *inertial(messages, primary, lane, vehicle.parameters), sounding,
@@ -74,32 +77,16 @@ def streams_of(name: str, kind: str, messages: Messages) -> Streams:
         format=kind,
         streams=by_name(found),
         vehicle=vehicle,
-        armed=_armed(messages, end),
+        armed=_armed(messages),
         modes=modes,
         findings=(*messages.findings, *findings, *more, *_set_in_flight(messages)),
     )
 
 
-def _vehicle(messages: Messages) -> VehicleFacts:
-    given = messages.get("PARM", "Name", "Value")
-    parameters = {}
-    if given is not None:
-        parameters = {_text(n): float(v) for n, v in zip(given["Name"], given["Value"], strict=True)}
-    said = messages.get("MSG", "Message")
-    texts = [] if said is None else [_text(message) for message in said["Message"]]
-    firmware = next((text for text in texts if text.startswith("Ardu")), "")
-    frame, motors = frame_of(firmware, parameters)
-    return VehicleFacts(firmware, frame, motors, parameters)
-
-
 def _set_in_flight(messages: Messages) -> Iterator[Finding]:
     given = messages.get("PARM", "Name", "Value")
     if given is not None:
-        yield from changed_in_flight(given["t"], [_text(name) for name in given["Name"]], given["Value"])
-
-
-def _text(value: bytes | str) -> str:
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+        yield from changed_in_flight(given["t"], [spelt(name) for name in given["Name"]], given["Value"])
 
 
 def _modes(messages: Messages, vehicle: VehicleFacts) -> tuple[tuple[float, str], ...]:
@@ -112,7 +99,7 @@ def _modes(messages: Messages, vehicle: VehicleFacts) -> tuple[tuple[float, str]
     return tuple((float(t), mode_name(vehicle.firmware, n)) for t, n in zip(mode["t"], numbers, strict=True))
 
 
-def _armed(messages: Messages, end: float) -> Spans | None:
+def _armed(messages: Messages) -> Spans | None:
     """When the vehicle was armed. If the first that is told is the disarming, it was armed before."""
     arm, event = messages.get("ARM", "ArmState"), messages.get("EV", "Id")
     changes = [] if arm is None else [(float(t), bool(s)) for t, s in zip(arm["t"], arm["ArmState"], strict=True)]
@@ -122,7 +109,7 @@ def _armed(messages: Messages, end: float) -> Spans | None:
     spans: list[tuple[float, float]] = []
     for begin, stop in pairwise((-np.inf, *messages.starts, np.inf)):  # each start of the vehicle by itself
         within = [(t - max(begin, 0.0), on) for t, on in sorted(changes) if begin <= t < stop]
-        found = spans_of(within, min(stop, end) - max(begin, 0.0)) or ()
+        found = spans_of(within, min(stop, messages.end) - max(begin, 0.0)) or ()
         spans += [(a + max(begin, 0.0), b + max(begin, 0.0)) for a, b in found]
     return tuple(spans) if changes else None
 
@@ -149,15 +136,15 @@ def _attitude(messages: Messages, primary: Columns | None, lane: int) -> Stream 
     quaternion = messages.get("XKQ", "Q1", "Q2", "Q3", "Q4")
     if quaternion is not None:
         kept = of_lane(quaternion, primary, lane)
-        angles = euler_angles(np.stack([kept[f"Q{i}"].astype(np.float64) for i in (1, 2, 3, 4)], -1))
+        angles = euler_angles(stacked(kept, ("Q1", "Q2", "Q3", "Q4")))
         found = stream("attitude", channels, "rad", kept["t"], angles, Sampling.ESTIMATED, f"XKQ, lane {lane}")
         if found is not None:
             return found
     angles = messages.get("ATT", "Roll", "Pitch", "Yaw")
     if angles is None:
         return None
-    degrees = np.stack([angles[name].astype(np.float64) for name in ("Roll", "Pitch", "Yaw")], -1)
-    return stream("attitude", channels, "rad", angles["t"], np.deg2rad(degrees), Sampling.ESTIMATED, "ATT")
+    radians = np.deg2rad(stacked(angles, ("Roll", "Pitch", "Yaw")))
+    return stream("attitude", channels, "rad", angles["t"], radians, Sampling.ESTIMATED, "ATT")
 
 
 def _filtered(messages: Messages, primary: Columns | None, lane: int) -> tuple[Stream | None, Stream | None]:
@@ -167,15 +154,8 @@ def _filtered(messages: Messages, primary: Columns | None, lane: int) -> tuple[S
         return None, None
     estimate = of_lane(estimate, primary, lane)
     t = estimate["t"]
-    place = np.stack([estimate[name].astype(np.float64) for name in ("PN", "PE", "PD")], -1)
-    speed = np.stack([estimate[name].astype(np.float64) for name in ("VN", "VE", "VD")], -1)
-    if primary is None or not len(primary["t"]):  # it does not say what it knows
-        place[:, :2] = speed[:, :2] = np.nan
-    else:
-        status = primary["SS"].astype(np.int64)[latest(primary["t"], t)]
-        moves = (status & _STANDS_STILL) == 0
-        place[~(((status & _POSITION_KNOWN) != 0) & moves), :2] = np.nan
-        speed[~(((status & _VELOCITY_KNOWN) != 0) & moves), :2] = np.nan
+    place, speed = stacked(estimate, ("PN", "PE", "PD")), stacked(estimate, ("VN", "VE", "VD"))
+    leave_out_unknown(place, speed, t, primary, "SS")
     what, drift = f"XKF1, lane {lane}", _innovation(messages, primary, lane)
     position = stream("position", "xyz", "m", t, place, Sampling.ESTIMATED, what, drift)
     return position, stream("velocity", ("north", "east", "down"), "m/s", t, speed, Sampling.ESTIMATED, what)
@@ -187,7 +167,7 @@ def _innovation(messages: Messages, primary: Columns | None, lane: int) -> float
     if told is None:
         return None
     told = of_lane(told, primary, lane)
-    off = np.hypot(*(told[name].astype(np.float64) for name in ("IVN", "IVE"))) / np.sqrt(2)
+    off = np.hypot(*stacked(told, ("IVN", "IVE")).T) / np.sqrt(2)
     return float(np.sqrt(np.mean(off[off > 0] ** 2))) if (off > 0).any() else None
 
 
@@ -198,8 +178,7 @@ def _doppler(messages: Messages) -> Stream | None:
         return None
     during = steps["dt"].astype(np.float64)
     during = np.where((during > 1e-3) & (during < 5.0), during, np.nan)  # s
-    way = np.stack([steps[f"PosD{axis}"].astype(np.float64) for axis in "XYZ"], -1)
-    speed = way / during[:, None]
+    speed = stacked(steps, ("PosDX", "PosDY", "PosDZ")) / during[:, None]
     return stream("dvl", "uvw", "m/s", steps["t"] - during / 2, speed, Sampling.MEASURED, "VISO")
 
 

@@ -1,6 +1,12 @@
-"""Names that ArduPilot gives by number: modes and frames of ArduSub, and what a motor output is."""
+"""What is ArduPilot's own: names that it gives by number, and the lanes of its filter, of which one is in use."""
 
 from collections.abc import Mapping
+
+import numpy as np
+
+from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.flightlog.readers.messages import Columns, Messages
+from auv_torchrl.flightlog.streams.stream import VehicleFacts
 
 _MODES = {  # https://ardupilot.org/sub/docs/ardusub-flight-modes.html
     0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 7: "CIRCLE", 9: "SURFACE", 16: "POSHOLD",
@@ -11,6 +17,24 @@ _FRAMES = {  # FRAME_CONFIG of ArduSub: name and number of motors; a custom fram
     4: ("simplerov_3", 3), 5: ("simplerov_4", 4), 6: ("simplerov_5", 5), 7: ("custom", None),
 }  # fmt: skip
 SUB = "ArduSub"
+_VELOCITY_KNOWN = 1 << 1  # of XKF4.SS and EKF_STATUS_REPORT.flags: horizontal velocity,
+_POSITION_KNOWN = (1 << 3) | (1 << 4)  # relative, absolute; https://mavlink.io/en/messages/ardupilotmega.html
+_STANDS_STILL = 1 << 7  # constant position mode: the filter has no position and says 0
+
+
+def vehicle_facts(messages: Messages, parameter: tuple[str, str, str], text: tuple[str, str]) -> VehicleFacts:
+    """What a log says of its vehicle, in messages of the types, with the fields, of a parameter and of a text."""
+    given, said = messages.get(*parameter), messages.get(*text)
+    named = () if given is None else zip(given[parameter[1]], given[parameter[2]], strict=True)
+    parameters = {spelt(name): float(value) for name, value in named}
+    texts = () if said is None else map(spelt, said[text[1]])
+    firmware = next((told for told in texts if told.startswith("Ardu")), "")
+    return VehicleFacts(firmware, *frame_of(firmware, parameters), parameters)
+
+
+def spelt(value: bytes | str) -> str:
+    """A text as a log has it, in letters."""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 def mode_name(firmware: str, number: float) -> str:
@@ -27,3 +51,53 @@ def frame_of(firmware: str, parameters: Mapping[str, float]) -> tuple[str, int |
     if number is None or (firmware and not firmware.startswith(SUB)):
         return "", None
     return _FRAMES.get(int(number), (f"frame {int(number)}", None))
+
+
+def primary_lane(messages: Messages) -> tuple[Columns | None, int, list[Finding]]:
+    """XKF4 of the lane in use at each time, the lane that was in use longest, and where it was exchanged."""
+    status = messages.get("XKF4", "SS", "PI")
+    if status is None or not len(status["t"]):
+        return None, 0, []
+    kept = rows(status, status["C"] == status["PI"]) if "C" in status else status
+    lanes = status["PI"]
+    lane = int(np.bincount(lanes.astype(np.int64).clip(0, 255)).argmax())
+    switches = np.flatnonzero(np.diff(kept["PI"].astype(np.int64))) + 1
+    findings = []
+    if len(switches):
+        at = ", ".join(f"{kept['t'][i]:.1f} s" for i in switches[:3]) + (", ..." if len(switches) > 3 else "")
+        sentence = f"the filter changed its lane at {at}; what it estimates may leap there"
+        findings.append(Finding(Severity.WARNING, "lane_switch", sentence, "Look for the sensor that it gave up"))
+    return kept, lane, findings
+
+
+def of_lane(columns: Columns, primary: Columns | None, lane: int) -> Columns:
+    """The rows of the lane that was in use at their times."""
+    if "C" not in columns:
+        return columns
+    if primary is None or not len(primary["t"]):
+        return rows(columns, columns["C"] == lane)
+    return rows(columns, columns["C"] == primary["PI"][latest(primary["t"], columns["t"])])
+
+
+def leave_out_unknown(place: np.ndarray, speed: np.ndarray, t: np.ndarray, status: Columns | None, field: str) -> None:
+    """Make NaN, of positions and velocities (T, 3) in NED, what a filter does not know by its flags at those times.
+
+    Without ``status`` it does not say what it knows along the horizontal.
+    """
+    if status is None or not len(status["t"]):
+        place[:, :2] = speed[:, :2] = np.nan
+        return
+    flags = status[field].astype(np.int64)[latest(status["t"], t)]
+    moves = (flags & _STANDS_STILL) == 0
+    place[~(((flags & _POSITION_KNOWN) != 0) & moves), :2] = np.nan
+    speed[~(((flags & _VELOCITY_KNOWN) != 0) & moves), :2] = np.nan
+
+
+def latest(known: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Rows of ``known`` that were the latest at ``t``, or the first."""
+    return np.maximum(np.searchsorted(known, t + 1e-6, side="right") - 1, 0)
+
+
+def rows(columns: Columns, kept: np.ndarray) -> Columns:
+    """The messages that a mask (T,) keeps."""
+    return {name: values[kept] for name, values in columns.items()}

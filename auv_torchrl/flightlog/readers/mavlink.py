@@ -1,13 +1,13 @@
 """What MAVLink messages of an ArduPilot vehicle mean, wherever they were recorded: https://mavlink.io/en/messages/."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.readers.firmware import frame_of, mode_name
-from auv_torchrl.flightlog.readers.lanes import latest
-from auv_torchrl.flightlog.readers.messages import Columns, Messages
+from auv_torchrl.flightlog.readers.firmware import leave_out_unknown, mode_name, vehicle_facts
+from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order, stacked
 from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, spans_of, stream
 
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
@@ -34,7 +34,8 @@ _ARMED = 128  # of HEARTBEAT.base_mode
 _G = 9.80665e-3  # m/s^2 for each mG of RAW_IMU and SCALED_IMU
 _PA_A_METRE = 9800.0  # Pa/m, by which AP_Baro makes a depth of a pressure in water of specific gravity 1
 _SAME_M = 0.25  # m, median by which a barometer outside differs from the depth in use
-_VELOCITY_KNOWN, _POSITION_KNOWN, _STANDS_STILL = 1 << 1, (1 << 3) | (1 << 4), 1 << 7  # EKF_STATUS_REPORT.flags
+_RESTART_S = 1.0  # a boot time that steps back further is that of another start
+_WRAP_S = 2**32 * 1e-6  # s, after which the 32 bits of SERVO_OUTPUT_RAW.time_usec begin anew
 
 
 def choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: int | None) -> int:
@@ -58,14 +59,13 @@ def choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: int
 
 def streams_of(name: str, kind: str, messages: Messages) -> Streams:
     """The streams of one vehicle whose messages have the fields of :data:`WANTED`, times in s."""
-    vehicle = _vehicle(messages)
+    vehicle = vehicle_facts(messages, ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text"))
     beat = messages.get("HEARTBEAT", "base_mode", "custom_mode")
     armed, modes = None, ()
-    end = max((float(c["t"].max()) for c in messages.types.values() if len(c.get("t", ()))), default=0.0)
     if beat is not None:
         on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
         changes = [(float(beat["t"][i]), bool(on[i])) for i in _changes(on)]
-        armed = spans_of(changes, end, events=False)
+        armed = spans_of(changes, messages.end, events=False)
         numbers = beat["custom_mode"].astype(np.int64).tolist()
         modes = tuple(
             (float(beat["t"][i]), mode_name(vehicle.firmware, numbers[i])) for i in _changes(beat["custom_mode"])
@@ -80,21 +80,6 @@ def _changes(values: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1]))) if len(values) else np.zeros(0, int)
 
 
-def _vehicle(messages: Messages) -> VehicleFacts:
-    given, said = messages.get("PARAM_VALUE", "param_id", "param_value"), messages.get("STATUSTEXT", "text")
-    parameters = {}
-    if given is not None:
-        parameters = {str(n): float(v) for n, v in zip(given["param_id"], given["param_value"], strict=True)}
-    texts = [] if said is None else [str(text) for text in said["text"]]
-    firmware = next((text for text in texts if text.startswith("Ardu")), "")
-    frame, motors = frame_of(firmware, parameters)
-    return VehicleFacts(firmware, frame, motors, parameters)
-
-
-def _stacked(columns: Columns, names: Iterable[str]) -> np.ndarray:
-    return np.stack([columns[name].astype(np.float64) for name in names], axis=-1)
-
-
 def _outputs(messages: Messages) -> Stream | None:
     sent = messages.get("SERVO_OUTPUT_RAW", *_SERVOS[:8])
     if sent is None:
@@ -102,7 +87,7 @@ def _outputs(messages: Messages) -> Stream | None:
     names = [servo for servo in _SERVOS if servo in sent]
     main = sent["port"] == 0 if "port" in sent else slice(None)
     channels = (f"C{n + 1}" for n in range(len(names)))
-    values = _stacked(sent, names)[main]
+    values = stacked(sent, names)[main]
     return stream("outputs", channels, "us", sent["t"][main], values, Sampling.SNAPSHOT, "SERVO_OUTPUT_RAW")
 
 
@@ -112,8 +97,8 @@ def _attitude(messages: Messages) -> tuple[Stream | None, Stream | None]:
     if told is None:
         return None, None
     axes = ("roll", "pitch", "yaw")
-    angles = stream("attitude", axes, "rad", told["t"], _stacked(told, axes), Sampling.ESTIMATED, "ATTITUDE")
-    rates = _stacked(told, (f"{axis}speed" for axis in axes))
+    angles = stream("attitude", axes, "rad", told["t"], stacked(told, axes), Sampling.ESTIMATED, "ATTITUDE")
+    rates = stacked(told, (f"{axis}speed" for axis in axes))
     return angles, stream("gyro", "pqr", "rad/s", told["t"], rates, Sampling.MEASURED, "ATTITUDE")
 
 
@@ -122,7 +107,7 @@ def _accelerometer(messages: Messages) -> Stream | None:
     for name in ("RAW_IMU", "SCALED_IMU", "SCALED_IMU2"):
         felt = messages.get(name, "xacc", "yacc", "zacc")
         if felt is not None and len(felt["t"]):
-            values = _stacked(felt, ("xacc", "yacc", "zacc")) * _G
+            values = stacked(felt, ("xacc", "yacc", "zacc")) * _G
             return stream("accelerometer", ("ax", "ay", "az"), "m/s^2", felt["t"], values, Sampling.MEASURED, name)
     return None
 
@@ -161,15 +146,8 @@ def _filtered(messages: Messages) -> tuple[Stream | None, Stream | None]:
     told = messages.get("LOCAL_POSITION_NED", "x", "y", "z", "vx", "vy", "vz")
     if told is None:
         return None, None
-    place, speed = _stacked(told, ("x", "y", "z")), _stacked(told, ("vx", "vy", "vz"))
-    status = messages.get("EKF_STATUS_REPORT", "flags")
-    if status is None or not len(status["t"]):
-        place[:, :2] = speed[:, :2] = np.nan
-    else:
-        flags = status["flags"].astype(np.int64)[latest(status["t"], told["t"])]
-        moves = (flags & _STANDS_STILL) == 0
-        place[~(((flags & _POSITION_KNOWN) != 0) & moves), :2] = np.nan
-        speed[~(((flags & _VELOCITY_KNOWN) != 0) & moves), :2] = np.nan
+    place, speed = stacked(told, ("x", "y", "z")), stacked(told, ("vx", "vy", "vz"))
+    leave_out_unknown(place, speed, told["t"], messages.get("EKF_STATUS_REPORT", "flags"), "flags")
     what = "LOCAL_POSITION_NED"
     position = stream("position", "xyz", "m", told["t"], place, Sampling.ESTIMATED, what)
     return position, stream("velocity", ("north", "east", "down"), "m/s", told["t"], speed, Sampling.ESTIMATED, what)
@@ -179,6 +157,61 @@ def _battery(messages: Messages) -> Stream | None:
     power = messages.get("SYS_STATUS", "voltage_battery", "current_battery")
     if power is None:
         return None
-    raw = _stacked(power, ("voltage_battery", "current_battery"))
+    raw = stacked(power, ("voltage_battery", "current_battery"))
     values = np.where((raw == [65535, -1]) | (raw == [0, -1]), np.nan, raw * [1e-3, 1e-2])  # 65535, -1: not known
     return stream("battery", ("voltage", "current"), ("V", "A"), power["t"], values, Sampling.MEASURED, "SYS_STATUS")
+
+
+class MavlinkTable:
+    """Messages of one vehicle in the order in which they were received."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, list[tuple]] = {}
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, name: str, received: float, fields: Mapping[str, Any]) -> None:
+        """Take a message; one that lacks a field is not taken."""
+        wanted = WANTED[name]
+        if all(field in fields for field in wanted):
+            self._rows.setdefault(name, []).append((self._count, received, *(fields[field] for field in wanted)))
+            self._count += 1
+
+    def messages(self) -> Messages:
+        """All messages as columns, times ``t`` in s by the clock of the vehicle."""
+        types: dict[str, dict[str, np.ndarray]] = {}
+        for name, rows in self._rows.items():
+            columns = list(zip(*rows, strict=True))
+            types[name] = {AT: np.array(columns[0]), "received": np.array(columns[1], np.float64)}
+            for field, values in zip(WANTED[name], columns[2:], strict=True):
+                types[name][field] = np.array(values, dtype=str if field in TEXTS else np.float64)
+        _set_times(types)
+        return in_order(types)
+
+
+def _set_times(types: dict[str, dict[str, np.ndarray]]) -> None:
+    """``t`` of each message: its time since boot, put where it was received, without the delays of the link."""
+    booted = [c for c in types.values() if "time_boot_ms" in c]
+    if not booted:
+        for columns in types.values():
+            columns["t"] = columns["received"]
+        return
+    at = np.concatenate([c[AT] for c in booted])
+    order = np.argsort(at)
+    boot = np.concatenate([c["time_boot_ms"] for c in booted])[order] * 1e-3
+    late = np.concatenate([c["received"] for c in booted])[order] - boot
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(boot) < -_RESTART_S) + 1))
+    offsets = np.array([np.percentile(part, 5) for part in np.split(late, starts[1:])])
+    begins = at[order][starts]
+    for columns in types.values():
+        offset = offsets[np.maximum(np.searchsorted(begins, columns[AT], side="right") - 1, 0)]
+        if "time_boot_ms" in columns:
+            columns["t"] = columns["time_boot_ms"] * 1e-3 + offset
+        elif "time_usec" in columns:
+            since = columns["time_usec"] * 1e-6
+            turns = np.round((columns["received"] - offset - since) / _WRAP_S)
+            columns["t"] = since + turns * _WRAP_S + offset
+        else:
+            columns["t"] = columns["received"]

@@ -15,8 +15,8 @@ from typing import Any
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers import mavlink, ros
-from auv_torchrl.flightlog.readers.library import library
-from auv_torchrl.flightlog.readers.mavlink_table import MavlinkTable
+from auv_torchrl.flightlog.readers.mavlink import MavlinkTable
+from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
 MAGIC = b"\x89MCAP"

@@ -1,6 +1,6 @@
 """Messages of a log by type, as columns, and a clock that was reset put in order."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +22,20 @@ class Messages:
     findings: tuple[Finding, ...] = ()
     starts: tuple[float, ...] = ()  # s, when the clock started over
 
-    def __contains__(self, name: str) -> bool:
-        return name in self.types
+    @property
+    def end(self) -> float:
+        """The last time that is told, s."""
+        return max((float(c["t"].max()) for c in self.types.values() if len(c.get("t", ()))), default=0.0)
 
     def get(self, name: str, *fields: str) -> Columns | None:
         """The messages of a type; None if there are none or they lack one of the fields."""
         found = self.types.get(name)
         return found if found is not None and all(field in found for field in ("t", *fields)) else None
+
+
+def stacked(columns: Columns, fields: Iterable[str]) -> np.ndarray:
+    """Some fields side by side, (T, k) float64."""
+    return np.stack([columns[field].astype(np.float64) for field in fields], axis=-1)
 
 
 def in_order(types: dict[str, dict[str, np.ndarray]]) -> Messages:

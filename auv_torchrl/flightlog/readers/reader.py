@@ -1,8 +1,9 @@
 """Which reader takes a file: by what is in it, and by its suffix where that does not tell."""
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.header import first_bytes
@@ -57,3 +58,18 @@ def choose_reader(path: Path, readers: Mapping[str, Reader]) -> Reader | None:
             "the vehicle again"
         )
     return None
+
+
+def library(module: str, needed_for: str) -> Any:
+    """A module of an optional library.
+
+    Raises:
+        FlightLogError: if it is not installed, saying how to.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        name = module.partition(".")[0]
+        raise FlightLogError(
+            f"{needed_for} is read by {name}, which is not installed: pip install 'auv_torchrl[logs]'"
+        ) from error

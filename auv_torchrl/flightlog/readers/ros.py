@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.readers.library import library
+from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.attitude import euler_angles, frd_of_flu, ned_of_enu, ned_of_enu_vector
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Stream, Streams, VehicleFacts, spans_of, stream
 

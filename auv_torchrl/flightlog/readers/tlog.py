@@ -11,8 +11,8 @@ from pathlib import Path
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.readers import mavlink
-from auv_torchrl.flightlog.readers.library import library
-from auv_torchrl.flightlog.readers.mavlink_table import MavlinkTable
+from auv_torchrl.flightlog.readers.mavlink import MavlinkTable
+from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
 _V1, _V2 = 0xFE, 0xFD  # how a packet begins

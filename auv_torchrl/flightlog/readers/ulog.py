@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.readers.library import library
+from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.attitude import euler_angles
 from auv_torchrl.flightlog.streams.stream import (
     ReadOptions,

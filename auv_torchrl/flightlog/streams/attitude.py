@@ -3,16 +3,13 @@
 import numpy as np
 
 from auv_torchrl.flightlog.streams.stream import Floats
+from auv_torchrl.physics import kinematics
 
 
 def euler_angles(quaternion: Floats) -> Floats:
     """Roll, pitch and yaw (T, 3) in radians, ZYX; NaN for what is no quaternion."""
     size = np.linalg.norm(quaternion, axis=-1, keepdims=True)
-    w, x, y, z = np.moveaxis(quaternion / np.where(np.abs(size - 1) < 0.1, size, np.nan), -1, 0)
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.stack((roll, pitch, yaw), axis=-1)
+    return np.stack(kinematics.euler_angles(quaternion / np.where(np.abs(size - 1) < 0.1, size, np.nan)), axis=-1)
 
 
 def ned_of_enu(quaternion: Floats) -> Floats:

@@ -121,7 +121,6 @@ class Streams:
     vehicle: VehicleFacts = VehicleFacts()
     armed: Spans | None = None  # None where the file does not say
     modes: tuple[tuple[float, str], ...] = ()  # since when which; what is before the first is not known
-    missing: tuple[str, ...] = ()  # what the file lacks and a diagnosis cannot do without: names and remedies
     findings: tuple[Finding, ...] = ()
 
     @property

@@ -8,10 +8,9 @@ from torch import Tensor
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.adjoint import DifferentiableSteps
-from auv_torchrl.physics.kernel.memory import differentiated, in_plain_memory
 from auv_torchrl.physics.kernel.recorded import Variant
 from auv_torchrl.physics.kernel.steps import Steps
-from auv_torchrl.physics.kernel.table import Call, Memory
+from auv_torchrl.physics.kernel.table import Call, Memory, differentiated, in_plain_memory
 from auv_torchrl.physics.step import runge_kutta_steps
 
 Array = Any

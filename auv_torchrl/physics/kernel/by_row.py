@@ -2,18 +2,20 @@
 
 import hashlib
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.memory import differentiated, in_plain_memory
 from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, program
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
-from auv_torchrl.physics.kernel.table import Call
+from auv_torchrl.physics.kernel.table import Call, differentiated, in_plain_memory
+from auv_torchrl.physics.thrusters import limited_thrust, thrust_targets
 
 Array = Any
 _NO_CONSTANTS = {"nothing": 1}  # a kernel reads one at least
@@ -84,3 +86,28 @@ class ByRow:
             constants = {"constants": np.zeros((1, 1, 1), dtype)}
             self._calls[rows, bits] = Call(code, layout, {**constants, **arrays}, (1, rows, 1, 1))
         return self._calls.get((rows, bits))
+
+
+class Targets:
+    """:func:`~auv_torchrl.physics.thrusters.thrust_targets`; compiled where thrust only follows the command just sent.
+
+    Args:
+        thrusters: of a vehicle.
+    """
+
+    def __init__(self, thrusters: int):
+        self._limited = ByRow(_limited(thrusters))
+
+    def __call__(
+        self, c: Coefficients, terms: ActiveTerms, commands: Array, control_dt: float, stretches: int
+    ) -> list[Array]:
+        """As of the function."""
+        if commands.shape[-2] > 1 or terms.routing or terms.curve:
+            return thrust_targets(c, terms, commands, control_dt, stretches)
+        return [self._limited(commands[..., 0, :], c.full_thrust, c.limit, c.dead_band)] * stretches
+
+
+@cache
+def _limited(thrusters: int) -> RowFunction:
+    given = ("command", "full_thrust", "limit", "dead_band")
+    return RowFunction("thrust", limited_thrust, dict.fromkeys(given, thrusters))

@@ -1,7 +1,4 @@
-"""Recursive least squares with forgetting on the allocation matrix: the textbook's adaptive allocation.
-
-Reference: Astrom and Wittenmark, Adaptive Control, 2nd ed., section 2.2, exponential forgetting.
-"""
+"""Allocations to compare with: told the true effectiveness, or learning it by recursive least squares."""
 
 import numpy as np
 from tensordict import TensorDictBase
@@ -10,6 +7,7 @@ from auv_torchrl.adaptation.config import load_adaptation_config
 from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.adaptation.sensing import Sensing
 from auv_torchrl.adaptation.transform import Array, ThrusterTransform, array, measured_state
+from auv_torchrl.authority import controlled_allocation
 from auv_torchrl.ddr.allocation import Allocation
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
@@ -59,3 +57,23 @@ class RecursiveLeastSquares(ThrusterTransform):
         grown = shrunk / self.forgetting
         wound_up = np.trace(grown, axis1=1, axis2=2) > _LARGEST
         self.covariance = np.where(wound_up[:, None, None], shrunk, grown)
+
+
+class TrueMap(ThrusterTransform):
+    """Allocation with the true effectiveness of the target; it knows nothing of delay, current or load.
+
+    Args:
+        source: one vehicle (empty batch).
+        target: one vehicle (empty batch), e.g. ``scenario.vehicle_at(source)``.
+    """
+
+    def __init__(self, source: Vehicle, target: Vehicle):
+        super().__init__(source)
+        low, high = (array(limit) for limit in self.actuation.share_limits)
+        self._nominal = array(controlled_allocation(source))
+        self._true = array(controlled_allocation(target))[None]
+        self._allocation = Allocation(1.0 / np.square(np.abs(self._nominal).sum(-1)), low, high)
+
+    def thrusts(self, nominal: Array) -> Array:
+        """Thrusts (N, n) whose wrench on the target is that of ``nominal`` (N, n) on the source."""
+        return self._allocation(nominal @ self._nominal.T, self._true, reference=nominal)
