@@ -65,8 +65,7 @@ class Judged:
     @property
     def nothing_left(self) -> bool:
         """Whether nothing is left beyond the noise."""
-        numbers = self.quadratic.numbers
-        return self.chi2 < numbers * (1 + SATISFIED * np.sqrt(2 / numbers))
+        return self.chi2 < self.quadratic.numbers + spread(self)
 
 
 def slack_now(problem: Problem, explanation: Explanation) -> Floats:
@@ -77,6 +76,22 @@ def slack_now(problem: Problem, explanation: Explanation) -> Floats:
 def leaves_much(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation leaves more than the physics may be wrong by."""
     return judged.chi2 > problem.settings.excess * judged.quadratic.numbers
+
+
+def spread(judged: Judged) -> float:
+    """By how much chi-square must fall before that is more than chance."""
+    return SATISFIED * float(np.sqrt(2 * judged.quadratic.numbers))
+
+
+def leaves_more_than_noise(problem: Problem, judged: Judged) -> bool:
+    """Whether an explanation leaves more than sensors alone would, if no disturbance acted at all.
+
+    Without a healthy log its floor is an assumption, and where less acts, what a small effect does hides in it.
+    """
+    freedom = problem.freedom(judged.base.state.slope)
+    held = np.einsum("wij,ji->w", freedom.inverse, freedom.precision)
+    least = problem.windows.numbers - float((len(freedom.precision) - held[np.isfinite(held)]).sum())
+    return judged.chi2 > least + spread(judged)
 
 
 def is_strained(problem: Problem, judged: Judged) -> bool:
