@@ -83,17 +83,6 @@ def spread(judged: Judged) -> float:
     return SATISFIED * float(np.sqrt(2 * judged.quadratic.numbers))
 
 
-def leaves_more_than_noise(problem: Problem, judged: Judged) -> bool:
-    """Whether an explanation leaves more than sensors alone would, if no disturbance acted at all.
-
-    Without a healthy log its floor is an assumption, and where less acts, what a small effect does hides in it.
-    """
-    freedom = problem.freedom(judged.base.state.slope)
-    held = np.einsum("wij,ji->w", freedom.inverse, freedom.precision)
-    least = problem.windows.numbers - float((len(freedom.precision) - held[np.isfinite(held)]).sum())
-    return judged.chi2 > least + spread(judged)
-
-
 def is_strained(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation stretches its slack further than calibration is likely to be off."""
     widths = np.array([width for *_, width in problem.slack])

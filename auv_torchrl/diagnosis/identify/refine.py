@@ -13,7 +13,6 @@ from auv_torchrl.diagnosis.identify.judged import (
     are_small,
     is_minor,
     is_strained,
-    leaves_more_than_noise,
     leaves_much,
     spread,
 )
@@ -60,8 +59,11 @@ def _must_close(problem: Problem, judged: Judged) -> float:
 
 
 def is_worth_a_look(problem: Problem, judged: Judged) -> bool:
-    """Whether an explanation leaves what a further effect could do, be it within the disturbance that may act."""
-    hides = problem.known is None and bool(judged.explanation.effects) and leaves_more_than_noise(problem, judged)
+    """Whether an explanation leaves what a further effect could do.
+
+    Without a healthy log the floor is an assumption: where less acts, a small effect hides in it beside a large one.
+    """
+    hides = problem.known is None and bool(judged.explanation.effects)
     return hides or not _is_done(problem, judged)
 
 
