@@ -96,7 +96,11 @@ RANGE_CAP = {"m": 6.0, "N/m": 60.0, "N": 60.0}  # plausible widths where the bou
 
 # Fitting: slopes and slack
 SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
-KNOB_STEP = 0.004  # of the plausible range of a parameter
+# Of the plausible range of a parameter. Where a tether comes taut, a slope over a long step is wrong in the few samples
+# between, and that is much of what tells two values apart that nearly make up for each other. But thrust that leaves a
+# dead band jumps, and of such jumps a short step meets none.
+KNOB_STEP = 0.0004
+LONG_STEP = 0.004  # likewise, of slack and of what changes thrust
 SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
 SLACK_STEP = 0.05  # relative step of slack derivatives
 TELLS = 1.0  # chi-square of one standard deviation of slack, below which a log does not tell it; it then keeps ...

@@ -10,7 +10,8 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, without_slack
 from auv_torchrl.diagnosis.identify.steps import bounded_step, joint_precision, take_step, value_steps
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import KNOB_STEP, SLACK_SHARES
+from auv_torchrl.diagnosis.thresholds import KNOB_STEP, LONG_STEP, SLACK_SHARES
+from auv_torchrl.effects import EFFECTS, Origin
 
 
 def assess(
@@ -75,7 +76,8 @@ def knob_changes(problem: Problem, explanation: Explanation) -> tuple[list[Expla
         if knob.discrete:
             continue
         p = declared(knob.effect, problem.vehicle).parameters[knob.members[0]]
-        step = KNOB_STEP * problem.prior.width(knob.effect, knob.members[0])
+        share = LONG_STEP if EFFECTS[knob.effect].origin is Origin.ACTUATION else KNOB_STEP
+        step = share * problem.prior.width(knob.effect, knob.members[0])
         if (knob.effect, knob.members[0]) in at_slack:  # the same step, so that the two are the same direction
             step = at_slack[knob.effect, knob.members[0]]
         if knob.value + step > p.high:

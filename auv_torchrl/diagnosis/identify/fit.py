@@ -126,4 +126,7 @@ def measure_noise(problem: Problem, judged: Judged) -> Problem:
 
 def reassess(problem: Problem, judged: Judged) -> Judged:
     """Weigh an explanation again, after the noise was measured anew."""
-    return assess(problem, nudge(problem, judged.explanation, judged.base))[0]
+    base = nudge(problem, judged.explanation, judged.base)
+    if some_diverged(problem, judged.base, base):
+        base = rebase(problem, judged.explanation, judged.base)
+    return assess(problem, base)[0]

@@ -65,8 +65,7 @@ class Judged:
     @property
     def nothing_left(self) -> bool:
         """Whether nothing is left beyond the noise."""
-        numbers = self.quadratic.numbers
-        return self.chi2 < numbers * (1 + SATISFIED * np.sqrt(2 / numbers))
+        return self.chi2 < self.quadratic.numbers + spread(self)
 
 
 def slack_now(problem: Problem, explanation: Explanation) -> Floats:
@@ -77,6 +76,11 @@ def slack_now(problem: Problem, explanation: Explanation) -> Floats:
 def leaves_much(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation leaves more than the physics may be wrong by."""
     return judged.chi2 > problem.settings.excess * judged.quadratic.numbers
+
+
+def spread(judged: Judged) -> float:
+    """By how much chi-square must fall before that is more than chance."""
+    return SATISFIED * float(np.sqrt(2 * judged.quadratic.numbers))
 
 
 def is_strained(problem: Problem, judged: Judged) -> bool:

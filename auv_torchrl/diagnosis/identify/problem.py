@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, mak
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import FELT_ALONE, KNOB_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
+from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
 from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
@@ -157,7 +157,7 @@ class Problem:
     def slack_step(self, slack: Slack) -> float:
         """By how much a slack parameter is moved to see what it does."""
         effect, member, nominal, _ = slack
-        return max(SLACK_STEP * abs(nominal), KNOB_STEP * self.prior.width(effect, member))
+        return max(SLACK_STEP * abs(nominal), LONG_STEP * self.prior.width(effect, member))
 
     @cached_property
     def slack_bounds(self) -> tuple[Floats, Floats]:

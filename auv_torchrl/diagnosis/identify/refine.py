@@ -8,7 +8,14 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import Judged, are_small, is_minor, is_strained, leaves_much
+from auv_torchrl.diagnosis.identify.judged import (
+    Judged,
+    are_small,
+    is_minor,
+    is_strained,
+    leaves_much,
+    spread,
+)
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
@@ -39,6 +46,27 @@ def from_another(problem: Problem, judged: Judged, other: Judged) -> Judged:
     return trial if trial.evidence > judged.evidence else judged
 
 
+def _is_done(problem: Problem, judged: Judged) -> bool:
+    """Whether an explanation leaves nothing, with slack that is likely."""
+    return judged.nothing_left and not is_strained(problem, judged)
+
+
+def _must_close(problem: Problem, judged: Judged) -> float:
+    """Chi-square that a further effect must take away: much of what is left, and where that is nothing, no chance."""
+    if leaves_much(problem, judged):
+        return CLOSES * (judged.chi2 - judged.quadratic.numbers)
+    return spread(judged) if _is_done(problem, judged) else 0.0
+
+
+def is_worth_a_look(problem: Problem, judged: Judged) -> bool:
+    """Whether an explanation leaves what a further effect could do.
+
+    Without a healthy log the floor is an assumption: where less acts, a small effect hides in it beside a large one.
+    """
+    hides = problem.known is None and bool(judged.explanation.effects)
+    return hides or not _is_done(problem, judged)
+
+
 def grow(
     problem: Problem, best: Judged, polished: list[Judged], twins: set[frozenset[str]], progress: Progress
 ) -> Judged:
@@ -53,16 +81,16 @@ def grow(
         )
         tried = 1 if explains(problem, best) else FURTHER_TRIED
         ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)[:tried]
-        left = best.chi2 - best.quadratic.numbers if leaves_much(problem, best) else 0.0
+        closes = _must_close(problem, best)
         least = max(here + WORTH_AN_EFFECT, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
-        trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > CLOSES * left]
+        trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > closes]
         fresh = [fit_by_simulation(problem, s.explanation, best.base) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
-        if better.evidence <= best.evidence + WORTH_AN_EFFECT or best.chi2 - better.chi2 < CLOSES * left:
+        if better.evidence <= best.evidence + WORTH_AN_EFFECT or best.chi2 - better.chi2 < closes:
             return best
         best = better
-        if best.nothing_left and not is_strained(problem, best):
+        if not is_worth_a_look(problem, best):
             return best
     return best
 
@@ -84,8 +112,8 @@ def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     while len(best.explanation.effects) > 1:
         fewer = [_without(problem, best, effect) for effect in best.explanation.effects]
         polished += fewer
-        small = are_small(problem, best)
-        needless = [one for one, is_small in zip(fewer, small, strict=True) if is_small and _suffices(problem, one)]
+        each = zip(fewer, are_small(problem, best), strict=True)
+        needless = [one for one, is_small in each if is_small and _suffices(problem, one, best)]
         if needless:
             best = max(needless, key=lambda judged: judged.evidence)
             continue
@@ -96,10 +124,14 @@ def _prune(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
     return best
 
 
-def _suffices(problem: Problem, judged: Judged) -> bool:
-    """Whether nothing is left, or of a vehicle whose file was mended no more than its physics may be wrong by."""
-    is_mended = problem.known is not None and problem.known.scale > 0
-    return judged.nothing_left or (is_mended and not leaves_much(problem, judged))
+def _suffices(problem: Problem, judged: Judged, fuller: Judged) -> bool:
+    """Whether nothing is left, or of a vehicle whose file was mended no more than its physics may be wrong by.
+
+    Where no healthy log tells the disturbance, a fuller explanation must not leave less than that, either.
+    """
+    if problem.known is None:
+        return judged.nothing_left and judged.chi2 < fuller.chi2 + spread(judged)
+    return judged.nothing_left or (problem.known.scale > 0 and not leaves_much(problem, judged))
 
 
 def _without(problem: Problem, best: Judged, effect: str) -> Judged:

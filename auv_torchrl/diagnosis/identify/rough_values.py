@@ -3,7 +3,10 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import assess
+from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
+from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import moved_along
@@ -28,9 +31,10 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
             now = slack_now(problem, best.explanation)[column]
             best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
             best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
-    for name, effect in EFFECTS.items() if not leaves_much(problem, best) else ():
-        if effect.valley is not None:
-            best = _search_valley(problem, best, name, effect.valley)
+    for name, effect in EFFECTS.items():
+        valley = effect.valley
+        if valley is not None and (not leaves_much(problem, best) or valley.beside[0] in best.explanation.effects):
+            best = _search_valley(problem, best, name, valley)
     return best
 
 
@@ -54,6 +58,18 @@ def _search_valley(problem: Problem, best: Judged, effect: str, valley: Valley) 
         if best is before:
             break
     return best
+
+
+def moved_in_valley(problem: Problem, explanation: Explanation, valley: Valley, step: float) -> Explanation:
+    """The explanation a step of the leading number further, the numbers that it has beside moved with it."""
+    vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
+    amounts = {}
+    for (effect, member), by in valley.moves(vehicle, step).items():
+        p = declared(effect, problem.vehicle).parameters[member]
+        for place, knob in enumerate(explanation.knobs):
+            if knob.key == (effect, (member,)):
+                amounts[place] = min(max(knob.value + by, p.low), p.high)
+    return explanation.moved(amounts)
 
 
 def _best_along(problem: Problem, best: Judged, amounts: list[dict[int, float]]) -> Judged:

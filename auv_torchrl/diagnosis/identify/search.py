@@ -13,14 +13,13 @@ from auv_torchrl.diagnosis.identify.judged import (
     Base,
     Judged,
     is_minor,
-    is_strained,
     leaves_much,
     log_likelihood,
     slack_does,
 )
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, tidy
+from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, is_worth_a_look, tidy
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
 from auv_torchrl.diagnosis.identify.sketches import is_near
 from auv_torchrl.diagnosis.thresholds import (
@@ -156,7 +155,7 @@ def _finish(
     if not leaves_much(problem, best):
         polished = _fitted_on(problem, best, polished, field.twins)
         best = _best(problem, polished)
-    if not given_up and (not best.nothing_left or is_strained(problem, best)):
+    if not given_up and is_worth_a_look(problem, best):
         best = grow(problem, best, polished, field.twins, progress)
     left = max(1.0, best.chi2 / best.quadratic.numbers)
     if log_likelihood(problem, best) > rival - CONTENDS * left:

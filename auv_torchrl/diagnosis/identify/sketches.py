@@ -12,8 +12,17 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
 from auv_torchrl.diagnosis.identify.judged import Base, Judged
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.rough_values import moved_in_valley
 from auv_torchrl.diagnosis.identify.screen import Field, Screened, moves_all
-from auv_torchrl.diagnosis.thresholds import CLOSES, GROWN, MOST_SKETCHED, NEAR, TURNED_ROUND
+from auv_torchrl.diagnosis.thresholds import (
+    CLOSES,
+    GROWN,
+    MOST_SKETCHED,
+    NEAR,
+    SKETCHED,
+    THRESHOLD_REACH,
+    TURNED_ROUND,
+)
 from auv_torchrl.effects import EFFECTS
 
 
@@ -74,6 +83,7 @@ def _sketched(
         sketch = fit_along_motion(problem, explanation, follow, enough=TURNED_ROUND * least)
         if np.isfinite(least):
             sketch = _plainer(problem, follow, sketch, least)
+            sketch = _along_valleys(problem, follow, sketch, least)
             least = min(least, sketch.chi2)
         sketches.append(sketch)
     return sketches
@@ -104,3 +114,23 @@ def _with_one_value(problem: Problem, explanation: Explanation, effect: str) -> 
             shared = Knob(effect, members, float(np.median([knob.value for knob in own])))
             return replace(explanation, knobs=(*(knob for knob in explanation.knobs if knob not in own), shared))
     return None
+
+
+def _along_valleys(problem: Problem, follow: Base, sketch: Judged, least: float) -> Judged:
+    """A promising sketch, walked along the valleys of its effects, where a fit by slopes stops on the side.
+
+    What the one effect of a valley does not reach there looks like a third effect.
+    """
+    for name in sketch.explanation.effects:
+        valley = EFFECTS[name].valley
+        if valley is None or valley.beside[0] not in sketch.explanation.effects:
+            continue
+        step = THRESHOLD_REACH[0] * problem.prior.width(name, valley.leading)
+        for stride in (step, -step):
+            while sketch.chi2 < TURNED_ROUND * least:
+                moved = moved_in_valley(problem, sketch.explanation, valley, stride)
+                trial = fit_along_motion(problem, moved, follow, enough=TURNED_ROUND * sketch.chi2)
+                if not trial.chi2 < (1 - SKETCHED) * sketch.chi2:
+                    break
+                sketch = trial
+    return sketch
