@@ -8,6 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.calibrate.attitude import tilted
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
 from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
+from auv_torchrl.diagnosis.calibrate.left_open import under_own_floor
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
 from auv_torchrl.diagnosis.identify.attitude import (
@@ -18,11 +19,12 @@ from auv_torchrl.diagnosis.identify.attitude import (
 )
 from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import reassess
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much, log_likelihood
+from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likelihood
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
-from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
 from auv_torchrl.diagnosis.identify.search import Found, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -53,46 +55,47 @@ def look(
     settings: Settings,
     report: Progress,
     seen: Looked | None = None,
+    left: Known | None = None,
 ) -> Looked:
     """Explain a log with a vehicle, or with what was calibrated of it on healthy logs.
 
-    ``seen`` is what a vehicle with another attitude showed: its explanations are tried too, on the same windows, and
-    what is far behind it is not worked out.
+    ``left`` is what this log leaves open of a vehicle whose file was corrected on it. ``seen`` is what a vehicle with
+    another attitude showed: its explanations are tried too, on the same windows, and what is far behind it is not
+    worked out.
     """
-    own, known = (sound.vehicle, sound.known) if sound else (vehicle, None)
+    own, known = (sound.vehicle, sound.known) if sound else (vehicle, left)
     problem = Problem.of(
         cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known
     )
     hints, others, below = (hints_of(seen.found), *_worth_flying(seen)) if seen else ((), Others.ALL, np.inf)
     rival = log_likelihood(seen.found.problem, seen.found.best) if seen else -np.inf
     problem, follow = follow_agreeing(problem)
+    if known is not None and known is left:
+        problem = under_own_floor(problem, follow)
+        known = problem.known
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is not None:
-        behind = Problem.of(problem.windows.subset(onset.behind), own, settings, known)
-        found = _search_colours(*follow_agreeing(behind), report, hints, others, below, rival)
+        behind, its_follow = follow_agreeing(Problem.of(problem.windows.subset(onset.behind), own, settings, known))
+        found = search(behind, its_follow, report, hints, others, below, rival)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
-            return Looked(found, sound, onset)
-        whole = _search_colours(problem, follow, report, _each_once(found.polished)[:POLISHED], Others.NONE, np.inf)
-        return Looked(replace(whole, promise=found.promise), sound)
-    return Looked(_search_colours(problem, follow, report, hints, others, below, rival), sound)
+            return Looked(_search_along(behind, found, report, others, below, rival), sound, onset)
+        hints, others, below, promise = _each_once(found.polished)[:POLISHED], Others.NONE, np.inf, found.promise
+        whole = search(problem, follow, report, hints, others, below)
+        whole = _search_along(problem, whole, report, others, below)
+        return Looked(replace(whole, promise=promise), sound)
+    found = search(problem, follow, report, hints, others, below, rival)
+    return Looked(_search_along(problem, found, report, others, below, rival), sound)
 
 
-def _search_colours(
-    problem: Problem,
-    follow: Base,
-    report: Progress,
-    hints: Sequence[Explanation],
-    others: Others,
-    below: float,
-    rival: float = -np.inf,
+def _search_along(
+    problem: Problem, found: Found, report: Progress, others: Others, below: float, rival: float = -np.inf
 ) -> Found:
-    """Search, and where something is left of a log whose errors are no white noise, again along what was found.
+    """Where something is left of a log whose errors are no white noise, search again along what was found.
 
     What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
     large fault sound samples look like outliers.
     """
-    found = search(problem, follow, report, hints, others, below, rival)
     best = replace(found.best.explanation, slack={})
     if not problem.given.errors.coloured or not best.effects or excess(found) < problem.settings.excess:
         return found
@@ -119,10 +122,12 @@ def look_both_ways(
     report: Progress,
     coefficients: Sequence[Coefficient] = (),
     kept: Kept | None = None,
+    left: Known | None = None,
 ) -> Looked:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle.
 
-    ``kept`` is what the vehicle's file keeps of healthy logs, for where there are none.
+    ``kept`` is what the vehicle's file keeps of healthy logs, for where there are none, and ``left`` what this log
+    leaves open of a file that was corrected on it.
     """
     hidden = is_hidden(training, vehicle)
     held = hold_attitude(training, vehicle)
@@ -139,7 +144,7 @@ def look_both_ways(
             return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
     if free is not None:
         return look(training, vehicle, free, settings, report)
-    level = look(training, held, sound, settings, report)
+    level = look(training, held, sound, settings, report, left=left)
     best = level.found.best
     if not hidden or judge(level.found) is Verdict.NO_GAP:
         return level
@@ -147,7 +152,7 @@ def look_both_ways(
         return replace(level, attitude=(level_enough(),))
     if sound is not None:
         sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound_free(sound)
-    tilting = look(training, vehicle, sound, settings, report, level)
+    tilting = look(training, vehicle, sound, settings, report, level, left)
     odds = log_likelihood(tilting.found.problem, tilting.found.best) - log_likelihood(level.found.problem, best)
     better = tilting if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
@@ -181,12 +186,25 @@ def excess(found: Found) -> float:
     return found.best.chi2 / found.best.quadratic.numbers
 
 
+def excess_as_stated(found: Found) -> float:
+    """The same under the floor of the settings where that of the log itself was searched with: it may hide something.
+
+    A floor that healthy flights show is that of a sound vehicle, and stays.
+    """
+    problem = found.problem
+    if problem.known is None or not problem.known.of_itself:
+        return excess(found)
+    stated = np.array(problem.settings.floor_force)[problem.layout.dof]
+    judged = reassess(replace(problem, floor=stated), found.best)
+    return judged.chi2 / judged.quadratic.numbers
+
+
 def judge(found: Found, corrected: bool = False) -> Verdict:
     """The outcome: is there a gap, and does the best explanation leave anything?
 
     ``corrected`` tells that coefficients of the vehicle's file were corrected, so that there was a gap in any case.
     """
-    explained = excess(found) < found.problem.settings.excess
+    explained = excess_as_stated(found) < found.problem.settings.excess
     if not found.best.explanation.effects and not corrected:
         return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.calibrate.floor import stated_floor
+from auv_torchrl.diagnosis.calibrate.floor import shown_floor, stated_floor
 from auv_torchrl.diagnosis.calibrate.healthy import noise_findings
 from auv_torchrl.diagnosis.calibrate.kept import Kept
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.localize.mappable import input_mappable
-from auv_torchrl.diagnosis.look import Looked, excess, judge, look_both_ways
+from auv_torchrl.diagnosis.look import Looked, excess_as_stated, judge, look_both_ways
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
@@ -78,7 +78,7 @@ def diagnose(
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
     corrected = calibrate_coefficients(training, vehicle, () if healthy or kept else uncertainty, settings)
     searched = corrected.settings(settings)
-    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report, uncertainty, kept)
+    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report, uncertainty, kept, corrected.known)
     problem, found, own = looked.found.problem, looked.found, looked.found.problem.vehicle
     sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
     before = changed(vehicle if sound is None else sound, free=own.free)
@@ -106,7 +106,7 @@ def diagnose(
     )
     doubted = doubts((*log.findings, *findings))
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
-    unknown = float(expit((excess(found) - settings.excess) / UNKNOWN_WIDTH))
+    unknown = float(expit((excess_as_stated(found) - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)
@@ -140,13 +140,15 @@ def diagnose(
 
 def rests_on(looked: Looked) -> tuple[Finding, ...]:
     """What the verdict rests on: a healthy log, or assumptions."""
+    problem = looked.found.problem
     if looked.sound is None:
         return (
-            stated_floor(looked.found.problem.settings, looked.found.problem.layout.dof),
+            *shown_floor(problem),
+            stated_floor(problem.settings, problem.layout.dof),
             *looked.contradiction,
             *looked.attitude,
         )
-    return (*looked.sound.findings, *noise_findings(looked.found.problem.noisier), *looked.attitude)
+    return (*looked.sound.findings, *noise_findings(problem.noisier), *looked.attitude)
 
 
 def calibration_vetoed() -> Finding:

@@ -14,7 +14,9 @@ from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
+from auv_torchrl.diagnosis.calibrate.left_open import left_open
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
+from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values
 from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
@@ -139,6 +141,44 @@ def test_a_diagnosis_calibrates_first_and_searches_on_top(flown):
     assert [effect.name for effect in found.effects if not effect.calibrates] == []
     assert found.summary.startswith("The vehicle's file is off in many coefficients at once")
     assert found.gap.closed is not None and found.gap.closed > 0.9
+
+
+def waves(size, seed):
+    """A force of ``size`` N on each axis of the world, which lasts for a second: no effect describes it."""
+    rng, keeps, force = np.random.default_rng(seed), np.exp(-0.05), []
+
+    def push(commands, position, velocity, t):
+        fresh = size * rng.standard_normal(position.shape)
+        force.append(keeps * force[-1] + np.sqrt(1 - keeps**2) * fresh if force else fresh)
+        return commands, force[-1]
+
+    return push
+
+
+@pytest.mark.parametrize(("values", "named"), [({}, []), ({"thruster_gain": {"gain_1": 0.3}}, ["thruster_gain"])])
+def test_waves_on_a_vehicle_whose_file_is_off_make_no_fault_and_hide_none(values, named):
+    """Beside eight wrong coefficients and waves of 1 N a weak thruster is all that is found, and without it nothing."""
+    log = fly(GIVEN, {**TRUTH, **values}, seed=5, push=waves(1.0, 5), **SHORT)
+    found = diagnose(log, GIVEN, uncertainty=UNCERTAIN, settings=SETTINGS)
+    on_top = [effect for effect in found.effects if not effect.calibrates]
+    assert [effect.name for effect in on_top] == named
+    if named:
+        assert on_top[0].parameters["gain_1"].value == pytest.approx(0.3, abs=0.05)
+        assert on_top[0].thrusters == (1,)
+    assert "floor_of_this_log" in {finding.code for finding in found.findings}
+
+
+def test_what_a_log_leaves_open_is_as_wide_as_the_fit_is_unsure():
+    """A drag that was corrected may be off by its standard deviation, and a gain of which the file is sure by 3 %."""
+    sure = np.diag((0.1 * np.array([c.width for c in UNCERTAIN])) ** 2)
+    fitted = Fitted(np.array([c.nominal + 0.5 * c.width for c in UNCERTAIN]), sure, np.ones(1))
+    own = apply_values(GIVEN, as_values(UNCERTAIN, fitted.values))
+    known = left_open(own, UNCERTAIN, fitted, SETTINGS, ("x", "y", "z", "yaw"))
+    width = {entry[:2]: entry[3] for entry in known.slack}
+    assert width["hull", "linear_surge"] == pytest.approx(0.1 * GUESSED["hull"]["linear_surge"])
+    assert width["thruster_gain", "gain_1"] == pytest.approx(0.03)
+    assert not {name for name, _ in width} & {"linear_drag", "quadratic_drag", "added_mass"}
+    np.testing.assert_allclose(np.sqrt(np.diag(known.slack_covariance)), list(width.values()))
 
 
 def test_a_calibration_that_does_not_carry_over_is_vetoed():

@@ -11,11 +11,13 @@ import numpy as np
 from scipy.special import ndtr  # of the normal distribution; scipy.stats has it too, and takes a second to import
 
 from auv_torchrl.diagnosis.calibrate.descent import fit
+from auv_torchrl.diagnosis.calibrate.left_open import left_open
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, errors, measure_scale, pseudo_huber
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
+from auv_torchrl.diagnosis.identify.problem import Known
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import (
@@ -46,6 +48,7 @@ class Calibrated:
     effects: tuple[FoundEffect, ...] = ()  # what was corrected, empty where nothing was
     sentences: tuple[str, ...] = ()  # for the summary
     findings: tuple[Finding, ...] = ()
+    known: Known | None = None  # what the log leaves open of it, where something was corrected
 
     def settings(self, settings: Settings) -> Settings:
         """Settings of a search on the log that was calibrated on: what is fitted already is not looked for again."""
@@ -100,7 +103,8 @@ def calibrate_coefficients(
         f"did not see are predicted {gain.share:.0%} better"
     )
     finding = Finding(Severity.INFO, "coefficients_corrected", sentence)
-    return Calibrated(own, effects, said["axes"] + said["idle"] + said["turning"], (finding,))
+    known = left_open(own, coefficients, whole, settings, windows.channels)
+    return Calibrated(own, effects, said["axes"] + said["idle"] + said["turning"], (finding,), known)
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,18 @@ def stated_floor(settings: Settings, dof: np.ndarray) -> Finding:
     return Finding(Severity.INFO, "floor_assumed", sentence, remedy)
 
 
+def shown_floor(problem: Problem) -> tuple[Finding, ...]:
+    """What effects stand out of, where that is what the log leaves of a file that was corrected on it."""
+    if problem.known is None or not problem.known.of_itself:
+        return ()
+    sizes = sizes_by_axis(problem.known.floor, problem.layout.dof)
+    sentence = (
+        f"effects are looked for beside a disturbance of {sizes}, which is what this log leaves of the corrected file: "
+        "smaller ones cannot be seen"
+    )
+    return (Finding(Severity.INFO, "floor_of_this_log", sentence),)
+
+
 def sizes_by_axis(floor: Floats, dof: np.ndarray) -> str:
     """Sizes of a disturbance (6,) in N and N m, of the degrees of freedom ``dof``, in words."""
     return ", ".join(f"{floor[d]:.2g} {'N' if d < 3 else 'N m'} in {DEGREES_OF_FREEDOM[d]}" for d in dof)

@@ -23,7 +23,7 @@ FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each
 
 @dataclass(frozen=True)
 class Known:
-    """What a healthy log has shown."""
+    """What a healthy log has shown, or the log itself of a vehicle whose file was corrected on it."""
 
     floor: Floats  # (6,) N, N m
     noise: dict[str, float]  # by channel
@@ -33,6 +33,7 @@ class Known:
     scale: float = 0.0  # relative, what all forces and masses of the vehicle may be off by together, which no log tells
     flights: int = 0  # from which it was learnt, where they are here
     shrinks: Floats | None = None  # (k, k) part of the covariance that falls with the number of these flights
+    of_itself: bool = False  # whether the log that is explained has shown it, with a fault if it has one
 
     def beside(self, own: Sequence[Slack]) -> "Known":
         """The same with slack of channels that the healthy log may not have had."""

@@ -1,6 +1,6 @@
 """What the sensors of many vehicles report of a motion, at the times of a log's samples."""
 
-from typing import cast
+from typing import Any
 
 import numpy as np
 
@@ -30,18 +30,58 @@ def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats, load
     ``load`` (w, R, steps + 1) is the share of their full thrusts that thrusters give; None where no sensor feels it.
     """
     by_step = c.rows((slice(None), None))  # (R, 1, ...): steps are a batch axis
-    motion = motion_of(states)
-    reported = read(by_step, windows.channels, motion, load)
+    motion, felt = motion_of(states), windows.felt
     at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
-    if windows.fraction.any() or later.any():  # interpolation must not cross the cut at pi
-        reported[..., windows.angular] = np.unwrap(reported[..., windows.angular], axis=2)
-    columns, felt = range(len(windows.channels)), windows.felt
-    seen = [None if felt[column] else _read(reported[..., column], at + later[:, column, None]) for column in columns]
+    reported = np.empty((*states.shape[:2], at.shape[-1], len(felt)))
+    if not felt.all():
+        names = tuple(name for name, alone in zip(windows.channels, felt, strict=True) if not alone)
+        angular = windows.angular[~felt]
+        read_at = _at_their_times if later.any() else _at_once
+        reported[..., ~felt] = read_at(by_step, names, angular, motion, load, at, later[:, ~felt])
     if felt.any():
-        means = felt_samples(windows, by_step, motion, at[..., None] + later[:, None, felt])
-        for place, column in enumerate(np.flatnonzero(felt)):
-            seen[column] = means[..., place]
-    return np.stack(cast(list[Floats], seen), axis=-1)
+        reported[..., felt] = felt_samples(windows, by_step, motion, at[..., None] + later[:, None, felt])
+    return reported
+
+
+def _at_once(
+    c: Coefficients,
+    names: tuple[str, ...],
+    angular: np.ndarray,
+    motion: Floats,
+    load: Floats | None,
+    at: Floats,
+    *_: Any,
+) -> Floats:
+    """Reports (w, R, m, C) of the states about grid positions ``at`` (w, 1, m) alone: all are of the same age."""
+    low = np.minimum(np.floor(at + 1e-9).astype(int), motion.shape[2] - 1)
+    part = (at - low)[..., None]
+
+    def reports(steps: np.ndarray) -> Floats:
+        pushing = None if load is None else np.take_along_axis(load, steps, axis=2)
+        return read(c, names, np.take_along_axis(motion, steps[..., None], axis=2), pushing)
+
+    here = reports(low)
+    if not (part > 1e-6).any():
+        return here
+    change = reports(np.minimum(low + 1, motion.shape[2] - 1)) - here
+    change[..., angular] -= 2 * np.pi * np.round(change[..., angular] / (2 * np.pi))  # not across the cut at pi
+    return here + part * change
+
+
+def _at_their_times(
+    c: Coefficients,
+    names: tuple[str, ...],
+    angular: np.ndarray,
+    motion: Floats,
+    load: Floats | None,
+    at: Floats,
+    later: Floats,
+) -> Floats:
+    """The same where channels (R, C) are ``later`` than others by so many grid steps."""
+    reported = read(c, names, motion, load)
+    reported[..., angular] = np.unwrap(reported[..., angular], axis=2)  # interpolation must not cross the cut at pi
+    columns = (_read(reported[..., column], at + later[:, column, None]) for column in range(len(names)))
+    return np.stack(list(columns), axis=-1)
 
 
 def felt_samples(windows: Windows, by_step: Coefficients, motion: Floats, at: Floats) -> Floats:

@@ -136,10 +136,12 @@ def _respond(
         at = windows.index + windows.fraction + later[column]
         whole = np.minimum(np.floor(at + 1e-9).astype(int), steps)
         part = np.where(windows.present, at - whole, 0.0)[..., None]
+        between = bool((part > 1e-6).any())
         for entry in np.flatnonzero(slopes):  # none of what is held
-            values = history[:, :, entry]
-            ahead = values[here, np.minimum(whole + 1, steps)]
-            change[:, :, column] += slopes[entry] * ((1 - part) * values[here, whole] + part * ahead)
+            values = history[here, whole, entry]
+            if between:
+                values = (1 - part) * values + part * history[here, np.minimum(whole + 1, steps), entry]
+            change[:, :, column] += slopes[entry] * values
     if windows.felt.any():
         change[:, :, windows.felt] = _felt(windows, tangent, history, later[windows.felt])
     change *= windows.trust[..., None]

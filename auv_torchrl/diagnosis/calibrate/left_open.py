@@ -1,0 +1,78 @@
+"""What a log leaves open of a vehicle whose file was corrected on it: the coefficients, and what pushes besides.
+
+Slack and floor of the settings are those of a file that is right. Beside a file that was not, effects would be made of
+coefficients that the log hardly tells, and of waves.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
+from auv_torchrl.diagnosis.calibrate.nuisance import SMALLEST_FACTOR
+from auv_torchrl.diagnosis.calibrate.output_error import Fitted
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, slack_parameters
+from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.problem import Known, Problem
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.vehicle import Vehicle
+
+PASSES = 4  # coefficients and floor in turn, at most, ...
+SETTLED = 0.1  # ... while some floor still grows by this share: windows of two minutes tell it no better
+
+
+def left_open(
+    own: Vehicle,
+    coefficients: Sequence[Coefficient],
+    fitted: Fitted,
+    settings: Settings,
+    channels: Collection[str],
+) -> Known:
+    """Slack of a search on the log that coefficients were corrected on; its floor and noise are still to be measured.
+
+    Args:
+        own: the vehicle with the coefficients, empty batch.
+        coefficients: as its file says.
+        fitted: the same (k,) as the log says, and how sure log and file are of them.
+        settings: with the floor to begin from, and slack of what was not fitted.
+        channels: of the log.
+    """
+    nominal = np.array([EFFECTS[c.effect].nominal(own)[c.member] for c in coefficients])
+    before = np.array([c.nominal for c in coefficients])
+    is_factor = (before != 0) & (nominal == before)  # which counts from the vehicle that it changes
+    least = np.maximum(np.abs(fitted.values), SMALLEST_FACTOR * np.abs(before))
+    factor = np.where(is_factor, before / np.where(is_factor, least, 1.0), 1.0)
+    covariance = fitted.covariance * np.outer(factor, factor)
+    sizes = zip(coefficients, nominal.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    slack = tuple((c.effect, c.member, now, size) for c, now, size in sizes)
+    effects = {c.effect for c in coefficients}
+    said = effects | {name for effect in effects for name in EFFECTS[effect].covers}
+    others = [entry for entry in slack_parameters(own, settings, channels) if entry[0] not in said]
+    return Known(np.array(settings.floor_force), {}, {}, slack, covariance, of_itself=True).beside(others)
+
+
+def under_own_floor(problem: Problem, follow: Base) -> Problem:
+    """The problem with the disturbance that its log shows where nothing else is wrong, if that is more than assumed.
+
+    A fault makes it larger than it is, and shows all the same: one force explains then what many had to.
+    """
+    known, base = problem.known, follow
+    if known is None:
+        return problem
+    whole = known.floor
+    for _ in range(PASSES):
+        judged = fit_by_simulation(problem, Explanation(), base)
+        if not np.isfinite(judged.chi2):
+            break
+        floor = np.maximum(whole[problem.layout.dof], disturbance_floor([(problem, judged)]))
+        settled = bool((np.abs(floor / problem.floor - 1) < SETTLED).all())
+        base, problem = judged.base, replace(problem, floor=floor)
+        if settled:
+            break
+    own = whole.copy()
+    own[problem.layout.dof] = problem.floor
+    return replace(problem, known=replace(known, floor=own))
