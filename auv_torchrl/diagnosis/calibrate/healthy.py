@@ -116,7 +116,7 @@ def _tilting_or_level(
     A disturbance makes up for the tilts that a level vehicle lacks, so that what is left tells nothing of them. Both
     begin where nothing has been shown yet, for what a level vehicle shows has its lack of tilts in it.
     """
-    both = level, replace(level, vehicle=changed(level.vehicle, free=free))
+    both, odds = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0
     for _ in range(TILT_PASSES):
         held, tilting = (follow_all(flights, begin, known, settings, passes=1) for begin in both)
         both, odds = (held.whole, tilting.whole), tilting.likelihood - held.likelihood
