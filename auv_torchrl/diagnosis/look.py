@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.attitude import tilted
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
 from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
 from auv_torchrl.diagnosis.calibrate.left_open import under_own_floor
@@ -131,19 +130,21 @@ def look_both_ways(
     """
     hidden = is_hidden(training, vehicle)
     held = hold_attitude(training, vehicle)
-    sound = calibrate(healthy, held, settings, coefficients) if healthy else kept.calibration(held) if kept else None
-    if kept and sound is not None and not healthy and not kept.level and hidden:
-        return look(training, sound.vehicle, sound, settings, report)
-    free = tilted(healthy, sound, vehicle, settings) if sound is not None and sound.has_gap and hidden else None
-    if sound is not None and ((free or sound).has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
+    free = vehicle.free if hidden else None
+    sound = None
+    if healthy:
+        sound = calibrate(healthy, held, settings, coefficients, free)
+    elif kept:
+        sound = kept.calibration(held)
+    if sound is not None and (sound.has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
         # Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects
         # that explain all of it are a fault that was there already.
         before = look_both_ways(join(healthy), vehicle, (), settings, report)
         if judge(before.found) is Verdict.EXPLAINED:
             looked = look_both_ways(training, vehicle, (), settings, report)
             return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
-    if free is not None:
-        return look(training, vehicle, free, settings, report)
+    if sound is not None and hidden and sound.tilts:
+        return look(training, vehicle, sound, settings, report)
     level = look(training, held, sound, settings, report, left=left)
     best = level.found.best
     if not hidden or judge(level.found) is Verdict.NO_GAP:

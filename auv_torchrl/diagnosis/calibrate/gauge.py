@@ -2,17 +2,21 @@
 
 No log tells the overall scale of a vehicle. Left to a fit it runs away, because a disturbance is in newtons, and a
 lighter vehicle needs less of it. So it is put where the file is nearest.
+
+Tilts tell it, for weight is known; where nobody measures them, that is too little to keep a fit from running away.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+import torch
 
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Slack
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.motion.within import least_within
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import quaternion_from_euler, rotation_matrix
@@ -46,16 +50,25 @@ def scaled_as_the_file(centred: Centred) -> Centred:
     return centred
 
 
-def hold_scale(covariance: Floats, centred: Centred) -> Floats:
+def hold_scale(covariance: Floats, centred: Centred, hides: bool = False) -> Floats:
     """The covariance (k, k) of deviations that leave the overall scale where it is, but for ``LOOSE`` of its variance.
 
     A search that may scale everything does so to spare a little elsewhere, and a dead thruster comes to life on the
     way. What the scale leaves unsure of forces and masses is said beside (``Known.scale``).
     """
-    along = centred.nuisance.file_precision @ unseen_directions(centred.vehicle, centred.nuisance.slack)
+    along = centred.nuisance.file_precision @ unseen_directions(_seen(centred.vehicle, hides), centred.nuisance.slack)
     goes = covariance @ along
     held: Floats = covariance - (1 - LOOSE) * goes @ np.linalg.pinv(along.T @ goes, hermitian=True) @ goes.T
     return 0.5 * (held + held.T)
+
+
+def _seen(vehicle: Vehicle, hides: bool) -> Vehicle:
+    """The vehicle in the motions that logs show; ``hides`` is whether these lack its tilts."""
+    return (
+        changed(vehicle, free=torch.cat((vehicle.free[:3], 0 * vehicle.free[3:5], vehicle.free[5:])))
+        if hides
+        else vehicle
+    )
 
 
 def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:

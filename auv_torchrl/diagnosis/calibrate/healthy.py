@@ -26,7 +26,7 @@ from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS
+from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS, TILT_CLEAR, TILT_PASSES
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
@@ -55,19 +55,31 @@ class Calibration:
         """The calibrated vehicle, empty batch."""
         return self.centred.vehicle
 
+    @property
+    def tilts(self) -> bool:
+        """Whether it may roll or pitch."""
+        return bool((self.vehicle.free[3:5] > 0).any())
+
 
 def calibrate(
-    healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient] = ()
+    healthy: Sequence[FlightLog],
+    vehicle: Vehicle,
+    settings: Settings,
+    coefficients: Sequence[Coefficient] = (),
+    free: Tensor | None = None,
 ) -> Calibration:
     """Fit the coefficients of a sound vehicle, how it varies from flight to flight, and its disturbance floor.
 
-    Where the file is right within slack, that is all that is fitted; else every coefficient that it may have wrong.
+    Where the file is right within slack, that is all that is fitted; else every coefficient that it may have wrong,
+    and whether the vehicle rolls and pitches.
 
     Args:
         healthy: at least one log without the fault; each is a flight.
         vehicle: nominal, empty batch; roll and pitch held or free as they are to be diagnosed.
         settings: widths of the slack and the floor to begin from.
         coefficients: what is uncertain in the file; empty for what the effects declare.
+        free: degrees of freedom (6,) of a vehicle that is held level because nobody measured how it tilts; None where
+            that is known.
     """
     log = join(healthy)
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
@@ -87,11 +99,30 @@ def calibrate(
         problem, refitted = _fit(problem, near.nuisance, follow, FITS)
         if refitted.chi2 / refitted.quadratic.numbers < excess:
             moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), near)
-            centred = settled(scaled_as_the_file(near.moved(*moved)))
-            strays = _strays(centred, settings)
+            centred = scaled_as_the_file(near.moved(*moved))
+            strays = _strays(settled(centred), settings)
             known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
+        if free is not None:
+            centred = _tilting_or_level(flights, centred, known, settings, free)
         together = follow_all(flights, centred, known, settings)
     return _told(together, strays, as_stated, log, settings)
+
+
+def _tilting_or_level(
+    flights: Sequence[Windows], level: Centred, known: Known, settings: Settings, free: Tensor
+) -> Centred:
+    """The vehicle held level or with the degrees of freedom ``free`` (6,), whichever makes the flights likelier.
+
+    A disturbance makes up for the tilts that a level vehicle lacks, so that what is left tells nothing of them. Both
+    begin where nothing has been shown yet, for what a level vehicle shows has its lack of tilts in it.
+    """
+    both, odds = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0
+    for _ in range(TILT_PASSES):
+        held, tilting = (follow_all(flights, begin, known, settings, passes=1) for begin in both)
+        both, odds = (held.whole, tilting.whole), tilting.likelihood - held.likelihood
+        if abs(odds) > TILT_CLEAR:
+            break
+    return both[odds > 0]
 
 
 def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tensor, settings: Settings) -> Calibration:
@@ -102,7 +133,8 @@ def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tenso
     """
     log = join(healthy)
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
-    centred = replace(level.centred, vehicle=changed(level.vehicle, free=free))
+    whole = level.together.whole if level.together else level.centred
+    centred = replace(whole, vehicle=changed(whole.vehicle, free=free))
     known = replace(level.known, floor=np.array(settings.floor_force))
     together = follow_all(_parted(healthy, windows), centred, known, settings)
     return _told(together, level.strays, level.as_stated, log, settings)

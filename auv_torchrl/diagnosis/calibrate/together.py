@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.calibrate.approach import settled
 from auv_torchrl.diagnosis.calibrate.flights import Told, share
 from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.gauge import hold_scale
@@ -12,13 +13,13 @@ from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.judged import Judged, log_likelihood, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import NEAR
 
-PASSES = 6  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
-STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or nothing was left
+PASSES = 4  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
+STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or a file that is right left nothing
 Fit = tuple[Problem, Judged]
 
 
@@ -29,6 +30,7 @@ class Together:
     centred: Centred
     known: Known
     about: Centred  # about which the flights were followed last
+    whole: Centred  # the vehicle before what it is for good was settled, that among its numbers
     misfits: tuple[tuple[float, float], ...]  # of each flight under the floor to begin from: chi-square, numbers
     fits: tuple[Fit, ...] = ()  # about there under the floor before,
     told: tuple[Told, ...] = ()  # and what they tell under the one that they show
@@ -39,6 +41,11 @@ class Together:
         """Chi-square per number under the floor to begin from."""
         return _per_number(self.misfits)
 
+    @property
+    def likelihood(self) -> float:
+        """Log evidence of all flights, to compare vehicles that have other degrees of freedom."""
+        return sum(log_likelihood(*one) for one in self.fits) if self.fits else -np.inf
+
     def without(self, place: int) -> "Together":
         """As all flights but one show it, linearised about what all of them show.
 
@@ -47,20 +54,27 @@ class Together:
         """
         first, behind = slice(place), slice(place + 1, None)
         fits, told = self.fits[first] + self.fits[behind], self.told[first] + self.told[behind]
-        centred, known, _ = _shown(self.about, replace(self.known, floor=_floor(self.known.floor, fits)), told)
+        centred, sizes, _ = _shown(self.about, self.known, told, fits[0][0].layout.moves_unseen)
+        known = _knows(replace(self.known, floor=_floor(self.known.floor, fits)), centred, sizes, len(told))
         misfits = self.misfits[first] + self.misfits[behind]
-        return Together(centred, known, self.about, misfits, fits, told, self.at_once)
+        return Together(centred, known, self.about, self.whole, misfits, fits, told, self.at_once)
 
 
 def follow_all(
-    flights: Sequence[Windows], centred: Centred, known: Known, settings: Settings, most: float = np.inf
+    flights: Sequence[Windows],
+    centred: Centred,
+    known: Known,
+    settings: Settings,
+    most: float = np.inf,
+    passes: int = PASSES,
 ) -> Together:
     """What flights share, how they differ, the floor (6,), and the excess under the one to begin from.
 
-    Of an excess of more than ``most``, nothing else: then another vehicle is needed.
+    Of an excess of more than ``most``, nothing else: then another vehicle is needed. What a vehicle is for good, as
+    where its thrusters sit, is settled before the last pass: until then flights that differ in their trims tell of it.
     """
-    misfits, about, fits, told, is_last, at_once = (), centred, (), (), False, np.inf
-    for turn in range(PASSES):
+    misfits, about, whole, fits, told, is_last, at_once = (), centred, centred, (), (), False, np.inf
+    for turn in range(passes):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         followed = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
         left = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in followed)
@@ -69,32 +83,43 @@ def follow_all(
             misfits = left
         excess = _per_number(misfits)
         if excess > most:
-            return Together(centred, known, centred, misfits)
+            return Together(centred, known, centred, centred, misfits)
         if is_last and _per_number(left) > max(NEAR, excess):  # windows were lost, which is no disturbance
             break
         about, fits, floor = centred, followed, _floor(known.floor, followed)
         told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
-        centred, known, moved = _shown(about, known, told)
-        stands = _per_number(left) <= 1 or moved < STANDS or turn == PASSES - 2
+        hides = fits[0][0].layout.moves_unseen
+        centred, sizes, moved = _shown(about, known, told, hides)
+        stands = not known.scale and _per_number(left) <= 1 or moved < STANDS or turn == PASSES - 2
+        whole = whole if is_last else centred
+        if stands and not is_last:
+            centred = settled(centred)
+        known = _knows(known, centred, sizes, len(told))
         known = replace(known, floor=floor) if is_last or stands else known
         if is_last:
             break
         is_last = stands
-    return Together(centred, known, about, misfits, fits, told, at_once)
+    return Together(centred, known, about, whole, misfits, fits, told, at_once)
 
 
-def _shown(about: Centred, known: Known, told: Sequence[Told]) -> tuple[Centred, Known, float]:
-    """The vehicle that flights show, of what each tells of numbers ``about`` one.
+def _shown(about: Centred, known: Known, told: Sequence[Told], hides: bool) -> tuple[Centred, tuple[float, ...], float]:
+    """The vehicle that flights show, of what each tells of numbers ``about`` one, and how far they differ.
+
+    ``hides`` is whether it tilts and nobody measures that.
 
     Also by how many of its standard deviations the number moved that moved most.
     """
     shared = share(told, about)
-    open_still = hold_scale(shared.covariance, about) if known.scale else shared.covariance
-    centred = about.moved(shared.mean, open_still, shared.sizes)
-    shrinks = centred.covariance - centred.nuisance.between_flights(shared.sizes)
-    slack = {"slack": centred.nuisance.slack, "slack_covariance": centred.covariance}
+    open_still = hold_scale(shared.covariance, about, hides) if known.scale else shared.covariance
     moved = float(np.max(np.abs(shared.mean) / np.sqrt(np.diag(open_still)), initial=0.0))
-    return centred, replace(known, **slack, flights=len(told), shrinks=shrinks), moved
+    return about.moved(shared.mean, open_still, shared.sizes), shared.sizes, moved
+
+
+def _knows(known: Known, centred: Centred, sizes: Sequence[float], flights: int) -> Known:
+    """With the slack of a vehicle that some flights have shown, which differ by ``sizes`` of what is stated."""
+    shrinks = centred.covariance - centred.nuisance.between_flights(sizes)
+    slack = {"slack": centred.nuisance.slack, "slack_covariance": centred.covariance}
+    return replace(known, **slack, flights=flights, shrinks=shrinks)
 
 
 def _floor(before: Floats, fits: Sequence[Fit]) -> Floats:
