@@ -70,20 +70,24 @@ def is_worth_a_look(problem: Problem, judged: Judged) -> bool:
 def grow(
     problem: Problem, best: Judged, polished: list[Judged], twins: set[frozenset[str]], progress: Progress
 ) -> Judged:
-    """Add effects while the log pays; those that are the same by another name (``twins``) stay out."""
+    """Add effects while the log pays; those that are the same by another name (``twins``) stay out.
+
+    Further values of effects that are there are tried whatever else promises more: they are no further effect.
+    """
     while len(best.explanation.effects) < MOST_EFFECTS:
         progress("looking for further effects", 0.7 + 0.05 * len(best.explanation.effects))
         field = Field.of(problem, best.base)
         here = field.none().evidence
         twins_of = {name for pair in twins for name in pair if pair & set(best.explanation.effects)}
-        fresh_ones = (
-            s for s in field.families() if not (set(s.explanation.effects) - set(best.explanation.effects)) & twins_of
-        )
+        added = [(s, set(s.explanation.effects) - set(best.explanation.effects)) for s in field.families()]
         tried = 1 if explains(problem, best) else FURTHER_TRIED
-        ahead = sorted(fresh_ones, key=lambda screened: -screened.evidence)[:tried]
+        ahead = [screened for screened, new in added if not new & twins_of][:tried]
         closes = _must_close(problem, best)
         least = max(here + WORTH_AN_EFFECT, ahead[0].evidence - WITHIN * (ahead[0].evidence - here)) if ahead else 0.0
-        trials = [s for s in ahead if s.evidence > least and field.constant - s.chi2 > closes]
+        within = [screened for screened, new in added if not new and screened not in ahead]
+        likely = [s for s in ahead if s.evidence > least]
+        likely += [s for s in within if s.evidence > here + WORTH_AN_EFFECT]
+        trials = [s for s in likely if field.constant - s.chi2 > closes]
         fresh = [fit_by_simulation(problem, s.explanation, best.base) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
