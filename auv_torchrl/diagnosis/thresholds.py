@@ -45,7 +45,7 @@ SHARED_BY_THRUSTERS = 0.75
 BEYOND_TRIM = 10.0  # chi-square per number of healthy flights together, that no trim or current of each makes up for
 STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
 TILT_PASSES = 2  # over healthy flights, with a level vehicle and with one that tilts, unless one pass shows ...
-TILT_CLEAR = 40.0  # ... this log odds: what a pass begins with moves them by some tens
+TILT_CLEAR = 100.0  # ... this log odds: where a pass begins moves them by a hundred
 
 # Where the gap is
 LEAST_PREDICTED = 0.1  # of the gap that forces must predict together, or nothing is said
