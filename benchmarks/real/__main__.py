@@ -32,7 +32,9 @@ predicted from its commands alone, from its first sample to its last, in m/s. `p
     "ardusub": """\
 Flights that ArduSub's firmware wrote of its own simulated vehicle, whose coefficients stand in
 `vehicle=ardusub_sitl`: alone, with another sound flight, and with a vehicle file that is wrong about it
-(`bluerov2_heavy`). `python -m benchmarks.real.ardusub [--healthy] [--vehicle bluerov2_heavy]`.""",
+(`bluerov2_heavy`), with which sound flights are also diagnosed as faulty vehicles would have logged them: two commands
+exchanged in the log are two plugs exchanged on the vehicle. `python -m benchmarks.real.ardusub [--healthy]
+[--vehicle bluerov2_heavy] [--altered]`.""",
     "haizhe": """\
 980 dives of ten seconds of a small vehicle with four vertical propellers, of which some carry a load, have a
 depth sensor that is off, or a cut propeller (Ji et al. 2021, CC BY 4.0; the training split, as Parquet with the columns
@@ -48,9 +50,15 @@ def of_bluerov2(data: Path) -> Iterator[str]:
 
 def of_ardusub(data: Path) -> Iterator[str]:
     """Alone, with healthy flights, and with a file that is wrong."""
-    for vehicle, healthy in ((ardusub.VEHICLE, False), (ardusub.VEHICLE, True), ("bluerov2_heavy", True)):
-        cases = ardusub.find_cases(data, (), healthy)
-        yield f"`vehicle={vehicle}`{', each with a sound flight' if healthy else ''}:"
+    for vehicle, healthy, known in (
+        (ardusub.VEHICLE, False, ardusub.CASES),
+        (ardusub.VEHICLE, True, ardusub.CASES),
+        ("bluerov2_heavy", True, ardusub.CASES),
+        ("bluerov2_heavy", True, ardusub.ALTERED),
+    ):
+        cases = ardusub.find_cases(data, (), healthy, known)
+        altered = ", sound flights with altered logs" if known is ardusub.ALTERED else ""
+        yield f"`vehicle={vehicle}`{', each with a sound flight' if healthy else ''}{altered}:"
         yield ""
         yield from ardusub.table(ardusub.run(case, data / ardusub.FOLDER, vehicle, healthy) for case in cases)
         yield ""
