@@ -9,7 +9,6 @@ Tilts tell it, for weight is known; where nobody measures them, that is too litt
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.identify.hypotheses import batch
@@ -64,11 +63,11 @@ def hold_scale(covariance: Floats, centred: Centred, hides: bool = False) -> Flo
 
 def _seen(vehicle: Vehicle, hides: bool) -> Vehicle:
     """The vehicle in the motions that logs show; ``hides`` is whether these lack its tilts."""
-    return (
-        changed(vehicle, free=torch.cat((vehicle.free[:3], 0 * vehicle.free[3:5], vehicle.free[5:])))
-        if hides
-        else vehicle
-    )
+    if not hides:
+        return vehicle
+    free = vehicle.free.clone()
+    free[3:5] = 0.0
+    return changed(vehicle, free=free)
 
 
 def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:
