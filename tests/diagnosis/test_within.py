@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from auv_torchrl.diagnosis.identify.assess import left_open
 from auv_torchrl.diagnosis.motion.within import least_within, minimum_within
 
 
@@ -45,3 +46,11 @@ def test_a_curvature_that_rounding_made_negative_breaks_nothing():
     H[1, 1] = -2e9
     x = least_within(H, g, bounds, np.eye(4))
     assert ((bounds[0] <= x) & (x <= bounds[1])).all()
+
+
+def test_a_curvature_lost_in_rounding_leaves_the_prior():
+    """What a log tells nothing of stays as wide as before, below 0 or not; the rest is the inverse of curvatures."""
+    widths = np.array([0.5, 2.0])
+    known = np.array([[3.0, 1.0], [1.0, 4.0]])
+    np.testing.assert_allclose(left_open(known, widths), np.linalg.inv(known + np.diag(widths**-2.0)))
+    np.testing.assert_allclose(left_open(np.diag([-1e3, 4.0]), widths), np.diag([0.25, 1 / 4.25]))
