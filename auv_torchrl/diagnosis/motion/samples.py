@@ -1,12 +1,15 @@
 """What the sensors of many vehicles report of a motion, at the times of a log's samples."""
 
-from typing import Any
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.sensors import ages, felt_along, motion_of, read
+
+Reading = Callable[[Floats, Floats | None], Floats]  # what is reported of a motion (..., 12), and of a load (...)
 
 
 def oldest(windows: Windows, c: Coefficients) -> Floats:
@@ -35,30 +38,25 @@ def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats, load
     reported = np.empty((*states.shape[:2], at.shape[-1], len(felt)))
     if not felt.all():
         names = tuple(name for name, alone in zip(windows.channels, felt, strict=True) if not alone)
-        angular = windows.angular[~felt]
-        read_at = _at_their_times if later.any() else _at_once
-        reported[..., ~felt] = read_at(by_step, names, angular, motion, load, at, later[:, ~felt])
+        angular, reading = windows.angular[~felt], partial(read, by_step, names)
+        reported[..., ~felt] = (
+            _at_their_times(reading, angular, motion, load, at[..., None] + later[:, None, ~felt])
+            if later.any()
+            else _at_once(reading, angular, motion, load, at)
+        )
     if felt.any():
         reported[..., felt] = felt_samples(windows, by_step, motion, at[..., None] + later[:, None, felt])
     return reported
 
 
-def _at_once(
-    c: Coefficients,
-    names: tuple[str, ...],
-    angular: np.ndarray,
-    motion: Floats,
-    load: Floats | None,
-    at: Floats,
-    *_: Any,
-) -> Floats:
+def _at_once(reading: Reading, angular: np.ndarray, motion: Floats, load: Floats | None, at: Floats) -> Floats:
     """Reports (w, R, m, C) of the states about grid positions ``at`` (w, 1, m) alone: all are of the same age."""
     low = np.minimum(np.floor(at + 1e-9).astype(int), motion.shape[2] - 1)
     part = (at - low)[..., None]
 
     def reports(steps: np.ndarray) -> Floats:
         pushing = None if load is None else np.take_along_axis(load, steps, axis=2)
-        return read(c, names, np.take_along_axis(motion, steps[..., None], axis=2), pushing)
+        return reading(np.take_along_axis(motion, steps[..., None], axis=2), pushing)
 
     here = reports(low)
     if not (part > 1e-6).any():
@@ -68,19 +66,11 @@ def _at_once(
     return here + part * change
 
 
-def _at_their_times(
-    c: Coefficients,
-    names: tuple[str, ...],
-    angular: np.ndarray,
-    motion: Floats,
-    load: Floats | None,
-    at: Floats,
-    later: Floats,
-) -> Floats:
-    """The same where channels (R, C) are ``later`` than others by so many grid steps."""
-    reported = read(c, names, motion, load)
+def _at_their_times(reading: Reading, angular: np.ndarray, motion: Floats, load: Floats | None, at: Floats) -> Floats:
+    """The same where each channel is read at grid positions ``at`` (w, R, m, C) of its own."""
+    reported = reading(motion, load)
     reported[..., angular] = np.unwrap(reported[..., angular], axis=2)  # interpolation must not cross the cut at pi
-    columns = (_read(reported[..., column], at + later[:, column, None]) for column in range(len(names)))
+    columns = (_read(reported[..., column], at[..., column]) for column in range(len(angular)))
     return np.stack(list(columns), axis=-1)
 
 
