@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.identify.assess import left_open
+from auv_torchrl.diagnosis.identify.assess import covariance_of_values
 from auv_torchrl.diagnosis.motion.within import least_within, minimum_within
 
 
@@ -52,5 +52,5 @@ def test_a_curvature_lost_in_rounding_leaves_the_prior():
     """What a log tells nothing of stays as wide as before, below 0 or not; the rest is the inverse of curvatures."""
     widths = np.array([0.5, 2.0])
     known = np.array([[3.0, 1.0], [1.0, 4.0]])
-    np.testing.assert_allclose(left_open(known, widths), np.linalg.inv(known + np.diag(widths**-2.0)))
-    np.testing.assert_allclose(left_open(np.diag([-1e3, 4.0]), widths), np.diag([0.25, 1 / 4.25]))
+    np.testing.assert_allclose(covariance_of_values(known, widths), np.linalg.inv(known + np.diag(widths**-2.0)))
+    np.testing.assert_allclose(covariance_of_values(np.diag([-1e3, 4.0]), widths), np.diag([0.25, 1 / 4.25]))

@@ -157,7 +157,7 @@ class Descent:
 def fit(
     windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient], begins: Sequence[Floats] = ()
 ) -> Fitted:
-    """The likeliest end of descents that begin at ``begins``, coefficients (k,); without any, at those of the file."""
+    """The likeliest end of descents from ``begins``, coefficients (k,), or from where :meth:`Descent.begins` says."""
     descent = Descent(windows, vehicle, coefficients)
     ends = [descent.down(begin) for begin in begins or descent.begins()]
     memory = min(end.memory for end in ends)

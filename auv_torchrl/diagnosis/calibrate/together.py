@@ -90,7 +90,7 @@ def follow_all(
         told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
         hides = fits[0][0].layout.moves_unseen
         centred, sizes, moved = _shown(about, known, told, hides)
-        stands = not known.scale and _per_number(left) <= 1 or moved < STANDS or turn == PASSES - 2
+        stands = not known.scale and _per_number(left) <= 1 or moved < STANDS or turn == passes - 2
         whole = whole if is_last else centred
         if stands and not is_last:
             centred = settled(centred)

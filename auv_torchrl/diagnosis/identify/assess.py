@@ -40,13 +40,13 @@ def assess(
     _, _, A, _, _ = without_slack(problem, q, explanation)
     widths = np.array([problem.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
     curvature = A / np.outer(steps, steps)
-    covariance = left_open(curvature, widths)
+    covariance = covariance_of_values(curvature, widths)
     evidence = log_evidence(problem, chi2, explanation) + volume(curvature, widths)
     judged = Judged(explanation, chi2, evidence, covariance, base, q, steps, slack_marks)
     return judged, *bounded_step(problem, judged)
 
 
-def left_open(curvature: Floats, widths: Floats) -> Floats:
+def covariance_of_values(curvature: Floats, widths: Floats) -> Floats:
     """Covariance (k, k) of values by their curvature (k, k), slack fitted, and the ``widths`` (k,) of their prior.
 
     What slack takes of a curvature is taken by subtraction: where it takes all, rounding may leave less than nothing.
