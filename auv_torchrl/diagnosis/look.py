@@ -18,14 +18,14 @@ from auv_torchrl.diagnosis.identify.attitude import (
 )
 from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import reassess
 from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likelihood
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
-from auv_torchrl.diagnosis.identify.search import Found, search
+from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, NEAR, POLISHED, TILTS_MATTER
 from auv_torchrl.diagnosis.verdict import Verdict
@@ -96,10 +96,10 @@ def _search_along(
     large fault sound samples look like outliers.
     """
     best = replace(found.best.explanation, slack={})
-    if not problem.given.errors.coloured or not best.effects or excess(found) < problem.settings.excess:
+    if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
         return found
     again = search(*follow_windows(problem, best), report, [best], others, below, rival)
-    return again if excess(again) < excess(found) else found
+    return again if again.excess < found.excess else found
 
 
 def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:
@@ -182,30 +182,12 @@ def _worth_flying(level: Looked) -> tuple[Others, float]:
     return Others.ALL, max(NEAR, 1 + TILTS_MATTER * (level.found.promise - 1))
 
 
-def excess(found: Found) -> float:
-    """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
-    return found.best.chi2 / found.best.quadratic.numbers
-
-
-def excess_as_stated(found: Found) -> float:
-    """The same under the floor of the settings where that of the log itself was searched with: it may hide something.
-
-    A floor that healthy flights show is that of a sound vehicle, and stays.
-    """
-    problem = found.problem
-    if problem.known is None or not problem.known.of_itself:
-        return excess(found)
-    stated = np.array(problem.settings.floor_force)[problem.layout.dof]
-    judged = reassess(replace(problem, floor=stated), found.best)
-    return judged.chi2 / judged.quadratic.numbers
-
-
 def judge(found: Found, corrected: bool = False) -> Verdict:
     """The outcome: is there a gap, and does the best explanation leave anything?
 
     ``corrected`` tells that coefficients of the vehicle's file were corrected, so that there was a gap in any case.
     """
-    explained = excess_as_stated(found) < found.problem.settings.excess
+    explained = found.excess_as_stated < found.problem.settings.excess
     if not found.best.explanation.effects and not corrected:
         return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED

@@ -9,8 +9,8 @@ from auv_torchrl.diagnosis.axes import unseen
 from auv_torchrl.diagnosis.identify.assess import as_sure
 from auv_torchrl.diagnosis.identify.detectable import Member
 from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect

@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.localize.mappable import input_mappable
-from auv_torchrl.diagnosis.look import Looked, excess_as_stated, judge, look_both_ways
+from auv_torchrl.diagnosis.look import Looked, judge, look_both_ways
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
@@ -106,7 +106,7 @@ def diagnose(
     )
     doubted = doubts((*log.findings, *findings))
     verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
-    unknown = float(expit((excess_as_stated(found) - settings.excess) / UNKNOWN_WIDTH))
+    unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
     effects = (*corrected.effects, *effects)

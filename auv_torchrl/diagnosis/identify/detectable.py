@@ -6,10 +6,10 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.following import nudged_chi2
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import without_slack
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FAINT, FOLLOWS, LITTLE, SHOWS
 from auv_torchrl.diagnosis.verdict import Estimate

@@ -7,11 +7,11 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.half_turn import turned_round
 from auv_torchrl.diagnosis.identify.hypotheses import Atom
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.thresholds import NOT_EXCLUDED, SAME_MARK
 
 

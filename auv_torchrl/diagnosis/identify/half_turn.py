@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
-from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.thresholds import SAME_MARK
 from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import Inverse

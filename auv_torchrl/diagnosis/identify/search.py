@@ -1,7 +1,7 @@
 """Find the explanation: screen everything, polish what could be it, refine the best."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
 from auv_torchrl.diagnosis.identify.candidates import Others, candidates_of
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess, rescued
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.judged import (
     Base,
     Judged,
@@ -35,20 +36,6 @@ from auv_torchrl.diagnosis.thresholds import (
     TURNED_ROUND,
     WORTH_AN_EFFECT,
 )
-
-
-@dataclass(frozen=True)
-class Found:
-    """What the search leaves behind."""
-
-    problem: Problem  # with the sensor noise that was found
-    follow: Base  # nominal vehicle, the gap in a free force
-    none: Judged
-    best: Judged
-    polished: list[Judged]  # all that were simulated, the best first
-    screened: list[Screened]  # every family alone
-    field: Field  # marks of all changes at the nominal vehicle
-    promise: float  # chi-square per number that the best look along the measured motion leaves; infinite without one
 
 
 def search(

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.onset import Onset, force_scatter
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import attribute
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FEWEST_IN_REGIME, STANDS_OUT

@@ -1,0 +1,43 @@
+"""What a search leaves behind."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.fit import reassess
+from auv_torchrl.diagnosis.identify.judged import Base, Judged
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.screen import Field, Screened
+
+
+@dataclass(frozen=True)
+class Found:
+    """The explanations of a log, simulated and screened, the best of them, and what they rest on."""
+
+    problem: Problem  # with the sensor noise that was found
+    follow: Base  # nominal vehicle, the gap in a free force
+    none: Judged
+    best: Judged
+    polished: list[Judged]  # all that were simulated, the best first
+    screened: list[Screened]  # every family alone
+    field: Field  # marks of all changes at the nominal vehicle
+    promise: float  # chi-square per number that the best look along the measured motion leaves; infinite without one
+
+    @property
+    def excess(self) -> float:
+        """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
+        return self.best.chi2 / self.best.quadratic.numbers
+
+    @cached_property
+    def excess_as_stated(self) -> float:
+        """The same under the floor of the settings, where the log's own, which may hide a gap, was searched with.
+
+        A floor that healthy flights show is that of a sound vehicle, and stays.
+        """
+        problem = self.problem
+        if problem.known is None or not problem.known.of_itself:
+            return self.excess
+        stated = np.array(problem.settings.floor_force)[problem.layout.dof]
+        judged = reassess(replace(problem, floor=stated), self.best)
+        return judged.chi2 / judged.quadratic.numbers
