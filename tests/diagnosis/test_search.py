@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.identify.assess import as_sure
 from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
@@ -163,26 +162,6 @@ def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
     assert dead == {("thruster_gain", f"gain_{i}"): pytest.approx(0.0, abs=0.01) for i in (1, 2)}
     assert (np.sqrt(np.diag(found.best.covariance)) < 0.04).all()  # the slack of a gain, 0.03, included
     assert found.polished[0] is found.best
-
-
-def test_intervals_are_as_wide_as_the_slack_that_a_log_shows():
-    """Of a vehicle that is as its file says, a drag coupling is told twice as well as of one that is a little off."""
-    values = {"drag_coupling": {"drag_sway_from_yaw": 9.9}}
-    knob = Knob("drag_coupling", ("drag_sway_from_yaw",), 9.9)
-
-    def widths(vehicle):
-        """Deviation of the coupling with slack as wide as assumed, and as wide as it shows."""
-        problem = problem_of(vehicle, values, seed=6)
-        problem, follow = follow_windows(problem)
-        judged = fit_by_simulation(problem, Explanation((knob,)), follow)
-        explanation, covariance = as_sure(problem, judged)
-        assert explanation.knobs[0].value == pytest.approx(9.9, abs=3 * np.sqrt(covariance[0, 0]))
-        return np.sqrt(judged.covariance[0, 0]), np.sqrt(covariance[0, 0])
-
-    assumed, shown = widths(HELD)
-    assert shown < 0.6 * assumed
-    assumed, shown = widths(with_slack(HELD, np.random.default_rng(2)))
-    assert shown > 0.8 * assumed
 
 
 def test_an_effect_takes_over_what_another_one_did_in_its_place():

@@ -74,6 +74,7 @@ def follow_all(
     where its thrusters sit, is settled before the last pass: until then flights that differ in their trims tell of it.
     """
     misfits, about, whole, fits, told, is_last, at_once = (), centred, centred, (), (), False, np.inf
+    known = replace(known, shrinks=None)  # what was learnt of a vehicle with other numbers
     for turn in range(passes):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         followed = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)

@@ -60,22 +60,48 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     """The explanation with its values, and their covariance (m, m), where slack is as wide as this log shows it.
 
     Its share of the width that slack may have is the likeliest one (type II maximum likelihood): of a vehicle that
-    is as its file says, the log shows that, and tells the values of an effect better.
+    is as its file says, the log shows that, and tells the values of an effect better. What healthy flights leave open
+    of the vehicle has been measured, and is as wide as it is. Values move by what narrower slack does to them: where an
+    explanation is not at the minimum of its quadratic, its fit has found that the minimum is no better.
     """
-    q, steps, k = judged.quadratic, judged.steps, len(problem.slack)
-    at = np.concatenate([slack_now(problem, judged.explanation), np.zeros(len(steps))])
-    stiffness = value_steps(problem, judged.explanation, steps)[0]
-    likeliest, sure = -np.inf, (judged.explanation, judged.covariance)
+    steps, k = judged.steps, len(problem.slack)
+    measured = np.zeros((k, k)) if problem.slack_open is None else problem.slack_open
+    explanation = judged.explanation.said_by_knobs(problem.vehicle)
+    at = np.concatenate([slack_now(problem, explanation), np.zeros(len(steps))])
+    as_one = _as_one_number(problem, judged)
+    A, b = as_one.T @ judged.quadratic.A @ as_one, as_one.T @ judged.quadratic.b
+    stiffness = value_steps(problem, explanation, steps)[0]
+    likeliest, sure, assumed = -np.inf, (explanation, judged.covariance), None
     for share in SLACK_SHARES:
-        pull = joint_precision(problem.slack_precision / share**2, stiffness)
-        curvature, slope = q.A + pull, q.b - pull @ at
+        width = measured + share**2 * (problem.slack_covariance - measured)
+        pull = joint_precision(np.linalg.inv(width), stiffness)
+        curvature, slope = A + pull, b - pull @ at
         step = np.linalg.solve(curvature, slope)
-        log_likelihood = 0.5 * (slope @ step - at @ pull @ at - np.linalg.slogdet(curvature)[1]) - k * np.log(share)
-        if log_likelihood > likeliest and share < 1:
-            moved = take_step(problem, judged.explanation, step[k:] * steps, step[:k])
+        volumes = np.linalg.slogdet(curvature)[1] + np.linalg.slogdet(width)[1]
+        log_likelihood = 0.5 * (slope @ step - at @ pull @ at - volumes)
+        assumed = step if assumed is None else assumed
+        if log_likelihood > likeliest:
+            by = step - assumed
+            moved = take_step(problem, explanation, by[k:] * steps, by[:k])
             sure = moved, np.linalg.inv(curvature)[k:, k:] * np.outer(steps, steps)
-        likeliest = max(likeliest, log_likelihood)
+            likeliest = log_likelihood
     return sure
+
+
+def _as_one_number(problem: Problem, judged: Judged) -> Floats:
+    """What slack and fitted knobs do (k + m, k + m), where slack of a number that a knob has does what the knob does.
+
+    Their slopes differ by rounding alone, and a log that tells the number well would part them by that.
+    """
+    place_of = {entry[:2]: place for place, entry in enumerate(problem.slack)}
+    as_one, order = np.eye(len(problem.slack) + len(judged.steps)), 0
+    said_twice = judged.explanation.said_twice(problem.vehicle)
+    for place, knob in enumerate(judged.explanation.knobs):
+        if place in said_twice and said_twice[place] in place_of:
+            column = place_of[said_twice[place]]
+            as_one[column, column], as_one[len(problem.slack) + order, column] = 0.0, 1 / judged.steps[order]
+        order += not knob.discrete
+    return as_one
 
 
 def knob_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:

@@ -23,8 +23,11 @@ def hold_unseen(problem: Problem, follow: Base) -> Problem:
     root = direction * np.sqrt(np.maximum(size, 0.0))
     told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of slack
     share = np.where(told < TELLS, UNTOLD, 1.0)
-    root = root @ along * share
-    covariance = root @ root.T
+    root = root @ along
+    held = (root * share) @ np.linalg.inv(root)
+    covariance = held @ problem.slack_covariance @ held.T
+    still_open = None if problem.slack_open is None else held @ problem.slack_open @ held.T
     widths = np.sqrt(np.diag(covariance)).tolist()
     slack = tuple((*entry[:3], width) for entry, width in zip(problem.slack, widths, strict=True))
-    return replace(problem, slack=slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance))
+    precision = np.linalg.inv(covariance)
+    return replace(problem, slack=slack, slack_covariance=covariance, slack_precision=precision, slack_open=still_open)

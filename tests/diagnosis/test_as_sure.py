@@ -1,0 +1,92 @@
+"""Values and intervals as their reader sees them: as sure as the log and what is known of the vehicle make them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold, with_slack
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auv_torchrl.diagnosis.identify.assess import as_sure
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.unseen import hold_unseen
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.vehicle import load_vehicle
+
+PAPER = load_vehicle("paper")
+HELD = hold(PAPER)
+SETTINGS = load_settings()
+SHORT = {"episodes": 3, "seconds": 20.0}
+GAIN = ("thruster_gain", "gain_4")
+
+
+def problem_of(vehicle, values, seed):
+    """A problem of a short flight of a vehicle."""
+    log = fly(vehicle, values, seed=seed, **SHORT)
+    return Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), HELD, SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def weak():
+    """A thruster of 60 %, followed and explained."""
+    problem, follow = follow_windows(problem_of(HELD, {GAIN[0]: {GAIN[1]: 0.6}}, 3))
+    return problem, fit_by_simulation(problem, Explanation((Knob(GAIN[0], (GAIN[1],), 0.6),)), follow)
+
+
+def test_intervals_are_as_wide_as_the_slack_that_a_log_shows():
+    """Of a vehicle that is as its file says, a drag coupling is told twice as well as of one that is a little off."""
+    values = {"drag_coupling": {"drag_sway_from_yaw": 9.9}}
+    knob = Knob("drag_coupling", ("drag_sway_from_yaw",), 9.9)
+
+    def widths(vehicle):
+        """Deviation of the coupling with slack as wide as assumed, and as wide as it shows."""
+        problem = problem_of(vehicle, values, seed=6)
+        problem, follow = follow_windows(problem)
+        judged = fit_by_simulation(problem, Explanation((knob,)), follow)
+        explanation, covariance = as_sure(problem, judged)
+        assert explanation.knobs[0].value == pytest.approx(9.9, abs=3 * np.sqrt(covariance[0, 0]))
+        return np.sqrt(judged.covariance[0, 0]), np.sqrt(covariance[0, 0])
+
+    assumed, shown = widths(HELD)
+    assert shown < 0.6 * assumed
+    assumed, shown = widths(with_slack(HELD, np.random.default_rng(2)))
+    assert shown > 0.8 * assumed
+
+
+@settings(max_examples=20, deadline=None)
+@given(by=st.floats(-0.05, 0.05))
+def test_a_value_is_the_same_however_a_fit_shares_it_with_slack(weak, by):
+    """Slack of a gain does what its value does: a fit that stops anywhere between the two tells one value."""
+    problem, judged = weak
+    (knob,), slack = judged.explanation.knobs, judged.explanation.slack
+    shared = Explanation((replace(knob, value=knob.value - by),), {**slack, GAIN: slack[GAIN] + by})
+    (told,), covariance = as_sure(problem, judged)[0].knobs, as_sure(problem, judged)[1]
+    (again,) = as_sure(problem, replace(judged, explanation=shared))[0].knobs
+    assert again.value == pytest.approx(told.value, abs=1e-6)
+    assert told.value == pytest.approx(0.6, abs=3 * np.sqrt(covariance[0, 0]))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_what_flights_leave_open_of_a_vehicle_stays_open(weak, share):
+    """A log that shows a vehicle near its calibrated numbers makes these no surer than the flights have made them."""
+    problem, judged = weak
+    narrowed = as_sure(problem, judged)[1][0, 0]
+    measured = replace(problem, slack_open=share * problem.slack_covariance)
+    wide, least = as_sure(measured, judged)[1][0, 0], share * problem.slack_covariance[3, 3]
+    assert problem.slack[3][:2] == GAIN
+    assert wide > 0.99 * max(narrowed, least)
+    assert wide < 1.01 * judged.covariance[0, 0]
+
+
+def test_slack_that_is_held_is_held_in_what_flights_leave_open(weak):
+    """What a log cannot tell is held at a small share, in the whole covariance and in the part that flights leave."""
+    problem, judged = weak
+    half = replace(problem, slack_open=0.5 * problem.slack_covariance)
+    held = hold_unseen(half, judged.base)
+    assert np.diag(held.slack_covariance).sum() < np.diag(problem.slack_covariance).sum()
+    assert held.slack_open == pytest.approx(0.5 * held.slack_covariance, rel=1e-6, abs=1e-9)
