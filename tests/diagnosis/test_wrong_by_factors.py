@@ -76,6 +76,17 @@ def test_a_factor_that_a_fit_takes_to_nothing_can_come_back():
     np.testing.assert_allclose(back.file[place], 0.0, atol=1e-9)
 
 
+def test_corrections_are_shares_of_what_the_file_says():
+    """Twice the gain is +100 %; an angle, which counts from where the file has it, is no share of anything."""
+    file = load_vehicle("paper")
+    windows = cut_windows(fly(hold(file), {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
+    about = Centred.at(file, guessed(file, SETTINGS, (), windows))
+    by = {("thruster_gain", "gain_1"): 1.0, ("thruster_misalignment", "angle_1"): 0.01}
+    moved = about.shifted(np.array([by.get(entry[:2], 0.0) for entry in about.nuisance.slack]))
+    assert moved.corrections["thruster_gain", "gain_1"] == pytest.approx(1.0)
+    assert not any(effect == "thruster_misalignment" for effect, _ in moved.corrections)
+
+
 def test_a_file_that_is_wrong_by_factors_is_mended_by_a_flight():
     """Twice the thrust on another curve, a third of the drag and half of the inertia leave nothing but noise."""
     file = hold(load_vehicle("paper"))

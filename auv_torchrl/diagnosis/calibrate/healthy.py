@@ -219,7 +219,7 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     largest = ""
     if corrections:
         most = max(corrections, key=lambda key: abs(corrections[key]))
-        largest = f"; the largest correction is {' '.join(most)} {corrections[most]:+.3f}"
+        largest = f"; the largest correction is {' '.join(most)} {corrections[most]:+.1%}"
     dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "

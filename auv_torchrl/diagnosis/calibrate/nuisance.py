@@ -24,6 +24,7 @@ from auv_torchrl.vehicle import Vehicle
 
 WARMTH = 0.4  # of what sound sensors are off by, that comes and goes with their temperature
 SURELY = 1e-9  # of a total variance, that a number without a width may be off by: inverses need one
+NOTHING = 0.01  # of a corrected number: a file that said less said nothing
 # Of what a number was: no factor brings back what is gone, and the largest ones, of 10, bring this back.
 SMALLEST_FACTOR = 0.1
 
@@ -143,9 +144,16 @@ class Centred:
 
     @property
     def corrections(self) -> dict[tuple[str, str], float]:
-        """By effect and parameter, by which share of what its file says a number was corrected."""
-        there = [(entry[:2], entry[2] + away, away) for entry, away in zip(self.nuisance.slack, self.file, strict=True)]
-        return {key: float(-away / abs(value)) for key, value, away in there if value}
+        """By effect and parameter, by which share of what its file says a number was corrected.
+
+        Of an offset, which counts from nothing, there is no share.
+        """
+        there = [(entry, entry[2] + away, away) for entry, away in zip(self.nuisance.slack, self.file, strict=True)]
+        return {
+            (effect, member): float(-away / abs(value))
+            for (effect, member, nominal, _), value, away in there
+            if abs(value) > NOTHING * abs(nominal) > 0
+        }
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
