@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
+from auv_torchrl.diagnosis.calibrate.draft import draft
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_free, work_out
 from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
 from auv_torchrl.diagnosis.calibrate.left_open import under_own_floor
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -131,18 +132,17 @@ def look_both_ways(
     hidden = is_hidden(training, vehicle)
     held = hold_attitude(training, vehicle)
     free = vehicle.free if hidden else None
-    sound = None
+    sound = kept.calibration(held) if kept and not healthy else None
     if healthy:
-        sound = calibrate(healthy, held, settings, coefficients, free)
-    elif kept:
-        sound = kept.calibration(held)
-    if sound is not None and (sound.has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
-        # Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects
-        # that explain all of it are a fault that was there already.
-        before = look_both_ways(join(healthy), vehicle, (), settings, report)
-        if judge(before.found) is Verdict.EXPLAINED:
+        drafted = draft(healthy, held, settings, coefficients)
+        few = 0 < len(drafted.strays) <= MOST_EFFECTS
+        fault = _fault_of(healthy, vehicle, settings, report) if few else None
+        if fault is None:
+            sound = work_out(drafted, settings, free)
+            fault = _fault_of(healthy, vehicle, settings, report) if sound.has_gap and not few else None
+        if fault is not None:
             looked = look_both_ways(training, vehicle, (), settings, report)
-            return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
+            return replace(looked, contradiction=(healthy_not_healthy(healthy, fault),))
     if sound is not None and hidden and sound.tilts:
         return look(training, vehicle, sound, settings, report)
     level = look(training, held, sound, settings, report, left=left)
@@ -157,6 +157,18 @@ def look_both_ways(
     odds = log_likelihood(tilting.found.problem, tilting.found.best) - log_likelihood(level.found.problem, best)
     better = tilting if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
+
+
+def _fault_of(
+    healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings, report: Progress
+) -> Explanation | None:
+    """The few effects that explain all of what healthy logs show of a vehicle; None where that is none.
+
+    Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects that
+    explain all of it are a fault that was there already.
+    """
+    found = look_both_ways(join(healthy), vehicle, (), settings, report).found
+    return found.best.explanation if judge(found) is Verdict.EXPLAINED else None
 
 
 def hints_of(found: Found) -> list[Explanation]:
