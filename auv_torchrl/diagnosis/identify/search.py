@@ -98,7 +98,8 @@ def _search(
         polished = [rescued(problem, polished[0], follow)]
     problem = replace(problem, slack_suffices=slack_does(problem, polished[0]))
     promise = np.inf
-    for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
+    followed = [follow.explanation] if follow.explanation.effects and follow.explanation not in hints else []
+    for explanation in (*followed, *hints):
         polished.append(rescued(problem, fit_by_simulation(problem, explanation, follow), follow))
         few = len(explanation.knobs) <= FEW_VALUES or polished[-1].nothing_left
         if others is not Others.NONE and few and explains(problem, polished[-1]):
