@@ -79,19 +79,17 @@ def look(
         behind, its_follow = follow_agreeing(Problem.of(problem.windows.subset(onset.behind), own, settings, known))
         found = search(behind, its_follow, report, hints, others, below, rival)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
-            return Looked(_search_along(behind, found, report, others, below, rival), sound, onset)
+            return Looked(_search_along(behind, found, report, rival), sound, onset)
         hints, others, below, promise = _each_once(found.polished)[:POLISHED], Others.NONE, np.inf, found.promise
         whole = search(problem, follow, report, hints, others, below)
-        whole = _search_along(problem, whole, report, others, below)
+        whole = _search_along(problem, whole, report)
         return Looked(replace(whole, promise=promise), sound)
     found = search(problem, follow, report, hints, others, below, rival)
-    return Looked(_search_along(problem, found, report, others, below, rival), sound)
+    return Looked(_search_along(problem, found, report, rival), sound)
 
 
-def _search_along(
-    problem: Problem, found: Found, report: Progress, others: Others, below: float, rival: float = -np.inf
-) -> Found:
-    """Where something is left of a log whose errors are no white noise, search again along what was found.
+def _search_along(problem: Problem, found: Found, report: Progress, rival: float = -np.inf) -> Found:
+    """Where something is left of a log whose errors are no white noise, weigh what was simulated along what was found.
 
     What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
     large fault sound samples look like outliers.
@@ -99,8 +97,9 @@ def _search_along(
     best = replace(found.best.explanation, slack={})
     if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
         return found
-    again = search(*follow_windows(problem, best), report, [best], others, below, rival)
-    return again if again.excess < found.excess else found
+    hints = _each_once([found.best, *found.polished])[:POLISHED]
+    again = search(*follow_windows(problem, best), report, hints, Others.NONE, rival=rival)
+    return replace(again, promise=found.promise) if again.excess < found.excess else found
 
 
 def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:
