@@ -26,7 +26,7 @@ from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likel
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
-from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.identify.search import search, tidied
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, NEAR, POLISHED, TILTS_MATTER
 from auv_torchrl.diagnosis.verdict import Verdict
@@ -77,18 +77,18 @@ def look(
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is not None:
         behind, its_follow = follow_agreeing(Problem.of(problem.windows.subset(onset.behind), own, settings, known))
-        found = search(behind, its_follow, report, hints, others, below, rival)
+        found = search(behind, its_follow, report, hints, others, below)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
-            return Looked(_search_along(behind, found, report, rival), sound, onset)
+            return Looked(tidied(_search_along(behind, found, report), rival), sound, onset)
         hints, others, below, promise = _each_once(found.polished)[:POLISHED], Others.NONE, np.inf, found.promise
         whole = search(problem, follow, report, hints, others, below)
-        whole = _search_along(problem, whole, report)
+        whole = tidied(_search_along(problem, whole, report))
         return Looked(replace(whole, promise=promise), sound)
-    found = search(problem, follow, report, hints, others, below, rival)
-    return Looked(_search_along(problem, found, report, rival), sound)
+    found = search(problem, follow, report, hints, others, below)
+    return Looked(tidied(_search_along(problem, found, report), rival), sound)
 
 
-def _search_along(problem: Problem, found: Found, report: Progress, rival: float = -np.inf) -> Found:
+def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
     """Where something is left of a log whose errors are no white noise, weigh what was simulated along what was found.
 
     What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
@@ -98,7 +98,7 @@ def _search_along(problem: Problem, found: Found, report: Progress, rival: float
     if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
         return found
     hints = _each_once([found.best, *found.polished])[:POLISHED]
-    again = search(*follow_windows(problem, best), report, hints, Others.NONE, rival=rival)
+    again = search(*follow_windows(problem, best), report, hints, Others.NONE)
     return replace(again, promise=found.promise) if again.excess < found.excess else found
 
 
