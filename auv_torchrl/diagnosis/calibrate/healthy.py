@@ -14,7 +14,7 @@ from torch import Tensor
 from auv_torchrl.diagnosis.calibrate.draft import Draft, draft, parted
 from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
-from auv_torchrl.diagnosis.calibrate.together import Together, follow_all
+from auv_torchrl.diagnosis.calibrate.together import PASSES, Together, follow_all
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.problem import Known
@@ -80,27 +80,29 @@ def work_out(drafted: Draft, settings: Settings, free: Tensor | None = None) -> 
     """The calibration that a draft of it leads to; ``settings`` and ``free`` as of :func:`calibrate`."""
     together, centred, known = drafted.together, drafted.centred, drafted.known
     if together is None:
+        passes = PASSES
         if free is not None:
-            centred = _tilting_or_level(drafted.flights, centred, known, settings, free)
-        together = follow_all(drafted.flights, centred, known, settings)
+            centred, made = _tilting_or_level(drafted.flights, centred, known, settings, free)
+            passes -= made
+        together = follow_all(drafted.flights, centred, known, settings, passes=passes)
     return _told(together, drafted.strays, drafted.as_stated, drafted.log, settings)
 
 
 def _tilting_or_level(
     flights: Sequence[Windows], level: Centred, known: Known, settings: Settings, free: Tensor
-) -> Centred:
+) -> tuple[Centred, int]:
     """The vehicle held level or with the degrees of freedom ``free`` (6,), whichever makes the flights likelier.
+
+    Also after how many passes over the flights that is what they show of it.
 
     A disturbance makes up for the tilts that a level vehicle lacks, so that what is left tells nothing of them. Both
     begin where nothing has been shown yet, for what a level vehicle shows has its lack of tilts in it.
     """
-    both, odds = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0
-    for _ in range(TILT_PASSES):
+    both, odds, made = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0, 0
+    while made < TILT_PASSES and abs(odds) <= TILT_CLEAR:
         held, tilting = (follow_all(flights, begin, known, settings, passes=1) for begin in both)
-        both, odds = (held.whole, tilting.whole), tilting.likelihood - held.likelihood
-        if abs(odds) > TILT_CLEAR:
-            break
-    return both[odds > 0]
+        both, odds, made = (held.whole, tilting.whole), tilting.likelihood - held.likelihood, made + 1
+    return both[odds > 0], made
 
 
 def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tensor, settings: Settings) -> Calibration:
