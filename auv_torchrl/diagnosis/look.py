@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
+from auv_torchrl.diagnosis.calibrate.draft import draft
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_free, work_out
 from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
 from auv_torchrl.diagnosis.calibrate.left_open import under_own_floor
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -25,7 +26,7 @@ from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likel
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.identify.refine import Progress, explains
-from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.identify.search import search, tidied
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, NEAR, POLISHED, TILTS_MATTER
 from auv_torchrl.diagnosis.verdict import Verdict
@@ -76,21 +77,19 @@ def look(
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is not None:
         behind, its_follow = follow_agreeing(Problem.of(problem.windows.subset(onset.behind), own, settings, known))
-        found = search(behind, its_follow, report, hints, others, below, rival)
+        found = search(behind, its_follow, report, hints, others, below)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
-            return Looked(_search_along(behind, found, report, others, below, rival), sound, onset)
+            return Looked(tidied(_search_along(behind, found, report), rival), sound, onset)
         hints, others, below, promise = _each_once(found.polished)[:POLISHED], Others.NONE, np.inf, found.promise
         whole = search(problem, follow, report, hints, others, below)
-        whole = _search_along(problem, whole, report, others, below)
+        whole = tidied(_search_along(problem, whole, report))
         return Looked(replace(whole, promise=promise), sound)
-    found = search(problem, follow, report, hints, others, below, rival)
-    return Looked(_search_along(problem, found, report, others, below, rival), sound)
+    found = search(problem, follow, report, hints, others, below)
+    return Looked(tidied(_search_along(problem, found, report), rival), sound)
 
 
-def _search_along(
-    problem: Problem, found: Found, report: Progress, others: Others, below: float, rival: float = -np.inf
-) -> Found:
-    """Where something is left of a log whose errors are no white noise, search again along what was found.
+def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
+    """Where something is left of a log whose errors are no white noise, weigh what was simulated along what was found.
 
     What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
     large fault sound samples look like outliers.
@@ -98,8 +97,9 @@ def _search_along(
     best = replace(found.best.explanation, slack={})
     if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
         return found
-    again = search(*follow_windows(problem, best), report, [best], others, below, rival)
-    return again if again.excess < found.excess else found
+    hints = _each_once([found.best, *found.polished])[:POLISHED]
+    again = search(*follow_windows(problem, best), report, hints, Others.NONE)
+    return replace(again, promise=found.promise) if again.excess < found.excess else found
 
 
 def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:
@@ -131,18 +131,17 @@ def look_both_ways(
     hidden = is_hidden(training, vehicle)
     held = hold_attitude(training, vehicle)
     free = vehicle.free if hidden else None
-    sound = None
+    sound = kept.calibration(held) if kept and not healthy else None
     if healthy:
-        sound = calibrate(healthy, held, settings, coefficients, free)
-    elif kept:
-        sound = kept.calibration(held)
-    if sound is not None and (sound.has_gap or 0 < len(sound.strays) <= MOST_EFFECTS):
-        # Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects
-        # that explain all of it are a fault that was there already.
-        before = look_both_ways(join(healthy), vehicle, (), settings, report)
-        if judge(before.found) is Verdict.EXPLAINED:
+        drafted = draft(healthy, held, settings, coefficients)
+        few = 0 < len(drafted.strays) <= MOST_EFFECTS
+        fault = _fault_of(healthy, vehicle, settings, report) if few else None
+        if fault is None:
+            sound = work_out(drafted, settings, free)
+            fault = _fault_of(healthy, vehicle, settings, report) if sound.has_gap and not few else None
+        if fault is not None:
             looked = look_both_ways(training, vehicle, (), settings, report)
-            return replace(looked, contradiction=(healthy_not_healthy(healthy, before.found.best.explanation),))
+            return replace(looked, contradiction=(healthy_not_healthy(healthy, fault),))
     if sound is not None and hidden and sound.tilts:
         return look(training, vehicle, sound, settings, report)
     level = look(training, held, sound, settings, report, left=left)
@@ -157,6 +156,18 @@ def look_both_ways(
     odds = log_likelihood(tilting.found.problem, tilting.found.best) - log_likelihood(level.found.problem, best)
     better = tilting if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
+
+
+def _fault_of(
+    healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings, report: Progress
+) -> Explanation | None:
+    """The few effects that explain all of what healthy logs show of a vehicle; None where that is none.
+
+    Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects that
+    explain all of it are a fault that was there already.
+    """
+    found = look_both_ways(join(healthy), vehicle, (), settings, report).found
+    return found.best.explanation if judge(found) is Verdict.EXPLAINED else None
 
 
 def hints_of(found: Found) -> list[Explanation]:

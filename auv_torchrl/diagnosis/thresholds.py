@@ -164,7 +164,7 @@ MOST_EFFECTS = 3  # of an explanation: the prior makes four faults at once one i
 BLOCK_S = 0.6  # s over which the missing force is averaged
 FEWEST_BLOCKS = 10  # on either side of an onset
 ONSET_CLEAR = 40.0  # log likelihood that two levels of the missing force must gain over one
-LARGER = 20.0  # times the energy before the onset, in some degree of freedom
+LARGER = 20.0  # times the energy before the onset, in some degree of freedom, and not of thrusts and motion, too
 FEWEST_WINDOWS = 4  # behind an onset, to be explained by themselves
 SPEAKS = 10.0  # chi-square by which the windows before an onset must fit better without the effect
 

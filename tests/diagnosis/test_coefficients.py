@@ -193,15 +193,15 @@ def test_a_calibration_that_does_not_carry_over_is_vetoed():
 def test_what_predicts_worse_is_vetoed(monkeypatch):
     """An explanation that predicts held-out flight worse than the vehicle as it was given is not named."""
     module = sys.modules["auv_torchrl.diagnosis.look"]
-    search = module.search
+    tidied = module.tidied
 
     def misled(*how):
-        found = search(*how)
+        found = tidied(*how)
         wrong = Explanation((Knob("buoyancy", ("force",), 20.0),))
         judged = fit_by_simulation(found.problem, wrong, found.follow, rounds=0)
         return replace(found, best=judged, polished=[judged, *found.polished])
 
-    monkeypatch.setattr(module, "search", misled)
+    monkeypatch.setattr(module, "tidied", misled)
     log = fly(GIVEN, {}, seed=4, episodes=3, seconds=10.0)
     found = diagnose(log, GIVEN, settings=SETTINGS)
     assert "vetoed" in {finding.code for finding in found.findings}

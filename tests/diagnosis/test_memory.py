@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.judged import Base, is_minor
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.identify.search import search, tidied
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.vehicle import load_vehicle
@@ -106,7 +106,7 @@ def peak_of_screening(problem, base):
 def test_what_lost_keeps_its_motion_and_no_slopes(followed):
     """Explanations that were simulated and lost can be compared with and begun from, and hold no slopes any more."""
     problem, base = followed
-    found = search(problem, base, lambda *_: None)
+    found = tidied(search(problem, base, lambda *_: None))
     lost = [judged for judged in found.polished if judged is not found.best and judged is not found.none]
     assert found.best.base.state.slope.size and found.none.base.state.slope.size
     assert lost

@@ -8,6 +8,11 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.onset import find_onset
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
@@ -40,3 +45,24 @@ def test_a_fault_that_was_there_before_the_pilot_woke_up_is_no_onset():
     diagnosis = diagnose(log, PAPER)
     assert diagnosis.effects[0].thrusters == (3,)
     assert diagnosis.where.onset_s is None
+
+
+@pytest.mark.parametrize(("fault", "is_onset"), [(True, False), (False, True)])
+def test_the_moment_at_which_a_vehicle_sets_in_is_no_onset(fault, is_onset):
+    """A fault shows from where a vehicle moves on, and is dated only where it had moved before."""
+    values = {"thruster_gain": {"gain_3": 0.3}}
+    still, after = (fly(HELD, values, seed=seed, episodes=4, seconds=24.0) for seed in (5, 6))
+    before = fly(HELD, {}, seed=7, episodes=4, seconds=24.0)
+    first = [_settled(e) for e in still.episodes[::2]] if fault else before.episodes[1::2]
+    episodes = tuple(replace(e, number=i) for i, e in enumerate((*first, *after.episodes[1::2])))
+    settings = load_settings()
+    windows = cut_windows(replace(after, episodes=episodes), settings.window_s, settings.lead_s, settings.bin_s)
+    assert (find_onset(*follow_windows(Problem.of(windows, HELD, settings))) is not None) == is_onset
+
+
+def _settled(episode):
+    """The last half of an episode that holds its place."""
+    half = len(episode.t) // 2
+    t = episode.t[half:] - episode.t[half]
+    rows = {name: getattr(episode, name)[half:] for name in ("pose", "velocity", "commands")}
+    return replace(episode, t=t, **rows)

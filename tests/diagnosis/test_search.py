@@ -20,7 +20,7 @@ from auv_torchrl.diagnosis.identify.judged import log_likelihood, slack_now
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.identify.search import search, tidied
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.thresholds import NEAR, SLACK_LIMIT
@@ -47,7 +47,7 @@ def problem_of(vehicle, values, seed, nominal=HELD):
 
 def searched(problem, **how):
     """What a search finds: values of knobs by effect and first member."""
-    found = search(*follow_windows(problem), lambda *_: None, **how)
+    found = tidied(search(*follow_windows(problem), lambda *_: None, **how))
     return {(knob.effect, knob.members[0]): knob.value for knob in found.best.explanation.knobs}
 
 
@@ -157,7 +157,7 @@ def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
     limits = Explanation(
         tuple(Knob("thrust_limit", (member,), limit) for member, limit in values["thrust_limit"].items())
     )
-    found = search(*follow_windows(problem), lambda *_: None, [limits], Others.NONE)
+    found = tidied(search(*follow_windows(problem), lambda *_: None, [limits], Others.NONE))
     dead = {(knob.effect, knob.members[0]): knob.value for knob in found.best.explanation.knobs}
     assert dead == {("thruster_gain", f"gain_{i}"): pytest.approx(0.0, abs=0.01) for i in (1, 2)}
     assert (np.sqrt(np.diag(found.best.covariance)) < 0.04).all()  # the slack of a gain, 0.03, included
@@ -271,7 +271,7 @@ def test_a_bounded_minimum_is_where_a_solver_finds_it(count, seed):
 def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(monkeypatch):
     """A long log is searched in windows spread over it; the fault found there is fitted to all of them."""
     problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5))
-    whole = search(problem, follow, lambda *_: None)
+    whole = tidied(search(problem, follow, lambda *_: None))
     screen, looked_at = Field.of, []
 
     def counted(problem, *how):
@@ -282,7 +282,7 @@ def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(mo
     monkeypatch.setattr(module, "MANY_WINDOWS", 10)
     monkeypatch.setattr(module, "SEARCHED_WINDOWS", 8)
     monkeypatch.setattr(Field, "of", counted)
-    found = search(problem, follow, lambda *_: None)
+    found = tidied(search(problem, follow, lambda *_: None))
     assert len(problem.windows) > 10
     assert looked_at[0] == 8 and looked_at[-1] == len(problem.windows)
     assert found.best.quadratic.numbers == found.none.quadratic.numbers == whole.best.quadratic.numbers
@@ -294,14 +294,17 @@ def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(mo
 def test_what_is_far_behind_a_rival_is_not_worked_out(monkeypatch):
     """Values are taken out of the best explanation unless another vehicle explains the log far better anyway."""
     problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5))
-    module, tidied = sys.modules[search.__module__], []
-    monkeypatch.setattr(module, "tidy", lambda problem, best, polished: tidied.append(best) or best)
+    done = []
+    monkeypatch.setattr(
+        sys.modules[search.__module__], "tidy", lambda problem, best, polished: done.append(best) or best
+    )
     found = search(problem, follow, lambda *_: None)
+    assert not done
     reached = log_likelihood(found.problem, found.best)
     for ahead, worked_out in ((50.0, True), (1e4, False)):
-        tidied.clear()
-        search(problem, follow, lambda *_: None, rival=reached + ahead)
-        assert bool(tidied) == worked_out
+        done.clear()
+        tidied(found, rival=reached + ahead)
+        assert bool(done) == worked_out
 
 
 @pytest.mark.parametrize("seed", [2, 4])
@@ -338,6 +341,14 @@ def test_slack_is_asked_before_a_value_is_believed():
     problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_2": 0.5}}, seed=4))
     judged = fit_by_simulation(problem, Explanation((Knob("thruster_gain", ("gain_2",), 0.6),)), follow)
     assert left_to_slack(problem, judged, [0]) is None
+
+
+def test_what_a_fit_would_still_gain_does_not_speak_for_fewer_values():
+    """A value that slack cannot take stays, though a fit that stopped early would gain more than the value is worth."""
+    vehicle = with_slack(HELD, np.random.default_rng(1))
+    problem, follow = follow_windows(problem_of(vehicle, {"buoyancy": {"force": 1.0}}, seed=4))
+    stopped = fit_by_simulation(problem, Explanation((Knob("buoyancy", ("force",), 1.0),)), follow, rounds=0)
+    assert left_to_slack(problem, stopped, [0]) is None
 
 
 @pytest.mark.thorough

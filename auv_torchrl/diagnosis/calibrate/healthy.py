@@ -11,30 +11,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from torch import Tensor
 
-from auv_torchrl.diagnosis.calibrate.approach import approach, settled
+from auv_torchrl.diagnosis.calibrate.draft import Draft, draft, parted
 from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
-from auv_torchrl.diagnosis.calibrate.gauge import hold_scale, scaled_as_the_file
-from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guessed, stated
-from auv_torchrl.diagnosis.calibrate.together import Together, follow_all
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred
+from auv_torchrl.diagnosis.calibrate.together import PASSES, Together, follow_all
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
-from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
-from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
-from auv_torchrl.diagnosis.identify.problem import Known, Problem
+from auv_torchrl.diagnosis.identify.problem import Known
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS, TILT_CLEAR, TILT_PASSES
-from auv_torchrl.effects import EFFECTS
+from auv_torchrl.diagnosis.motion.windows import Windows
+from auv_torchrl.diagnosis.thresholds import TILT_CLEAR, TILT_PASSES
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
-FITS = 8  # at most, of the coefficients of a file that is a guess, while each ...
-STILL_FALLS = 2.0  # ... lowers chi-square by this: what no flight tells then follows the prior
 
 
 @dataclass(frozen=True)
@@ -81,48 +73,36 @@ def calibrate(
         free: degrees of freedom (6,) of a vehicle that is held level because nobody measured how it tilts; None where
             that is known.
     """
-    log = join(healthy)
-    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
-    problem, follow = follow_windows(Problem.of(windows, vehicle, settings))
-    nuisance = stated(vehicle, settings, windows.channels)
-    problem, judged = _fit(problem, nuisance, follow, 1)
-    flights, centred = _parted(healthy, windows), Centred.at(vehicle, nuisance)
-    known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
-    strays: tuple[str, ...] = ()
-    as_stated = excess = judged.chi2 / judged.quadratic.numbers
-    together = follow_all(flights, centred, known, settings, settings.excess) if excess < BEYOND_TRIM else None
-    if together is not None:
-        centred, known, as_stated = together.centred, together.known, together.excess
-    if together is None or as_stated > settings.excess:
-        near = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
-        problem, follow = follow_windows(Problem.of(windows, near.vehicle, settings))
-        problem, refitted = _fit(problem, near.nuisance, follow, FITS)
-        if refitted.chi2 / refitted.quadratic.numbers < excess:
-            moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), near)
-            centred = scaled_as_the_file(near.moved(*moved))
-            strays = _strays(settled(centred), settings)
-            known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
+    return work_out(draft(healthy, vehicle, settings, coefficients), settings, free)
+
+
+def work_out(drafted: Draft, settings: Settings, free: Tensor | None = None) -> Calibration:
+    """The calibration that a draft of it leads to; ``settings`` and ``free`` as of :func:`calibrate`."""
+    together, centred, known = drafted.together, drafted.centred, drafted.known
+    if together is None:
+        passes = PASSES
         if free is not None:
-            centred = _tilting_or_level(flights, centred, known, settings, free)
-        together = follow_all(flights, centred, known, settings)
-    return _told(together, strays, as_stated, log, settings)
+            centred, made = _tilting_or_level(drafted.flights, centred, known, settings, free)
+            passes -= made
+        together = follow_all(drafted.flights, centred, known, settings, passes=passes)
+    return _told(together, drafted.strays, drafted.as_stated, drafted.log, settings)
 
 
 def _tilting_or_level(
     flights: Sequence[Windows], level: Centred, known: Known, settings: Settings, free: Tensor
-) -> Centred:
+) -> tuple[Centred, int]:
     """The vehicle held level or with the degrees of freedom ``free`` (6,), whichever makes the flights likelier.
+
+    Also after how many passes over the flights that is what they show of it.
 
     A disturbance makes up for the tilts that a level vehicle lacks, so that what is left tells nothing of them. Both
     begin where nothing has been shown yet, for what a level vehicle shows has its lack of tilts in it.
     """
-    both, odds = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0
-    for _ in range(TILT_PASSES):
+    both, odds, made = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0, 0
+    while made < TILT_PASSES and abs(odds) <= TILT_CLEAR:
         held, tilting = (follow_all(flights, begin, known, settings, passes=1) for begin in both)
-        both, odds = (held.whole, tilting.whole), tilting.likelihood - held.likelihood
-        if abs(odds) > TILT_CLEAR:
-            break
-    return both[odds > 0]
+        both, odds, made = (held.whole, tilting.whole), tilting.likelihood - held.likelihood, made + 1
+    return both[odds > 0], made
 
 
 def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tensor, settings: Settings) -> Calibration:
@@ -136,7 +116,7 @@ def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tenso
     whole = level.together.whole if level.together else level.centred
     centred = replace(whole, vehicle=changed(whole.vehicle, free=free))
     known = replace(level.known, floor=np.array(settings.floor_force))
-    together = follow_all(_parted(healthy, windows), centred, known, settings)
+    together = follow_all(parted(healthy, windows), centred, known, settings)
     return _told(together, level.strays, level.as_stated, log, settings)
 
 
@@ -171,47 +151,6 @@ def noise_findings(noisier: dict[str, float]) -> tuple[Finding, ...]:
     sizes = ", ".join(f"{name} {times:.1f} times" for name, times in noisier.items())
     sentence = f"the sensors are noisier than on the healthy log: {sizes}; their noise is fitted on this log instead"
     return (Finding(Severity.WARNING, "noisier_than_healthy", sentence, columns=tuple(noisier)),)
-
-
-def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple[Problem, Judged]:
-    """Fit what may be off on all flights at once, and measure the noise under it."""
-    covariance = np.diag(np.array([width for *_, width in nuisance.slack]) ** 2)
-    problem = replace(
-        problem, slack=nuisance.slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance)
-    )
-    judged = fit_by_simulation(problem, Explanation(), follow)
-    for _ in range(1, fits):
-        further = fit_by_simulation(problem, judged.explanation, judged.base)
-        falls, judged = judged.chi2 - further.chi2, further
-        if not falls > STILL_FALLS:
-            break
-    if (anew := measure_noise(problem, judged)) is not problem:
-        problem, judged = anew, reassess(anew, judged)
-    return problem, judged
-
-
-def _left_open(problem: Problem, judged: Judged) -> Floats:
-    """Covariance (k, k) of slack, as the log leaves it open."""
-    k = len(problem.slack)
-    return np.linalg.inv(judged.quadratic.A[:k, :k] + problem.slack_precision)
-
-
-def _parted(healthy: Sequence[FlightLog], windows: Windows) -> list[Windows]:
-    """The windows of each log, of those that have some, in the order in which they are joined."""
-    ends = np.cumsum([len(log.episodes) for log in healthy])
-    flight = np.searchsorted(ends, windows.episode, side="right")
-    return [windows.subset(flight == number) for number in np.unique(flight)]
-
-
-def _strays(centred: Centred, settings: Settings) -> tuple[str, ...]:
-    """Effects of which some coefficient differs from the file by more than slack, and than the logs leave open."""
-    found = []
-    entries = zip(centred.nuisance.slack, centred.file, np.diag(centred.covariance), strict=True)
-    for (effect, member, nominal, _), away, variance in entries:
-        width = settings.slack_of(EFFECTS[effect]).get(member.rsplit("_", 1)[0], 0.0) * abs(nominal)
-        if abs(away) > STRAYS * np.hypot(width, np.sqrt(variance)):
-            found.append(effect)
-    return tuple(dict.fromkeys(found))
 
 
 def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> list[Finding]:

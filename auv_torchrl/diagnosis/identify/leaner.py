@@ -23,7 +23,8 @@ from auv_torchrl.diagnosis.thresholds import CONTENDS, FITTED_ON, SHOWS, STILL_G
 def left_to_slack(problem: Problem, judged: Judged, places: Collection[int], costs: float = SHOWS) -> Judged | None:
     """An explanation without the fitted knobs at some places, fitted from where it is; None where the log forbids that.
 
-    It does so where its own quadratic says that slack cannot take what those knobs do, but for ``costs`` of chi-square.
+    It does so where its own quadratic says that slack cannot take what those knobs do, but for ``costs`` of chi-square:
+    from its minimum on, for what a fit that stopped before it would still gain is no merit of having fewer knobs.
     """
     knobs = judged.explanation.knobs
     if any(knobs[place].discrete for place in places) or not np.isfinite(judged.chi2):
@@ -33,7 +34,7 @@ def left_to_slack(problem: Problem, judged: Judged, places: Collection[int], cos
     k = len(problem.slack)
     held = {k + order[p]: (nominal[p] - knobs[p].value) / judged.steps[order[p]] for p in places}
     step, slack_step = bounded_step(problem, judged, held)
-    if _costs(problem, judged, step, slack_step) > costs:
+    if _changes(problem, judged, step, slack_step) - _changes(problem, judged, *bounded_step(problem, judged)) > costs:
         return None
     moved = take_step(problem, judged.explanation, step, slack_step)
     kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
@@ -57,7 +58,7 @@ def until_still(problem: Problem, judged: Judged) -> Judged:
     return judged
 
 
-def _costs(problem: Problem, judged: Judged, step: np.ndarray, slack_step: np.ndarray) -> float:
+def _changes(problem: Problem, judged: Judged, step: np.ndarray, slack_step: np.ndarray) -> float:
     """What a step of the fitted knobs and of slack adds to chi-square, by the quadratic of an explanation."""
     q, at = judged.quadratic, slack_now(problem, judged.explanation)
     x = np.concatenate([slack_step, step / judged.steps])

@@ -10,8 +10,9 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.actuation import actuate_prepared
 from auv_torchrl.diagnosis.motion.reduce import Freedom
-from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import BLOCK_S, FEWEST_BLOCKS, FEWEST_WINDOWS, LARGER, ONSET_CLEAR, SPEAKS
 from auv_torchrl.vehicle import Vehicle
 
@@ -31,7 +32,7 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     """The moment at which the missing force sets in, None where it is not small before and large behind.
 
     The force in each degree of freedom is taken as white with one size before the moment and another behind it, and
-    the moment is where that is most likely.
+    the moment is where that is most likely. None, too, where the vehicle sets in then: nothing shows before it moves.
     """
     windows, layout = problem.windows, problem.layout
     width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt))), layout.bins)
@@ -65,9 +66,22 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     here = windows.episode == episode
     early = (windows.episode < episode) | (here & (end <= within))
     late = (windows.episode > episode) | (here & (windows.time >= within + BLOCK_S))  # it is known to a block
-    if early.sum() < FEWEST_WINDOWS or late.sum() < FEWEST_WINDOWS:
+    if early.sum() < FEWEST_WINDOWS or late.sum() < FEWEST_WINDOWS or _wakes_up(windows, follow, early, late):
         return None
     return Onset(float(passed) + within, int(windows.number[window]), within, early, late)
+
+
+def _wakes_up(windows: Windows, follow: Base, early: np.ndarray, late: np.ndarray) -> bool:
+    """Whether what the thrusters change and how the vehicle moves both grow from ``early`` to ``late`` windows (W,).
+
+    By as much as the missing force must: what is wrong with a vehicle shows in proportion to them.
+    """
+    actuation = actuate_prepared(windows, follow.coefficients)
+    thrust = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))[0][:, 0]  # (W, S, n)
+    speed, mass = follow.states[:, :-1, 7:], follow.coefficients.mass_matrix[0]
+    driven = [thrust[some].reshape(-1, thrust.shape[-1]).var(0).sum() for some in (early, late)]
+    moving = [np.einsum("wsi,ij,wsj", speed[some], mass, speed[some]) / some.sum() for some in (early, late)]
+    return all(behind > LARGER * before for before, behind in (driven, moving))
 
 
 def force_scatter(problem: Problem, follow: Base, count: int, width: int) -> tuple[Floats, float]:

@@ -45,24 +45,36 @@ def search(
     hints: Sequence[Explanation] = (),
     others: Others = Others.ALL,
     below: float = np.inf,
-    rival: float = -np.inf,
 ) -> Found:
-    """Explain the windows of a problem that ``follow`` has followed.
+    """Explain the windows of a problem that ``follow`` has followed, in as many values as it took, see :func:`tidied`.
 
     ``hints`` are simulated first, and ``others`` that the screening finds only where none of the hints explains the log
-    by a few values, and where they promise to leave less than ``below`` of chi-square per number. What is far behind
-    the log likelihood of a ``rival`` is not worked out. Of many windows, some are searched, and what is found is fitted
-    to all.
+    by a few values, and where they promise to leave less than ``below`` of chi-square per number. Of many windows, some
+    are searched, and what is found is fitted to all.
     """
     if len(problem.windows) <= MANY_WINDOWS:
-        return _search(problem, follow, progress, hints, others, below, rival)
+        return _search(problem, follow, progress, hints, others, below)
     rows = np.linspace(0, len(problem.windows) - 1, SEARCHED_WINDOWS).astype(int)
     few = Problem.of(problem.given.subset(rows), problem.vehicle, problem.settings, problem.known)
-    found = _search(*follow_agreeing(few), progress, hints, others, below, -np.inf)  # all windows tell who is behind
-    return _refit(problem, follow, found, progress, rival)
+    found = tidied(_search(*follow_agreeing(few), progress, hints, others, below))
+    return _refit(problem, follow, found, progress)
 
 
-def _refit(problem: Problem, follow: Base, found: Found, progress: Progress, rival: float) -> Found:
+def tidied(found: Found, rival: float = -np.inf) -> Found:
+    """What was found, its best explanation said as simply as the log allows, where it is not far behind a ``rival``.
+
+    The log likelihood of a rival is that of the best explanation of the same log by another vehicle.
+    """
+    problem, best, polished = found.problem, found.best, list(found.polished)
+    left = max(1.0, best.chi2 / best.quadratic.numbers)
+    if log_likelihood(problem, best) > rival - CONTENDS * left:
+        best = tidy(problem, best, polished)
+    problem.freedoms.clear()
+    kept = (judged if judged is best or judged is found.none else _set_aside(judged) for judged in polished)
+    return replace(found, best=best, polished=sorted(kept, key=lambda judged: -judged.evidence))
+
+
+def _refit(problem: Problem, follow: Base, found: Found, progress: Progress) -> Found:
     """What was ``found`` among some windows, fitted to all of them; effects are added where these show more."""
     field = Field.of(problem, follow)
     hopeless = _is_hopeless(found.none, found.none.quadratic.numbers, found.best.evidence)
@@ -72,7 +84,7 @@ def _refit(problem: Problem, follow: Base, found: Found, progress: Progress, riv
     chosen = [found.best, *others] if found.best.explanation.effects else others
     polished += [fit_by_simulation(problem, judged.explanation, follow) for judged in chosen[: 1 + REFITTED]]
     few_left_much = leaves_much(found.problem, found.best)
-    return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress, rival)
+    return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress)
 
 
 def _is_hopeless(none: Screened | Judged, numbers: int, best: float) -> bool:
@@ -87,7 +99,6 @@ def _search(
     hints: Sequence[Explanation],
     others: Others,
     below: float,
-    rival: float,
 ) -> Found:
     field = Field.of(problem, follow)
     families = field.families()
@@ -98,7 +109,8 @@ def _search(
         polished = [rescued(problem, polished[0], follow)]
     problem = replace(problem, slack_suffices=slack_does(problem, polished[0]))
     promise = np.inf
-    for explanation in (*([follow.explanation] if follow.explanation.effects else []), *hints):
+    followed = [follow.explanation] if follow.explanation.effects and follow.explanation not in hints else []
+    for explanation in (*followed, *hints):
         polished.append(rescued(problem, fit_by_simulation(problem, explanation, follow), follow))
         few = len(explanation.knobs) <= FEW_VALUES or polished[-1].nothing_left
         if others is not Others.NONE and few and explains(problem, polished[-1]):
@@ -114,7 +126,7 @@ def _search(
             enough = TURNED_ROUND * min(judged.chi2 for judged in polished)
             polished.append(_simulated(problem, shown, follow, families, enough))
             progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
-    return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress, rival)
+    return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress)
 
 
 def _finish(
@@ -126,9 +138,8 @@ def _finish(
     promise: float,
     given_up: bool,
     progress: Progress,
-    rival: float,
 ) -> Found:
-    """The best of what was simulated, with effects added, unless that is ``given_up``, and taken out."""
+    """The best of what was simulated, with effects added, unless that is ``given_up``."""
     best = _best(problem, polished)
     if (anew := measure_noise(problem, best)) is not problem:
         problem = anew
@@ -144,14 +155,8 @@ def _finish(
         best = _best(problem, polished)
     if not given_up and is_worth_a_look(problem, best):
         best = grow(problem, best, polished, field.twins, progress)
-    left = max(1.0, best.chi2 / best.quadratic.numbers)
-    if log_likelihood(problem, best) > rival - CONTENDS * left:
-        best = tidy(problem, best, polished)
-    problem.freedoms.clear()
-    none = polished[0]
-    kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
-    ranked = sorted(kept, key=lambda judged: -judged.evidence)
-    return Found(problem, follow, none, best, ranked, families, field, promise)
+    ranked = sorted(polished, key=lambda judged: -judged.evidence)
+    return Found(problem, follow, polished[0], best, ranked, families, field, promise)
 
 
 def _set_aside(judged: Judged) -> Judged:
