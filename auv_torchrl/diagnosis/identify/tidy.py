@@ -7,7 +7,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, spread
+from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_does, spread
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import from_another
@@ -54,7 +54,7 @@ def _is_fuller(judged: Judged, best: Judged) -> bool:
 
 
 def _leave_out_small(problem: Problem, best: Judged, polished: list[Judged]) -> Judged:
-    """Take out small values of single thrusters or axes, beside others, that nothing is left without.
+    """Take out small values of single thrusters or axes, beside others, that slack suffices without.
 
     Healthy flights say what such values differ by among themselves; beside a fault, that is no finding either.
     """
@@ -62,7 +62,7 @@ def _leave_out_small(problem: Problem, best: Judged, polished: list[Judged]) -> 
         knobs = best.explanation.knobs
         less = (knobs[:place] + knobs[place + 1 :] for place in small_members(problem, best))
         fewer = [fit_by_simulation(problem, replace(best.explanation, knobs=left), best.base) for left in less]
-        enough = [judged for judged in fewer if _suffices(problem, judged, best)]
+        enough = [one for one in fewer if _suffices(problem, one, best) and slack_does(problem, one)]
         if not enough:
             break
         best = max(enough, key=lambda judged: judged.evidence)
