@@ -14,10 +14,11 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.identify.judged import Base, is_minor
+from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search, tidied
+from auv_torchrl.diagnosis.identify.small import is_minor
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
 from auv_torchrl.vehicle import load_vehicle

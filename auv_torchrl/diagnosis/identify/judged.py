@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.motion.reduce import Quadratic, SlackMarks, local_pre
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import MINOR, SATISFIED, STRAINED
+from auv_torchrl.diagnosis.thresholds import SATISFIED, STRAINED
 from auv_torchrl.physics import Coefficients, prepare
 from auv_torchrl.vehicle import Vehicle
 
@@ -125,13 +125,13 @@ def force_of_slack(problem: Problem, base: Base) -> float:
         Explanation(slack=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
         for s, d in zip(size, direction.T, strict=True)
     ]
-    return float(np.sqrt((_sizes(problem, each, base) ** 2).sum()))
+    return float(np.sqrt((sizes(problem, each, base) ** 2).sum()))
 
 
 @DIVERGING
-def _sizes(problem: Problem, explanations: list[Explanation], base: Base) -> Floats:
+def sizes(problem: Problem, explanations: list[Explanation], base: Base) -> Floats:
     """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
-    if not problem.followed.any():
+    if not problem.followed.any() or not explanations:
         return np.zeros(len(explanations))
     values = [{}, *(explanation.values(problem.vehicle) for explanation in explanations)]
     c = prepare(batch(problem.vehicle, values)).numpy()
@@ -139,21 +139,3 @@ def _sizes(problem: Problem, explanations: list[Explanation], base: Base) -> Flo
     forces = force_changes(problem.windows, c.rows(slice(1)), c.rows(slice(1, None)), base.motion)[..., moves]
     scaled = (forces / problem.reach[moves])[problem.followed]
     return np.sqrt((scaled**2).mean((0, 2)).sum(-1))
-
-
-def is_minor(problem: Problem, judged: Judged) -> bool:
-    """Whether some effect of an explanation does no more than slack does anyway, and slack explains the log."""
-    explanation = judged.explanation
-    if not problem.slack_suffices or not explanation.effects or not np.isfinite(judged.chi2):
-        return False
-    return any(are_small(problem, judged))
-
-
-def are_small(problem: Problem, judged: Judged) -> list[bool]:
-    """Of each effect of an explanation, whether it does no more than slack does anyway."""
-    explanation = judged.explanation
-    alone = [
-        Explanation(tuple(knob for knob in explanation.knobs if knob.effect == effect))
-        for effect in explanation.effects
-    ]
-    return (_sizes(problem, alone, judged.base) < MINOR * problem.slack_size).tolist()

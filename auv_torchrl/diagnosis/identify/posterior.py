@@ -3,8 +3,8 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.found import Found
-from auv_torchrl.diagnosis.identify.judged import is_minor
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.small import is_minor
 from auv_torchrl.diagnosis.thresholds import SCREENING_DOUBT, STANDS_IN
 
 NONE, UNKNOWN = "none", "unknown"

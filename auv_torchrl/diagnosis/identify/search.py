@@ -13,16 +13,17 @@ from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.judged import (
     Base,
     Judged,
-    is_minor,
     leaves_much,
     log_likelihood,
     slack_does,
 )
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, is_worth_a_look, tidy
+from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, is_worth_a_look
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
 from auv_torchrl.diagnosis.identify.sketches import is_near
+from auv_torchrl.diagnosis.identify.small import is_minor
+from auv_torchrl.diagnosis.identify.tidy import tidy
 from auv_torchrl.diagnosis.thresholds import (
     BROKEN_PROMISE,
     CONTENDS,
