@@ -78,6 +78,7 @@ def look(
     if onset is not None:
         behind, its_follow = follow_agreeing(Problem.of(problem.windows.subset(onset.behind), own, settings, known))
         found = search(behind, its_follow, report, hints, others, below)
+        found = found if seen else tidied(found)  # a value that is not needed may be what was not there before
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
             return Looked(tidied(_search_along(behind, found, report), rival), sound, onset)
         hints, others, below, promise = _each_once(found.polished)[:POLISHED], Others.NONE, np.inf, found.promise
