@@ -59,9 +59,8 @@ def _leave_out_small(problem: Problem, best: Judged, polished: list[Judged]) -> 
     Healthy flights say what such values differ by among themselves; beside a fault, that is no finding either.
     """
     while problem.known is not None and not problem.known.of_itself:
-        knobs = best.explanation.knobs
-        less = (knobs[:place] + knobs[place + 1 :] for place in small_members(problem, best))
-        fewer = [fit_by_simulation(problem, replace(best.explanation, knobs=left), best.base) for left in less]
+        tried = [left_to_slack(problem, best, [place], np.inf) for place in small_members(problem, best)]
+        fewer = [judged for judged in tried if judged is not None]
         enough = [one for one in fewer if _suffices(problem, one, best) and slack_does(problem, one)]
         if not enough:
             break
