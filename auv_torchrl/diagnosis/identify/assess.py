@@ -8,7 +8,13 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, without_slack
-from auv_torchrl.diagnosis.identify.steps import bounded_step, joint_precision, take_step, value_steps
+from auv_torchrl.diagnosis.identify.steps import (
+    bounded_step,
+    joint_precision,
+    parted_from_slack,
+    take_step,
+    value_steps,
+)
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import KNOB_STEP, LONG_STEP, SLACK_SHARES
 from auv_torchrl.effects import EFFECTS, Origin
@@ -75,7 +81,7 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
             moved = take_step(problem, judged.explanation, step[k:] * steps, step[:k])
             sure = moved, np.linalg.inv(curvature)[k:, k:] * np.outer(steps, steps)
         likeliest = max(likeliest, log_likelihood)
-    return sure
+    return parted_from_slack(problem, sure[0]), sure[1]
 
 
 def knob_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:
