@@ -8,7 +8,8 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.identify.search import search, tidied
+from auv_torchrl.diagnosis.identify.steps import parted_from_slack
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from tests.diagnosis.flown_logs import fly
 from tests.diagnosis.healthy_flights import FAULT, FILE, OWN, flown
@@ -30,7 +31,7 @@ def searched(sound, values, knobs):
     log = fly(apply_values(OWN, {"added_mass": {"scale_yaw": 0.98}}), values, seed=5, episodes=3, seconds=20.0)
     windows = cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
     problem, follow = follow_windows(Problem.of(windows, sound.vehicle, SETTINGS, sound.known))
-    return search(problem, follow, lambda *_: None, [Explanation(knobs)], Others.NONE)
+    return tidied(search(problem, follow, lambda *_: None, [Explanation(knobs)], Others.NONE))
 
 
 def test_what_flights_differ_by_is_not_named_beside_a_fault(sound):
@@ -50,3 +51,12 @@ def test_two_weak_thrusters_are_both_named(sound):
         "gain_3": pytest.approx(0.6, abs=0.03),
         "gain_1": pytest.approx(0.8, abs=0.03),
     }
+
+
+def test_a_value_is_said_whole_whatever_slack_undoes_of_it(sound):
+    """A gain of 0.75 of which slack takes 0.15 is said as 0.6, and the vehicle stays the same."""
+    problem = searched(sound, FAULT, (FAULTY,)).problem
+    split = Explanation((Knob("thruster_gain", ("gain_3",), 0.75),), {("thruster_gain", "gain_3"): -0.15})
+    said = parted_from_slack(problem, split)
+    assert said.knobs[0].value == pytest.approx(0.6, abs=0.005)
+    assert said.values(problem.vehicle)["thruster_gain"]["gain_3"] == pytest.approx(0.6)

@@ -8,7 +8,14 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, without_slack
-from auv_torchrl.diagnosis.identify.steps import bounded_step, joint_precision, take_step, value_steps
+from auv_torchrl.diagnosis.identify.steps import (
+    bounded_step,
+    joint_precision,
+    parted_from_slack,
+    shared_with_slack,
+    take_step,
+    value_steps,
+)
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import KNOB_STEP, LONG_STEP, SLACK_SHARES
 from auv_torchrl.effects import EFFECTS, Origin
@@ -66,7 +73,7 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     """
     steps, k = judged.steps, len(problem.slack)
     measured = np.zeros((k, k)) if problem.slack_open is None else problem.slack_open
-    explanation = judged.explanation.said_by_knobs(problem.vehicle)
+    explanation = parted_from_slack(problem, judged.explanation)
     at = np.concatenate([slack_now(problem, explanation), np.zeros(len(steps))])
     as_one = _as_one_number(problem, judged)
     A, b = as_one.T @ judged.quadratic.A @ as_one, as_one.T @ judged.quadratic.b
@@ -93,14 +100,12 @@ def _as_one_number(problem: Problem, judged: Judged) -> Floats:
 
     Their slopes differ by rounding alone, and a log that tells the number well would part them by that.
     """
-    place_of = {entry[:2]: place for place, entry in enumerate(problem.slack)}
-    as_one, order = np.eye(len(problem.slack) + len(judged.steps)), 0
-    said_twice = judged.explanation.said_twice(problem.vehicle)
-    for place, knob in enumerate(judged.explanation.knobs):
-        if place in said_twice and said_twice[place] in place_of:
-            column = place_of[said_twice[place]]
-            as_one[column, column], as_one[len(problem.slack) + order, column] = 0.0, 1 / judged.steps[order]
-        order += not knob.discrete
+    shared = shared_with_slack(problem, judged.explanation)
+    k, m = shared.shape
+    as_one = np.eye(k + m)
+    for order in np.flatnonzero(shared.sum(0) == 1):
+        column = int(shared[:, order].argmax())
+        as_one[column, column], as_one[k + order, column] = 0.0, 1 / judged.steps[order]
     return as_one
 
 

@@ -63,25 +63,6 @@ class Explanation:
                 row[member] = min(max(row.get(member, nominal[member]) + deviation, p.low), p.high)
         return values
 
-    def said_twice(self, vehicle: Vehicle) -> dict[int, tuple[str, str]]:
-        """Slack, by its parameter, of numbers that a knob has alone, by the place of that knob."""
-        places = {}
-        for place, knob in enumerate(self.knobs):
-            key = (knob.effect, knob.members[0])
-            is_one = len(knob.members) == 1 and not knob.discrete and key not in places.values()
-            if is_one and key in self.slack and not declared(knob.effect, vehicle).parameters[key[1]].loose:
-                places[place] = key
-        return places
-
-    def said_by_knobs(self, vehicle: Vehicle) -> "Explanation":
-        """The same vehicle, with the slack of a number that a knob has as part of its value."""
-        knobs, slack = list(self.knobs), dict(self.slack)
-        for place, key in self.said_twice(vehicle).items():
-            p = declared(key[0], vehicle).parameters[key[1]]
-            knobs[place] = replace(knobs[place], value=min(max(knobs[place].value + slack[key], p.low), p.high))
-            slack[key] = 0.0
-        return replace(self, knobs=tuple(knobs), slack=slack)
-
     def moved(self, amounts: dict[int, float]) -> "Explanation":
         """The explanation with other values of some knobs, by their place."""
         knobs = [replace(k, value=amounts[i]) if i in amounts else k for i, k in enumerate(self.knobs)]

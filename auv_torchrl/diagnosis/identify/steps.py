@@ -74,6 +74,38 @@ def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_st
     return replace(explanation.moved(amounts), slack=slack)
 
 
+def parted_from_slack(problem: Problem, explanation: Explanation) -> Explanation:
+    """The same vehicle, with that slack of what a fitted value changes too which the rest of the slack lets expect.
+
+    The value says all else. A fit holds what its log does not tell, and uses the slack of such a number, which costs
+    the log nothing, for that; or it stops anywhere between the two.
+    """
+    own = shared_with_slack(problem, explanation)
+    if not own.any():
+        return explanation
+    at = slack_now(problem, explanation)
+    pull = np.linalg.inv(problem.known.slack_covariance) if problem.known else problem.slack_precision
+    by = np.linalg.lstsq(own.T @ pull @ own, own.T @ pull @ at, rcond=None)[0]
+    places = [place for place, knob in enumerate(explanation.knobs) if not knob.discrete]
+    values = [knob.value + amount for knob, amount in zip(explanation.fitted, by.tolist(), strict=True)]
+    bounds = [declared(knob.effect, problem.vehicle).parameters[knob.members[0]] for knob in explanation.fitted]
+    if not all(p.low <= value <= p.high for p, value in zip(bounds, values, strict=True)):
+        return explanation
+    slack = dict(zip([entry[:2] for entry in problem.slack], (at - own @ by).tolist(), strict=True))
+    return replace(explanation.moved(dict(zip(places, values, strict=True))), slack=slack)
+
+
+def shared_with_slack(problem: Problem, explanation: Explanation) -> Floats:
+    """(k, m) 1 where slack changes a member of a fitted value, and the two add up in all members of that value."""
+    own = np.zeros((len(problem.slack), len(explanation.fitted)))
+    rows = {entry[:2]: row for row, entry in enumerate(problem.slack)}
+    for column, knob in enumerate(explanation.fitted):
+        parameters = declared(knob.effect, problem.vehicle).parameters
+        if all((knob.effect, member) in rows and not parameters[member].loose for member in knob.members):
+            own[[rows[knob.effect, member] for member in knob.members], column] = 1.0
+    return own
+
+
 def joint_precision(slack: Floats, values: Floats) -> Floats:
     """Prior precision (k + m, k + m) of slack, (k, k), and of independent values, (m,)."""
     k = len(slack)
