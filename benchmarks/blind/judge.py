@@ -184,7 +184,10 @@ def _probability(answer: str, diagnosis: Mapping[str, Any], groups: list[list[st
 def _parameters(
     truth: Mapping[str, Mapping[str, float]], found: list[dict[str, Any]], vehicle: Vehicle
 ) -> tuple[dict[str, float], dict[str, bool]]:
-    """Errors over sizes by effect and unit, and what the intervals hold, for effects that were named rightly."""
+    """Errors over sizes by effect and unit, and what the intervals hold, for effects that were named rightly.
+
+    One value of all members of a family is one number with one interval, and counts once.
+    """
     errors, covered = {}, {}
     for effect, values in truth.items():
         answer = next((f["parameters"] for f in found if f["name"] == effect), None)
@@ -198,7 +201,6 @@ def _parameters(
             if size > 0:
                 said = {k: answer[k]["value"] if k in answer else nominal[k] for k in members}
                 errors[f"{effect} [{unit}]"] = math.hypot(*(said[k] - true[k] for k in members)) / size
-            for k in members:
-                if k in answer:
-                    covered[f"{effect}.{k}"] = answer[k]["low"] <= true[k] <= answer[k]["high"]
+            told = {(answer[k]["low"], answer[k]["high"], true[k]): k for k in reversed(members) if k in answer}
+            covered |= {f"{effect}.{k}": low <= value <= high for (low, high, value), k in told.items()}
     return errors, covered

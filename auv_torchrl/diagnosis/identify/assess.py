@@ -1,5 +1,7 @@
 """What an explanation is worth: chi-square, evidence, the uncertainty of its values, and the step that betters it."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
@@ -71,28 +73,43 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     of the vehicle has been measured, and is as wide as it is. Values move by what narrower slack does to them: where an
     explanation is not at the minimum of its quadratic, its fit has found that the minimum is no better.
     """
-    steps, k = judged.steps, len(problem.slack)
-    measured = np.zeros((k, k)) if problem.slack_open is None else problem.slack_open
-    explanation = parted_from_slack(problem, judged.explanation)
-    at = np.concatenate([slack_now(problem, explanation), np.zeros(len(steps))])
-    as_one = _as_one_number(problem, judged)
+    explanation, as_one = parted_from_slack(problem, judged.explanation), _as_one_number(problem, judged)
     A, b = as_one.T @ judged.quadratic.A @ as_one, as_one.T @ judged.quadratic.b
+    shares = list(_by_share(problem, explanation, judged.steps, A, b, problem.slack_open))
+    _, step, curvature = max(shares, key=lambda share: share[0])
+    k, by = len(problem.slack), step - shares[0][1]
+    said = take_step(problem, explanation, by[k:] * judged.steps, by[:k])
+    return said, np.linalg.inv(curvature)[k:, k:] * np.outer(judged.steps, judged.steps)
+
+
+def likeliest(problem: Problem, judged: Judged) -> Explanation:
+    """The explanation at the minimum of its quadratic, all slack as wide as this log shows it.
+
+    A fit that stopped short may have slack undo half of a value that is as good as nothing.
+    """
+    q, k = judged.quadratic, len(problem.slack)
+    shares = _by_share(problem, judged.explanation, judged.steps, q.A, q.b)
+    step = max(shares, key=lambda share: share[0])[1]
+    return parted_from_slack(problem, take_step(problem, judged.explanation, step[k:] * judged.steps, step[:k]))
+
+
+def _by_share(
+    problem: Problem, explanation: Explanation, steps: Floats, A: Floats, b: Floats, measured: Floats | None = None
+) -> Iterator[tuple[float, Floats, Floats]]:
+    """By share of the width of slack, the whole first: log likelihood, step to the minimum, and curvature there.
+
+    ``measured`` (k, k) is the part of the slack's covariance that is as wide as it is.
+    """
+    at = np.concatenate([slack_now(problem, explanation), np.zeros(len(steps))])
     stiffness = value_steps(problem, explanation, steps)[0]
-    likeliest, sure, assumed = -np.inf, (explanation, judged.covariance), None
+    fixed = np.zeros_like(problem.slack_covariance) if measured is None else measured
     for share in SLACK_SHARES:
-        width = measured + share**2 * (problem.slack_covariance - measured)
+        width = fixed + share**2 * (problem.slack_covariance - fixed)
         pull = joint_precision(np.linalg.inv(width), stiffness)
         curvature, slope = A + pull, b - pull @ at
         step = np.linalg.solve(curvature, slope)
         volumes = np.linalg.slogdet(curvature)[1] + np.linalg.slogdet(width)[1]
-        log_likelihood = 0.5 * (slope @ step - at @ pull @ at - volumes)
-        assumed = step if assumed is None else assumed
-        if log_likelihood > likeliest:
-            by = step - assumed
-            moved = take_step(problem, explanation, by[k:] * steps, by[:k])
-            sure = moved, np.linalg.inv(curvature)[k:, k:] * np.outer(steps, steps)
-            likeliest = log_likelihood
-    return sure
+        yield float(0.5 * (slope @ step - at @ pull @ at - volumes)), step, curvature
 
 
 def _as_one_number(problem: Problem, judged: Judged) -> Floats:

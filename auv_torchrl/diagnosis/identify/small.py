@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import as_sure
+from auv_torchrl.diagnosis.identify.assess import likeliest
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.judged import Judged, sizes
@@ -21,13 +21,13 @@ def is_minor(problem: Problem, judged: Judged) -> bool:
 
 def are_small(problem: Problem, judged: Judged) -> list[bool]:
     """Of each effect of an explanation, whether it does no more than slack does anyway."""
-    knobs = as_sure(problem, judged)[0].knobs
+    knobs = likeliest(problem, judged).knobs
     return _do_little(problem, judged, [[k for k in knobs if k.effect == e] for e in judged.explanation.effects])
 
 
 def small_members(problem: Problem, judged: Judged) -> list[int]:
     """Places of the knobs of one thruster or axis, of an effect that has several, that do no more than slack does."""
-    knobs = as_sure(problem, judged)[0].knobs
+    knobs = likeliest(problem, judged).knobs
     each = [declared(knob.effect, problem.vehicle).parameters[knob.members[0]] for knob in knobs]
     kinds = [(knob.effect, p.name) for knob, p in zip(knobs, each, strict=True)]
     several = [i for i, p in enumerate(each) if p.over is not None and not p.discrete and kinds.count(kinds[i]) > 1]

@@ -7,12 +7,13 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_does, spread
+from auv_torchrl.diagnosis.identify.judged import Judged, is_strained, leaves_much, slack_does, spread
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import from_another
 from auv_torchrl.diagnosis.identify.screen import Field, Screened
 from auv_torchrl.diagnosis.identify.small import are_small, is_minor, small_members
+from auv_torchrl.diagnosis.identify.steps import parted_from_slack
 from auv_torchrl.diagnosis.thresholds import EVIDENCE_SLIP, IDLE, MISSED, TIE, WORTH_AN_EFFECT
 from auv_torchrl.effects import EFFECTS
 
@@ -61,12 +62,18 @@ def _leave_out_small(problem: Problem, best: Judged, polished: list[Judged]) -> 
     while problem.known is not None and not problem.known.of_itself:
         tried = [left_to_slack(problem, best, [place], np.inf) for place in small_members(problem, best)]
         fewer = [judged for judged in tried if judged is not None]
-        enough = [one for one in fewer if _suffices(problem, one, best) and slack_does(problem, one)]
+        enough = [one for one in fewer if _suffices(problem, one, best) and _slack_takes_it(problem, one)]
         if not enough:
             break
         best = max(enough, key=lambda judged: judged.evidence)
         polished.append(best)
     return best
+
+
+def _slack_takes_it(problem: Problem, judged: Judged) -> bool:
+    """Whether slack explains the log beside the values as they are said, each number and all together likely."""
+    said = replace(judged, explanation=parted_from_slack(problem, judged.explanation))
+    return slack_does(problem, judged) and not is_strained(problem, said)
 
 
 def _suffices(problem: Problem, judged: Judged, fuller: Judged) -> bool:
