@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.identify.problem import Known
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
 from auv_torchrl.diagnosis.motion.windows import Windows
-from auv_torchrl.diagnosis.thresholds import TILT_CLEAR, TILT_PASSES
+from auv_torchrl.diagnosis.thresholds import TILT_PASSES
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
@@ -82,27 +82,24 @@ def work_out(drafted: Draft, settings: Settings, free: Tensor | None = None) -> 
     if together is None:
         passes = PASSES
         if free is not None:
-            centred, made = _tilting_or_level(drafted.flights, centred, known, settings, free)
-            passes -= made
+            centred, passes = _tilting_or_level(drafted.flights, centred, known, settings, free), PASSES - TILT_PASSES
         together = follow_all(drafted.flights, centred, known, settings, passes=passes)
     return _told(together, drafted.strays, drafted.as_stated, drafted.log, settings)
 
 
 def _tilting_or_level(
     flights: Sequence[Windows], level: Centred, known: Known, settings: Settings, free: Tensor
-) -> tuple[Centred, int]:
+) -> Centred:
     """The vehicle held level or with the degrees of freedom ``free`` (6,), whichever makes the flights likelier.
-
-    Also after how many passes over the flights that is what they show of it.
 
     A disturbance makes up for the tilts that a level vehicle lacks, so that what is left tells nothing of them. Both
     begin where nothing has been shown yet, for what a level vehicle shows has its lack of tilts in it.
     """
-    both, odds, made = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0, 0
-    while made < TILT_PASSES and abs(odds) <= TILT_CLEAR:
+    both, odds = (level, replace(level, vehicle=changed(level.vehicle, free=free))), 0.0
+    for _ in range(TILT_PASSES):
         held, tilting = (follow_all(flights, begin, known, settings, passes=1) for begin in both)
-        both, odds, made = (held.whole, tilting.whole), tilting.likelihood - held.likelihood, made + 1
-    return both[odds > 0], made
+        both, odds = (held.whole, tilting.whole), tilting.likelihood - held.likelihood
+    return both[odds > 0]
 
 
 def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tensor, settings: Settings) -> Calibration:
