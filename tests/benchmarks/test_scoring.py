@@ -76,6 +76,15 @@ def test_the_truth_gets_full_marks(labels):
     assert "single effect named first | ≥ 95 % | ≥ 99 % | 100.0%" in text
 
 
+@pytest.mark.parametrize(("apart", "numbers_told"), [(0.0, 1), (1.0, 6)])
+def test_one_value_of_all_thrusters_counts_once(labels, apart, numbers_told):
+    """One limit for six thrusters has one interval, which holds the truth or not; six limits have six."""
+    limits = {f"limit_{i}": 20.0 + apart * i for i in range(1, 7)}
+    of_one = next(label for label in labels if label["family"] == "single")
+    label = {**of_one, "truth": "thrust_limit", "effects": ["thrust_limit"], "values": {"thrust_limit": limits}}
+    assert list(judge("limits", label, perfect(label), VEHICLE).covered.values()) == [True] * numbers_told
+
+
 def test_seeing_nothing_gets_no_marks(labels):
     """An answer of no gap is right where there is none, and nowhere else."""
     judgements = [judge(str(i), label, blind_eye(label), VEHICLE) for i, label in enumerate(labels)]

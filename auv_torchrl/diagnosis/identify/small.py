@@ -36,6 +36,6 @@ def small_members(problem: Problem, judged: Judged) -> list[int]:
 
 
 def _do_little(problem: Problem, judged: Judged, parts: Sequence[Sequence[Knob]]) -> list[bool]:
-    """Of each part of an explanation, with the values that are said of it: a fit may have slack undo half of them."""
+    """Of each part of an explanation, with its likeliest values, whether it does no more than slack does anyway."""
     alone = [Explanation(tuple(part)) for part in parts]
     return (sizes(problem, alone, judged.base) < MINOR * problem.slack_size).tolist()

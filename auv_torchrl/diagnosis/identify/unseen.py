@@ -24,9 +24,12 @@ def hold_unseen(problem: Problem, follow: Base) -> Problem:
     told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of slack
     share = np.where(told < TELLS, UNTOLD, 1.0)
     root = root @ along
-    held = (root * share) @ np.linalg.inv(root)
-    covariance = held @ problem.slack_covariance @ held.T
-    still_open = None if problem.slack_open is None else held @ problem.slack_open @ held.T
+    held = root * share
+    covariance = held @ held.T
+    still_open = problem.slack_open
+    if still_open is not None:
+        hold = held @ np.linalg.inv(root)
+        still_open = hold @ still_open @ hold.T
     widths = np.sqrt(np.diag(covariance)).tolist()
     slack = tuple((*entry[:3], width) for entry, width in zip(problem.slack, widths, strict=True))
     precision = np.linalg.inv(covariance)
