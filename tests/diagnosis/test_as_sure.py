@@ -13,8 +13,8 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.unseen import hold_unseen
+from auv_torchrl.diagnosis.identify.problem import Known, Problem
+from auv_torchrl.diagnosis.identify.steps import joint_precision
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
@@ -71,22 +71,32 @@ def test_a_value_is_the_same_however_a_fit_shares_it_with_slack(weak, by):
     assert told.value == pytest.approx(0.6, abs=3 * np.sqrt(covariance[0, 0]))
 
 
+def with_flights(problem, share):
+    """The problem where flights have told its slack, and leave ``share`` of the covariance open of the vehicle."""
+    covariance = problem.slack_covariance
+    known = Known(problem.floor, problem.sigma, problem.rough_noise, problem.slack, covariance)
+    return replace(problem, known=replace(known, shrinks=share * covariance))
+
+
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_what_flights_leave_open_of_a_vehicle_stays_open(weak, share):
     """A log that shows a vehicle near its calibrated numbers makes these no surer than the flights have made them."""
     problem, judged = weak
     narrowed = as_sure(problem, judged)[1][0, 0]
-    measured = replace(problem, slack_open=share * problem.slack_covariance)
-    wide, least = as_sure(measured, judged)[1][0, 0], share * problem.slack_covariance[3, 3]
+    wide, least = as_sure(with_flights(problem, share), judged)[1][0, 0], share * problem.slack_covariance[3, 3]
     assert problem.slack[3][:2] == GAIN
     assert wide > 0.99 * max(narrowed, least)
     assert wide < 1.01 * judged.covariance[0, 0]
 
 
-def test_slack_that_is_held_is_held_in_what_flights_leave_open(weak):
-    """What a log cannot tell is held at a small share, in the whole covariance and in the part that flights leave."""
-    problem, judged = weak
-    half = replace(problem, slack_open=0.5 * problem.slack_covariance)
-    held = hold_unseen(half, judged.base)
-    assert np.diag(held.slack_covariance).sum() < np.diag(problem.slack_covariance).sum()
-    assert held.slack_open == pytest.approx(0.5 * held.slack_covariance, rel=1e-6, abs=1e-9)
+def test_a_value_is_no_surer_for_slack_that_its_fit_has_held():
+    """A tether counts what flights leave open of the vehicle, although its log tells little of that by itself."""
+    values = {"north": 3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0}
+    problem = with_flights(problem_of(HELD, {"tether": values}, 4), 1.0)
+    problem, follow = follow_windows(problem)
+    judged = fit_by_simulation(problem, Explanation(tuple(Knob("tether", (k,), v) for k, v in values.items())), follow)
+    told = as_sure(problem, judged)[1].diagonal()
+    held = np.linalg.inv(judged.quadratic.A + joint_precision(problem.slack_precision, np.zeros(4)))
+    held = held.diagonal()[len(problem.slack) :] * judged.steps**2
+    assert (told > 0.99 * held).all()
+    assert (told > 1.1 * held).any()

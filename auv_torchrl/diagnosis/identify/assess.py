@@ -70,14 +70,18 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
 
     Its share of the width that slack may have is the likeliest one (type II maximum likelihood): of a vehicle that
     is as its file says, the log shows that, and tells the values of an effect better. What healthy flights leave open
-    of the vehicle has been measured, and is as wide as it is. Values move by what narrower slack does to them: where an
-    explanation is not at the minimum of its quadratic, its fit has found that the minimum is no better.
+    of the vehicle has been measured, and is as wide as it is, also where a fit held it because its log tells nothing of
+    it: a value may hang on it. Values move by what the other width does to them: where an explanation is not at the
+    minimum of its quadratic, its fit has found that the minimum is no better.
     """
     explanation, as_one = parted_from_slack(problem, judged.explanation), _as_one_number(problem, judged)
     A, b = as_one.T @ judged.quadratic.A @ as_one, as_one.T @ judged.quadratic.b
-    shares = list(_by_share(problem, explanation, judged.steps, A, b, problem.slack_open))
+    fitted, known = problem.slack_covariance, problem.known
+    width, measured = (known.slack_covariance, known.shrinks) if known else (fitted, None)
+    _, at_fit, _ = next(_by_share(problem, explanation, judged.steps, A, b, fitted))
+    shares = _by_share(problem, explanation, judged.steps, A, b, width, measured)
     _, step, curvature = max(shares, key=lambda share: share[0])
-    k, by = len(problem.slack), step - shares[0][1]
+    k, by = len(problem.slack), step - at_fit
     said = take_step(problem, explanation, by[k:] * judged.steps, by[:k])
     return said, np.linalg.inv(curvature)[k:, k:] * np.outer(judged.steps, judged.steps)
 
@@ -88,23 +92,29 @@ def likeliest(problem: Problem, judged: Judged) -> Explanation:
     A fit that stopped short may have slack undo half of a value that is as good as nothing.
     """
     q, k = judged.quadratic, len(problem.slack)
-    shares = _by_share(problem, judged.explanation, judged.steps, q.A, q.b)
+    shares = _by_share(problem, judged.explanation, judged.steps, q.A, q.b, problem.slack_covariance)
     step = max(shares, key=lambda share: share[0])[1]
     return parted_from_slack(problem, take_step(problem, judged.explanation, step[k:] * judged.steps, step[:k]))
 
 
 def _by_share(
-    problem: Problem, explanation: Explanation, steps: Floats, A: Floats, b: Floats, measured: Floats | None = None
+    problem: Problem,
+    explanation: Explanation,
+    steps: Floats,
+    A: Floats,
+    b: Floats,
+    whole: Floats,
+    measured: Floats | None = None,
 ) -> Iterator[tuple[float, Floats, Floats]]:
     """By share of the width of slack, the whole first: log likelihood, step to the minimum, and curvature there.
 
-    ``measured`` (k, k) is the part of the slack's covariance that is as wide as it is.
+    ``whole`` (k, k) is the covariance of slack, and ``measured`` (k, k) the part of it that is as wide as it is.
     """
     at = np.concatenate([slack_now(problem, explanation), np.zeros(len(steps))])
     stiffness = value_steps(problem, explanation, steps)[0]
-    fixed = np.zeros_like(problem.slack_covariance) if measured is None else measured
+    fixed = np.zeros_like(whole) if measured is None else measured
     for share in SLACK_SHARES:
-        width = fixed + share**2 * (problem.slack_covariance - fixed)
+        width = fixed + share**2 * (whole - fixed)
         pull = joint_precision(np.linalg.inv(width), stiffness)
         curvature, slope = A + pull, b - pull @ at
         step = np.linalg.solve(curvature, slope)

@@ -105,7 +105,6 @@ class Problem:
     followed: np.ndarray  # (W,) bool: windows in which the motion is known
     seen_start: Floats  # (W, 12) where windows begin, whatever the vehicle
     outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
-    slack_open: Floats | None = None  # (k, k) part of the covariance that the healthy flights leave open of the vehicle
     slack_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
     slack_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
     freedoms: FreedomCache = field(default_factory=FreedomCache, repr=False, compare=False)
@@ -143,7 +142,6 @@ class Problem:
             slack=slack,
             slack_covariance=covariance,
             slack_precision=np.linalg.inv(covariance),
-            slack_open=None if known is None else known.shrinks,
             prior=Prior(vehicle, len({atom.effect for atom in atoms}), settings.prior_none),
             rough_noise=rough,
             noisier=noisier,

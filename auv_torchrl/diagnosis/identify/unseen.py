@@ -14,7 +14,8 @@ def hold_unseen(problem: Problem, follow: Base) -> Problem:
     """The problem with slack that keeps its width only along directions of which its windows tell something.
 
     Healthy flights leave open what moves nothing, as twice the inertia with twice the thrust and drag. To first order
-    that costs a fit nothing either, so that it would go there as far as it may for the least of reasons.
+    that costs a fit nothing either, so that it would go there as far as it may for the least of reasons. What is said
+    of the values that were found takes the whole width (:func:`auv_torchrl.diagnosis.identify.assess.as_sure`).
     """
     A = quadratic(problem, follow, [], chosen=problem.followed).A
     if not np.isfinite(A).all():
@@ -23,14 +24,9 @@ def hold_unseen(problem: Problem, follow: Base) -> Problem:
     root = direction * np.sqrt(np.maximum(size, 0.0))
     told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of slack
     share = np.where(told < TELLS, UNTOLD, 1.0)
-    root = root @ along
-    held = root * share
+    held = root @ along * share
     covariance = held @ held.T
-    still_open = problem.slack_open
-    if still_open is not None:
-        hold = held @ np.linalg.inv(root)
-        still_open = hold @ still_open @ hold.T
     widths = np.sqrt(np.diag(covariance)).tolist()
     slack = tuple((*entry[:3], width) for entry, width in zip(problem.slack, widths, strict=True))
     precision = np.linalg.inv(covariance)
-    return replace(problem, slack=slack, slack_covariance=covariance, slack_precision=precision, slack_open=still_open)
+    return replace(problem, slack=slack, slack_covariance=covariance, slack_precision=precision)
