@@ -3,13 +3,12 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import assess
-from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
-from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import moved_along
+from auv_torchrl.diagnosis.identify.valley import walks
 from auv_torchrl.diagnosis.thresholds import SLACK_NEAR, SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Valley
@@ -21,6 +20,8 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
     The smooth numbers go along with each. Slack of thresholds is tried too, however well the log is explained: fits
     that end at different ones are apart by more than an effect is worth.
     """
+    if not np.isfinite(best.chi2):
+        return best
     for order, knob in enumerate(best.explanation.fitted):
         if problem.settings.is_rough(knob.effect):
             for reach in THRESHOLD_REACH:
@@ -40,43 +41,27 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
 
 def _search_valley(problem: Problem, best: Judged, effect: str, valley: Valley) -> Judged:
     """Try values near by of a number, with others moved so that the vehicle does about the same."""
-    column = {(name, (member,)): order for order, (name, member, _, _) in enumerate(problem.slack)}
-    column |= {knob.key: len(problem.slack) + order for order, knob in enumerate(best.explanation.fitted)}
+    there = {(name, (member,)) for name, member, _, _ in problem.slack} | {k.key for k in best.explanation.fitted}
     name, member = valley.beside
-    if (effect, (valley.leading,)) not in column or (name, (member,)) not in column:
+    if not {(effect, (valley.leading,)), (name, (member,))} <= there:
         return best
     for _ in range(WALKS):
         before = best
         for reach in THRESHOLD_REACH[1:]:
             steps = reach * problem.prior.width(effect, valley.leading) * TRIED_STEPS
-            together = [valley.moves(best.base.vehicle, float(step)) for step in steps]
-            amounts = [
-                {column[name, (member,)]: by for (name, member), by in moves.items() if (name, (member,)) in column}
-                for moves in together
-            ]
-            best = _best_along(problem, best, amounts)
+            best = _best_of(problem, best, walks(problem, best, valley, steps))
         if best is before:
             break
     return best
 
 
-def moved_in_valley(problem: Problem, explanation: Explanation, valley: Valley, step: float) -> Explanation:
-    """The explanation a step of the leading number further, the numbers that it has beside moved with it."""
-    vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
-    amounts = {}
-    for (effect, member), by in valley.moves(vehicle, step).items():
-        p = declared(effect, problem.vehicle).parameters[member]
-        for place, knob in enumerate(explanation.knobs):
-            if knob.key == (effect, (member,)):
-                amounts[place] = min(max(knob.value + by, p.low), p.high)
-    return explanation.moved(amounts)
-
-
 def _best_along(problem: Problem, best: Judged, amounts: list[dict[int, float]]) -> Judged:
     """The best of an explanation and of those with some numbers moved by amounts, alone or the others along."""
-    if not np.isfinite(best.chi2):
-        return best
-    trials = [moved_along(problem, best, some, along) for along in (True, False) for some in amounts]
+    return _best_of(problem, best, [moved_along(problem, best, some, on) for on in (True, False) for some in amounts])
+
+
+def _best_of(problem: Problem, best: Judged, trials: list[Explanation]) -> Judged:
+    """The best of an explanation and of some that differ a little from it."""
     chi2 = nudged_chi2(problem, trials, best.base)
     return (
         assess(problem, nudge(problem, trials[int(chi2.argmin())], best.base), before=best)[0]

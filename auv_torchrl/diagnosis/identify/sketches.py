@@ -12,8 +12,8 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
 from auv_torchrl.diagnosis.identify.judged import Base, Judged
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.rough_values import moved_in_valley
 from auv_torchrl.diagnosis.identify.screen import Field, Screened, moves_all
+from auv_torchrl.diagnosis.identify.valley import moved_in_valley
 from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
     GROWN,

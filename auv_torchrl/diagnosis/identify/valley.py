@@ -1,0 +1,61 @@
+"""Steps along a valley: numbers that a log hardly tells apart where they move together."""
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.assess import knob_changes
+from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import quadratic
+from auv_torchrl.diagnosis.identify.steps import joint_precision, take_step, value_steps
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.motion.within import minimum_within
+from auv_torchrl.effects.effect import Valley
+
+
+def moved_in_valley(problem: Problem, explanation: Explanation, valley: Valley, step: float) -> Explanation:
+    """The explanation a step of the leading number further, the numbers that it has beside moved with it."""
+    vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
+    moves, amounts, slack = valley.moves(vehicle, step), {}, dict(explanation.slack)
+    for place, knob in enumerate(explanation.knobs):
+        by = moves.get((knob.effect, knob.members[0])) if len(knob.members) == 1 else None
+        if by is not None:
+            p = declared(knob.effect, problem.vehicle).parameters[knob.members[0]]
+            amounts[place] = min(max(knob.value + by, p.low), p.high)
+    told = {knob.key for knob in explanation.knobs}
+    low, high = problem.slack_bounds
+    for (effect, member, _, _), least, most in zip(problem.slack, low.tolist(), high.tolist(), strict=True):
+        if (effect, member) in moves and (effect, (member,)) not in told:
+            by = slack.get((effect, member), 0.0) + moves[effect, member]
+            slack[effect, member] = min(max(by, least), most)
+    return Explanation(explanation.moved(amounts).knobs, slack)
+
+
+def walks(problem: Problem, judged: Judged, valley: Valley, steps: Floats) -> list[Explanation]:
+    """The explanation some ``steps`` of the leading number further, all numbers beside the valley along as fits best.
+
+    What the valley's numbers do together is one mark, taken at the largest step. By itself each of them switches
+    samples that together they do not, and the others would make up for what does not happen.
+    """
+    k, unit = len(problem.slack), float(np.abs(steps).max())
+    far = moved_in_valley(problem, judged.explanation, valley, unit)
+    changes = [*knob_changes(problem, judged.explanation)[0], far]
+    q = quadratic(problem, judged.base, changes, slack_marks=judged.slack_marks)
+    mine = [entry[:2] for entry in problem.slack]
+    mine += [(knob.effect, knob.members[0]) if len(knob.members) == 1 else None for knob in judged.explanation.fitted]
+    moves = valley.moves(judged.base.vehicle, unit)
+    free = np.array([member not in moves for member in mine])
+    stiffness, least, most = value_steps(problem, judged.explanation, judged.steps)
+    H = q.A[:-1, :-1] + joint_precision(problem.slack_precision, stiffness)
+    trials = []
+    for step in steps.tolist():
+        there = moved_in_valley(problem, judged.explanation, valley, step)
+        at = slack_now(problem, there)
+        toward = np.concatenate([-problem.slack_precision @ at, np.zeros(len(judged.steps))])
+        low, high = problem.slack_bounds
+        bounds = np.concatenate([low - at, least]), np.concatenate([high - at, most])
+        by = minimum_within(H, q.b[:-1] - step / unit * q.A[:-1, -1] + toward, bounds, np.zeros(len(free)), free)
+        trials.append(take_step(problem, there, by[k:] * judged.steps, by[:k]))
+    return trials
