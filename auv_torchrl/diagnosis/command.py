@@ -4,6 +4,7 @@ from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input, command
 from auv_torchrl.diagnosis.logs import find_logs, is_series
+from auv_torchrl.diagnosis.memory import keep_freed_memory
 from auv_torchrl.diagnosis.schema import register
 from auv_torchrl.importing import importing_without_compiler
 
@@ -17,6 +18,7 @@ def main(config: DictConfig) -> None:
         found = find_logs(config)
         if config.alike and not found["healthy"]:
             raise ValueError("alike=true holds runs against sound ones: give healthy=[...], logs of sound runs")
+    keep_freed_memory()
     with importing_without_compiler():  # here, not above: torch takes a second
         if config.alike:
             from auv_torchrl.diagnosis.alike.job import answer_alike as answer

@@ -23,6 +23,9 @@ def matvec(matrix: Array, vector: Array) -> Array:
     if lacks > 0:
         xp = array_namespace(vector)
         return xp.moveaxis(matrix @ xp.moveaxis(vector, 0, -1), -1, 0)
+    if isinstance(vector, np.ndarray) and n == 3:  # column by column is three times as fast, and the same sum
+        columns = (matrix[..., k] * vector[..., None, k] for k in range(n))
+        return next(columns) + next(columns) + next(columns)
     if isinstance(vector, np.ndarray):
         return np.einsum("...mn,...n->...m", matrix, vector)  # numpy calls BLAS for each of many small products
     return (matrix @ vector[..., None])[..., 0]

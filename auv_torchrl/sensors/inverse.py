@@ -182,7 +182,10 @@ class Inverse:
         return change[..., entries].swapaxes(1, 2) / STEP
 
     def reported_rate(self, rate: Floats, true: Floats, reported: Floats) -> Floats:
-        """Accelerations (..., 6) that sensors report, of true ones, at true and reported states (..., 13)."""
+        """Accelerations (..., 6) that sensors report, of true ones, at true and reported states (..., 13).
+
+        States that vehicles share have one row.
+        """
         if self.is_true:
             return rate
         inertial = rate[..., :3] + cross(*np.broadcast_arrays(true[..., 10:], true[..., 7:10]))
@@ -209,15 +212,21 @@ class Inverse:
             return unmixed if self.mixing is None else self.mixing.true(linear, angular, unmixed)
         rotation = rotation_matrix(attitude)
         earth = self.speed * matvec(rotation, linear)
-        return matvec(rotation.mT, matvec(rotation_matrix(self.turn).mT, earth))
+        return matvec(rotation.mT, matvec(rotation_matrix(self.turn).mT, earth) if self._turns else earth)
 
     def _reported_linear(self, attitude: Floats, linear: Floats) -> Floats:
         """The inverse of :meth:`_true_linear`, where nothing is mixed."""
         if not self.by_position:
             return linear / self.speed
         rotation = rotation_matrix(attitude)
-        earth = matvec(rotation_matrix(self.turn), matvec(rotation, linear)) / self.speed
+        earth = matvec(rotation, linear)
+        earth = (matvec(rotation_matrix(self.turn), earth) if self._turns else earth) / self.speed
         return matvec(rotation.mT, earth)
+
+    @property
+    def _turns(self) -> bool:
+        """Whether some vehicle has another heading than reported."""
+        return bool((self.turn[..., 1:] != 0).any())
 
 
 def _each(sensors: Inverse, change: Callable[[Floats], Floats]) -> Inverse:

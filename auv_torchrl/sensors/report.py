@@ -89,8 +89,8 @@ def felt_along(c: Coefficients, channels: tuple[str, ...], motion: Array, dt: fl
 
     The motion is of states ``dt`` s apart; vehicles ``c`` have a batch axis for them.
     """
-    xp = array_namespace(motion)
-    change = motion[..., 1:, :] - motion[..., :-1, :]
-    rate = xp.concat((change[..., :3], least_turn(change[..., 3:6]), change[..., 6:]), axis=-1) / dt
+    rate = motion[..., 1:, :] - motion[..., :-1, :]
+    rate[..., 3:6] = least_turn(rate[..., 3:6])
+    rate /= dt
     steady = read(c, channels, motion)
     return 0.5 * (steady[..., 1:, :] + steady[..., :-1, :]) + moving(c, channels, rate)

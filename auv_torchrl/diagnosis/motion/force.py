@@ -102,7 +102,7 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     sensors = actuation.sensors.shared().by_step()
     true = sensors.true_state(motion[:, None])
     rate = rates(c, terms, true, thrust, time)
-    return sensors.reported_rate(rate, np.broadcast_to(true, (*rate.shape[:-1], true.shape[-1])), motion[:, None])
+    return sensors.reported_rate(rate, true, motion[:, None])
 
 
 def marks(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, forces: Floats) -> Floats:

@@ -56,7 +56,7 @@ def _at_once(reading: Reading, angular: np.ndarray, motion: Floats, load: Floats
 
     def reports(steps: np.ndarray) -> Floats:
         pushing = None if load is None else np.take_along_axis(load, steps, axis=2)
-        return reading(np.take_along_axis(motion, steps[..., None], axis=2), pushing)
+        return reading(_rows(motion, steps), pushing)
 
     here = reports(low)
     if not (part > 1e-6).any():
@@ -64,6 +64,13 @@ def _at_once(reading: Reading, angular: np.ndarray, motion: Floats, load: Floats
     change = reports(np.minimum(low + 1, motion.shape[2] - 1)) - here
     change[..., angular] -= 2 * np.pi * np.round(change[..., angular] / (2 * np.pi))  # not across the cut at pi
     return here + part * change
+
+
+def _rows(motion: Floats, steps: np.ndarray) -> Floats:
+    """States (w, R, m, 12) of a motion (w, R, L, 12) at grid ``steps`` (w, 1, m), each copied in one piece."""
+    w, rows, length, _ = motion.shape
+    first = length * np.arange(w * rows).reshape(w, rows, 1)
+    return np.take(motion.reshape(w * rows * length, -1), first + steps, axis=0)
 
 
 def _at_their_times(reading: Reading, angular: np.ndarray, motion: Floats, load: Floats | None, at: Floats) -> Floats:
@@ -94,7 +101,6 @@ def _around(windows: Windows, total: Floats, at: Floats) -> Floats:
 
 def _read(series: Floats, at: Floats) -> Floats:
     """Linear interpolation of ``series`` (w, R, L) at grid positions ``at`` (w, R or 1, m)."""
-    at = np.broadcast_to(at, (*series.shape[:2], at.shape[-1]))
     whole = np.minimum(np.floor(at + 1e-9).astype(int), series.shape[-1] - 1)
     here = np.take_along_axis(series, whole, axis=-1)
     part = at - whole

@@ -150,9 +150,9 @@ def _respond(
 
 def _felt(windows: Windows, tangent: Tangent, history: Floats, later: Floats) -> Floats:
     """Change (W, m, k, N) of the means of what is felt, of changes (W, L, n, N) of the numbers at grid steps."""
-    steady = tangent.feel @ history
-    step = 0.5 * (steady[:, 1:] + steady[:, :-1]) + tangent.moving @ np.diff(history, axis=1) / windows.dt
-    total = np.concatenate([np.zeros_like(step[:, :1]), np.cumsum(step, axis=1)], axis=1)
+    # means over steps, added up: halves of neighbours, and changes, of which only the last one stays
+    total = np.cumsum(tangent.feel @ history, axis=1)
+    total += (tangent.moving / windows.dt - 0.5 * tangent.feel) @ history
     here, channel = np.arange(len(total))[:, None, None], np.arange(len(later))
     at = np.where(windows.present, windows.index + windows.fraction, 0.0)[..., None] + later
     ends = []
