@@ -105,7 +105,8 @@ def diagnose(
         *noise,
     )
     doubted = doubts((*log.findings, *findings))
-    verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
+    outcome = Verdict.PARTLY_EXPLAINED if short else verdict  # where the log is right
+    verdict = limited(outcome, doubted)
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
@@ -116,7 +117,7 @@ def diagnose(
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
     where = locate(problem, found, effects, verdict, looked.onset)
-    summary = said_first(summarise(verdict, effects, where, gap, corrected.sentences), verdict, doubted)
+    summary = said_first(summarise(outcome, effects, where, gap, corrected.sentences), verdict, doubted)
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
