@@ -28,6 +28,7 @@ from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_f
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.validate.confirm import confirm
 from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict
+from auv_torchrl.diagnosis.validate.unforeseen import unforeseen, widened
 from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
 from auv_torchrl.diagnosis.volts import volts_findings
@@ -86,6 +87,7 @@ def diagnose(
     after = apply_values(own, found.best.explanation.values(own))
     stages = [before, base, after] if corrected.effects else [before, after]
     predictions = predict(testing, stages, settings, problem.sigma, 4 * problem.floor)
+    predictions = widened(predictions, unforeseen(healthy, looked.sound, settings))
     if vetoed := bool(found.best.explanation.effects) and is_worse(predictions, len(stages) - 2, len(stages) - 1):
         found, after = replace(found, best=found.none), base
     predictions = only(predictions, 0, len(stages) - 1 - vetoed)
