@@ -16,8 +16,6 @@ from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 
-ACTED_ON = 0.5  # probability from which an owner is told what to do: nobody takes apart what is likelier sound
-
 
 def found_effects(
     problem: Problem,
@@ -37,8 +35,7 @@ def found_effects(
         share = (closed or 0.0) * shares[name]
         effect = _found_effect(problem, explanation, covariance, name, probability[name], share)
         values = {member: estimate.value for member, estimate in effect.parameters.items()}
-        sure = probability[name] > ACTED_ON
-        advice = EFFECTS[name].advise(problem.vehicle, values, autopilot) if sure else ()
+        advice = EFFECTS[name].advise(problem.vehicle, values, autopilot) if effect.is_likely else ()
         effects.append(replace(effect, advice=advice))
     told = [effect for effect in effects if not is_ordinary(problem, effect)] or effects
     return tuple(sorted(told, key=lambda effect: -(effect.gap_closed or 0.0)))

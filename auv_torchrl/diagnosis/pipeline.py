@@ -28,6 +28,7 @@ from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_f
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.validate.confirm import confirm
 from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict
+from auv_torchrl.diagnosis.validate.unforeseen import unforeseen, widened
 from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
 from auv_torchrl.diagnosis.volts import volts_findings
@@ -86,6 +87,7 @@ def diagnose(
     after = apply_values(own, found.best.explanation.values(own))
     stages = [before, base, after] if corrected.effects else [before, after]
     predictions = predict(testing, stages, settings, problem.sigma, 4 * problem.floor)
+    predictions = widened(predictions, unforeseen(healthy, looked.sound, settings))
     if vetoed := bool(found.best.explanation.effects) and is_worse(predictions, len(stages) - 2, len(stages) - 1):
         found, after = replace(found, best=found.none), base
     predictions = only(predictions, 0, len(stages) - 1 - vetoed)
@@ -105,7 +107,8 @@ def diagnose(
         *noise,
     )
     doubted = doubts((*log.findings, *findings))
-    verdict = limited(Verdict.PARTLY_EXPLAINED if short else verdict, doubted)
+    outcome = Verdict.PARTLY_EXPLAINED if short else verdict  # where the log is right
+    verdict = limited(outcome, doubted)
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
@@ -116,7 +119,7 @@ def diagnose(
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
     where = locate(problem, found, effects, verdict, looked.onset)
-    summary = said_first(summarise(verdict, effects, where, gap, corrected.sentences), verdict, doubted)
+    summary = said_first(summarise(outcome, effects, where, gap, corrected.sentences), verdict, doubted)
     report("done", 1.0)
     return Diagnosis(
         log=log.name,

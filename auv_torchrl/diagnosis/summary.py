@@ -22,26 +22,34 @@ def summarise(
     gap: Gap,
     corrected: tuple[str, ...] = (),
 ) -> str:
-    """What was found and how much of the gap that is; where to look for what was not found.
+    """What was found, how sure that is and how much of the gap; where to look for what was not found.
+
+    Where no cause is likelier than not, what is sure stands first: that something unknown acts.
 
     ``corrected`` is what the coefficients that were wrong mean to a pilot.
     """
     if verdict is Verdict.NO_GAP and not effects:
         return SOUND if within_floor(gap) else SLACK
-    named = "; ".join(effect.sentence.rstrip(".") for effect in effects if not effect.calibrates)
+    named, perhaps = (
+        "; ".join(effect.told for effect in effects if not effect.calibrates and effect.is_likely is likely)
+        for likely in (True, False)
+    )
     if any(effect.calibrates for effect in effects):
         file = ": ".join(
             ("the vehicle's file is off in many coefficients at once", *filter(None, ["; ".join(corrected)]))
         )
         named = f"{named}; besides, {file}" if named else file
     if verdict is Verdict.UNEXPLAINED:
-        known = f"{named}; beyond that the" if named else "The"
-        return _begun(f"{known} simulator misses this vehicle{mainly(where)}, and no known effect explains it")
+        return f"The simulator misses this vehicle{mainly(where)}, and no known effect explains it."
     closed = "" if gap.closed is None else f"{100 * gap.closed:.0f} % of the gap"
     if verdict is Verdict.PARTLY_EXPLAINED:
-        share = f"that explains {closed}, and" if closed else "besides,"
-        return _begun(f"{named}; {share} something unknown acts too{mainly(where)}")
-    return _begun(f"{named}; with that in the simulator, {closed} is gone" if closed else named)
+        if not named:
+            share = f"; that would explain {closed}" if closed else ""
+            return f"Something unknown acts{mainly(where)}; {perhaps}{share}."
+        share = f"{'together ' if perhaps else ''}that explains {closed}, and" if closed else "besides,"
+        return _begun(f"{_joined(named, perhaps)}; {share} something unknown acts too{mainly(where)}")
+    everything = _joined(named, perhaps)
+    return _begun(f"{everything}; with that in the simulator, {closed} is gone" if closed else everything)
 
 
 def mainly(where: Where) -> str:
@@ -70,6 +78,10 @@ def within_floor(gap: Gap) -> bool:
     """Whether the simulator as it was predicts as well as sensors allow."""
     kinds = [errors for errors in (gap.position_m, gap.yaw_rad, gap.velocity) if errors is not None]
     return all(e.before[-1] < NEAR_FLOOR * e.floor[-1] for e in kinds if e.before)
+
+
+def _joined(*clauses: str) -> str:
+    return "; ".join(filter(None, clauses))
 
 
 def _begun(clause: str) -> str:

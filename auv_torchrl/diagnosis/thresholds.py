@@ -169,6 +169,10 @@ LARGER = 20.0  # times the energy before the onset, in some degree of freedom, a
 FEWEST_WINDOWS = 4  # behind an onset, to be explained by themselves
 SPEAKS = 10.0  # chi-square by which the windows before an onset must fit better without the effect
 
+# What is told
+SURE = 0.9  # probability above which an effect is told as a fact: one of ten at most is wrong then
+LIKELY = 0.5  # likewise, at which it may as well be untrue: never a fact, and nobody takes apart what is likelier sound
+
 # What a log cannot tell
 NOT_EXCLUDED = float(
     chdtri(1, 0.0027)

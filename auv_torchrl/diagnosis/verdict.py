@@ -6,6 +6,8 @@ A field that is None could not be told from the log. Shares are of the gap, in [
 from dataclasses import dataclass, field
 from enum import Enum
 
+from auv_torchrl.diagnosis.sure import how_sure
+from auv_torchrl.diagnosis.thresholds import LIKELY
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding
 from auv_torchrl.flightlog.log import Floats
@@ -15,8 +17,10 @@ class Verdict(Enum):
     """Outcome of a diagnosis; the value is the sentence that its reader sees, the name goes to the file."""
 
     NO_GAP = "The simulator misses no more than sensors, water and a few per cent of calibration account for."
-    EXPLAINED = "The simulator misses this vehicle, and the effects named below explain it."
-    PARTLY_EXPLAINED = "The effects named below explain a part of the gap; something else acts that is not known."
+    EXPLAINED = "The simulator misses this vehicle, and the effects named below, each as sure as it says, explain it."
+    PARTLY_EXPLAINED = (
+        "The effects named below, each as sure as it says, explain a part of the gap; something acts that is not known."
+    )
     UNEXPLAINED = "The simulator misses this vehicle, and none of the known effects explains it."
 
     @property
@@ -69,6 +73,16 @@ class FoundEffect:
     sentence: str
     advice: tuple[Advice, ...] = ()  # what to do about it
     calibrates: bool = False  # it corrects what the vehicle's file says, rather than naming a fault
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether it is likelier than not."""
+        return self.probability > LIKELY
+
+    @property
+    def told(self) -> str:
+        """Its sentence, as sure as it is."""
+        return how_sure(self.sentence.rstrip("."), self.probability)
 
 
 @dataclass(frozen=True)

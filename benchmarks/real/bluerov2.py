@@ -94,7 +94,7 @@ def words(diagnosis: Diagnosis) -> Iterator[str]:
     yield f"**{diagnosis.verdict.key}** {diagnosis.summary}"
     yield ""
     for effect in diagnosis.effects:
-        yield f"- {effect.name}: {effect.sentence}"
+        yield f"- {effect.name}: {effect.told}"
     for finding in diagnosis.findings:
         yield f"- ({finding.code}) {finding.sentence}"
 

@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.kept import read_kept
 from auv_torchrl.diagnosis.calibrate.manoeuvres import respond
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
-from auv_torchrl.flightlog import write_flightlog
+from auv_torchrl.flightlog import read_flightlog, write_flightlog
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
 from tests.command_lines import answers_of
@@ -146,9 +146,33 @@ def test_no_healthy_logs_are_needed_any_more(mine):
     assert sound.verdict is Verdict.NO_GAP
     assert "calibration_kept" in {finding.code for finding in sound.findings}
     assert not {"floor_assumed"} & {finding.code for finding in sound.findings}
-    (effect,) = diagnose(flown("faulty", FAULT, seed=8), vehicle, kept=kept).effects
+
+
+def test_intervals_are_those_that_the_healthy_logs_give(mine, folder):
+    """The same fault, as sure as beside the healthy logs themselves: what they leave open is kept as wide as it is."""
+    faulty, vehicle = flown("faulty", FAULT, seed=8), hold(load_vehicle(mine))
+    healthy = [read_flightlog(folder / f"{name}.csv", FILE) for name in ("a", "b")]
+    (given,) = diagnose(faulty, FILE, healthy).effects
+    (effect,) = diagnose(faulty, vehicle, kept=load_kept(mine, vehicle)).effects
     assert (effect.name, effect.thrusters) == ("thruster_gain", (3,))
-    assert effect.parameters["gain_3"].low < 0.6 < effect.parameters["gain_3"].high
+    kept, there = (one.parameters["gain_3"] for one in (effect, given))
+    assert (kept.value, kept.low, kept.high) == pytest.approx((there.value, there.low, there.high), abs=1e-5)
+    assert kept.low < 0.6 < kept.high
+
+
+def test_a_file_that_does_not_say_what_more_flights_would_tell_is_read_as_ever(mine):
+    """Files of older versions have no ``shrinks``: then none of it is known, and all else is the same."""
+    content = json.loads(json.dumps(read_vehicle_file(mine)))
+    vehicle = load_vehicle(content)
+    kept = load_kept(content, vehicle)
+    del content["calibration"]["shrinks"]
+    older = load_kept(content, vehicle)
+    assert kept is not None and older is not None
+    now, before = kept.known, older.known
+    assert now.flights == 2 and now.shrinks is not None
+    assert np.linalg.eigvalsh(now.slack_covariance - now.shrinks).min() > -1e-6
+    assert (before.flights, before.shrinks) == (0, None)
+    assert np.array_equal(before.slack_covariance, now.slack_covariance)
 
 
 HOSTILE = {
@@ -160,6 +184,7 @@ HOSTILE = {
     "floor of infinity": (["calibration", "floor"], [float("inf")] * 6, "above 0"),
     "strange channel": (["calibration", "noise"], {"salt": 1.0}, "out of x"),
     "too few rows": (["calibration", "together"], [[1.0]], "one row for each"),
+    "more than all": (["calibration", "shrinks"], [[2.0]], "shrinks"),
     "level of nothing": (["calibration", "level"], "yes", "level"),
     "scale of less than nothing": (["calibration", "scale"], -0.1, "from 0 to below 1"),
     "scale of everything": (["calibration", "scale"], float("nan"), "from 0 to below 1"),

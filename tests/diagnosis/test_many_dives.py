@@ -10,6 +10,7 @@ import pytest
 
 from auv_torchrl.diagnosis.dives.answer import OwnDiagnosis
 from auv_torchrl.diagnosis.dives.changes import judge
+from auv_torchrl.diagnosis.dives.compose import compose
 from auv_torchrl.diagnosis.dives.dives_file import from_json, to_json
 from auv_torchrl.diagnosis.dives.job import to_diagnose
 from auv_torchrl.diagnosis.dives.page import dives_page
@@ -91,6 +92,20 @@ def test_several_changes_are_one_line():
     assert said.summary.startswith("2 numbers changed: ")
     for words in ("thruster gain 3 since dive 9", "buoyancy force since dive 16"):
         assert words in said.summary
+
+
+def test_a_change_that_is_no_likelier_than_not_is_told_as_perhaps(faded, paper):
+    """Past the threshold of alarms it may still be none: no advice, no thruster in red, no verdict of a change."""
+    changed = np.zeros((25, 5))
+    changed[8:, 0] = -0.2
+    judged = judge(told(changed), NORMAL, REFERENCE, 1000.0)
+    (change,) = judged.changes
+    unsure = replace(change, shifts=tuple(replace(shift, probability=0.4) for shift in change.shifts))
+    said = compose(told(changed), NORMAL, replace(judged, changes=(unsure,)), paper, "paper", 1000.0, 1.15, {})
+    assert said.summary.startswith("Perhaps (40 %) thruster gain 3: ")
+    assert not said.changes[0].advice
+    page = dives_page(said, paper)
+    assert "look closer" in page and "thruster bad" not in page.split("</style>")[1]
 
 
 def test_a_noisier_sensor_is_a_change():

@@ -124,6 +124,16 @@ def test_the_thruster_at_fault_is_marked_and_no_other(diagnosis, paper, faulty):
     assert len(above) == (2 if faulty > 4 else 1)
 
 
+@pytest.mark.parametrize("verdict", (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED))
+def test_an_effect_that_is_no_likelier_than_not_is_never_told_as_a_fact(diagnosis, paper, verdict):
+    """The page says "perhaps" before it, and marks no thruster for it."""
+    effect = replace(diagnosis.effects[0], probability=0.4)
+    quiet = replace(diagnosis.where, thruster={})
+    page = report_page(replace(diagnosis, verdict=verdict, effects=(effect,), where=quiet), paper)
+    assert "Perhaps (40 %) thruster 4 gives 0.55 times" in page
+    assert "thruster bad" not in page.split("</style>")[1]
+
+
 def test_an_axis_is_marked_where_no_thruster_is_at_fault():
     """Drag in surge marks the surge axis and no thruster."""
     diagnosis = hydrodynamic()

@@ -33,6 +33,26 @@ def test_a_part_explained_says_that_something_else_acts():
     assert "that explains 60 % of the gap, and something unknown acts too, mostly in heave" in said
 
 
+@pytest.mark.parametrize("verdict", (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED))
+@pytest.mark.parametrize(("probability", "word"), [(0.97, ""), (0.7, "probably (70 %) "), (0.5, "perhaps (50 %) ")])
+def test_an_effect_is_told_as_sure_as_it_is(verdict, probability, word):
+    """As a fact, probably or perhaps; and where nothing is likely, an unknown effect stands first."""
+    effect = replace(FOUND.effects[0], probability=probability)
+    said = summarise(verdict, (effect,), HEAVE, FOUND.gap)
+    clause = f"{word}thruster 4 gives 0.55 times"
+    assert clause.lower() in said.lower()
+    assert said.startswith("Something unknown acts") is (verdict is Verdict.PARTLY_EXPLAINED and not effect.is_likely)
+
+
+def test_what_is_likely_is_told_before_what_is_not():
+    """Of several effects each has its word, the likely ones first, and the share is that of all of them."""
+    gain = FOUND.effects[0]
+    other = replace(gain, name="payload", probability=0.4, sentence="it carries 5 N; it carries that 0.3 m ahead")
+    said = summarise(Verdict.PARTLY_EXPLAINED, (other, gain), HEAVE, FOUND.gap)
+    assert said.startswith("Thruster 4 gives 0.55")
+    assert "; perhaps (40 %) it carries 5 N and it carries that 0.3 m ahead; together that explains 97 %" in said
+
+
 @pytest.mark.parametrize(("factor", "sentence"), [(1.2, SOUND), (5.0, SLACK)])
 def test_no_gap_is_told_from_slack(factor, sentence):
     """A vehicle within the floor is predicted; one beyond it, without an effect, has the slack that all have."""

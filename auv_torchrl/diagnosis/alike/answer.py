@@ -8,6 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.alike.evidence import NONE, VIBRATION, Weighed
 from auv_torchrl.diagnosis.alike.marks import Marks
 from auv_torchrl.diagnosis.alike.shakes import BAND_HZ, Line
+from auv_torchrl.diagnosis.sure import how_sure
 from auv_torchrl.diagnosis.thresholds import Z95
 from auv_torchrl.diagnosis.verdict import Estimate, Verdict
 from auv_torchrl.effects import EFFECTS
@@ -46,7 +47,7 @@ class Answer:
         if self.verdict is Verdict.UNEXPLAINED:
             return "unlike the sound runs, and nothing in the library explains it"
         also = ", and something else that is not known" if self.verdict is Verdict.PARTLY_EXPLAINED else ""
-        return ", or ".join(f"{cause.sentence} (p {cause.probability:.2f})" for cause in self.causes) + also
+        return ", or ".join(how_sure(cause.sentence, cause.probability) for cause in self.causes) + also
 
 
 def answers(

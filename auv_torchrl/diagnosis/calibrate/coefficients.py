@@ -103,7 +103,7 @@ def calibrate_coefficients(
         f"did not see are predicted {gain.share:.0%} better"
     )
     finding = Finding(Severity.INFO, "coefficients_corrected", sentence)
-    known = left_open(own, coefficients, whole, settings, windows.channels)
+    known = left_open(vehicle, coefficients, whole, settings, windows.channels)
     return Calibrated(own, effects, said["axes"] + said["idle"] + said["turning"], (finding,), known)
 
 

@@ -19,8 +19,9 @@ from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 KEYS = (
     "logs", "seconds", "vehicle", "made", "version", "excess", "level", "scale", "floor", "noise", "rough_noise",
-    "together",
+    "together", "shrinks",
 )  # fmt: skip
+ROUNDED = 1e-3  # by which the length of a row may be off 1
 REMEDY = "calibrate it again with auv-calibrate, or take the section calibration out"
 
 
@@ -41,12 +42,18 @@ class Kept:
     rough_noise: dict[str, float]  # by channel, from third differences
     slack: tuple[Slack, ...]
     together: Floats  # (k, k) lower triangle whose product with its transpose is their correlation
+    shrinks: Floats | None  # (k, k) likewise, of the part that falls with more flights; None in files without it
 
     @property
     def known(self) -> Known:
         """What a diagnosis takes from healthy logs."""
-        factor = np.array([width for *_, width in self.slack])[:, None] * self.together
-        return Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T, scale=self.scale)
+        width = np.array([width for *_, width in self.slack])[:, None]
+        factor = width * self.together
+        known = Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T, self.scale)
+        if self.shrinks is None:
+            return known
+        factor = width * self.shrinks
+        return replace(known, flights=len(self.logs), shrinks=factor @ factor.T)
 
     def calibration(self, vehicle: Vehicle) -> Calibration:
         """As if the healthy logs were here; ``vehicle`` is that of the file, roll and pitch held or free."""
@@ -92,10 +99,11 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
         raise ValueError(f"calibration is no mapping: {REMEDY}")
     if odd := set(content) - set(KEYS):
         raise ValueError(f"calibration: unknown entries {sorted(map(str, odd))}: {choices(odd, KEYS)}")
-    if missing := set(KEYS) - set(content):
+    if missing := set(KEYS) - set(content) - {"shrinks"}:
         raise ValueError(f"calibration: {', '.join(sorted(missing))} missing: {REMEDY}")
     floor = _positive(content["floor"], "floor", 6)
-    together = _triangle(content["together"], len(coefficients))
+    together = _correlation(_triangle(content["together"], "together", len(coefficients)))
+    shrinks = _triangle(content["shrinks"], "shrinks", len(coefficients)) if "shrinks" in content else None
     noise, rough = (_by_channel(content[key], key) for key in ("noise", "rough_noise"))
     seconds, excess = (float(_positive([content[key]], key, 1)[0]) for key in ("seconds", "excess"))
     logs = content["logs"]
@@ -119,6 +127,7 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
         rough_noise=rough,
         slack=slack,
         together=together,
+        shrinks=shrinks,
     )
 
 
@@ -138,17 +147,24 @@ def _by_channel(value: Any, key: str) -> dict[str, float]:
     return dict(zip(value, _positive(list(value.values()), key, len(value)).tolist(), strict=True))
 
 
-def _triangle(rows: Any, count: int) -> Floats:
-    """Rows of 1, 2, ... numbers as a lower triangle (k, k) whose rows have length 1."""
+def _triangle(rows: Any, key: str, count: int) -> Floats:
+    """Rows of 1, 2, ... numbers as a lower triangle (k, k) whose rows are no longer than 1."""
     if not isinstance(rows, list | tuple) or not count or len(rows) != count:
-        raise ValueError(f"calibration: together has not one row for each of the {count} of uncertainty: {REMEDY}")
+        raise ValueError(f"calibration: {key} has not one row for each of the {count} of uncertainty: {REMEDY}")
     found = np.zeros((count, count))
     for i, row in enumerate(rows):
         try:
             found[i, : i + 1] = np.array(row, float).reshape(i + 1)
         except (TypeError, ValueError) as error:
-            raise ValueError(f"calibration: row {i + 1} of together is not {i + 1} numbers: {REMEDY}") from error
-    length = np.linalg.norm(found, axis=1, keepdims=True)
-    if not np.isfinite(found).all() or not (np.abs(length - 1) < 1e-3).all() or not (np.diag(found) > 0).all():
+            raise ValueError(f"calibration: row {i + 1} of {key} is not {i + 1} numbers: {REMEDY}") from error
+    if not np.linalg.norm(found, axis=1).max() <= 1 + ROUNDED or not (np.diag(found) > 0).all():
+        raise ValueError(f"calibration: {key} is no part of a correlation: {REMEDY}")
+    return found
+
+
+def _correlation(root: Floats) -> Floats:
+    """The root of a correlation, whose rows have length 1."""
+    length = np.linalg.norm(root, axis=1, keepdims=True)
+    if (length < 1 - ROUNDED).any():
         raise ValueError(f"calibration: together is no correlation: {REMEDY}")
-    return found / length
+    return root / length

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
-from auv_torchrl.diagnosis.calibrate.nuisance import SMALLEST_FACTOR
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
@@ -26,7 +26,7 @@ SETTLED = 0.1  # ... while some floor still grows by this share: windows of two 
 
 
 def left_open(
-    own: Vehicle,
+    vehicle: Vehicle,
     coefficients: Sequence[Coefficient],
     fitted: Fitted,
     settings: Settings,
@@ -35,24 +35,20 @@ def left_open(
     """Slack of a search on the log that coefficients were corrected on; its floor and noise are still to be measured.
 
     Args:
-        own: the vehicle with the coefficients, empty batch.
-        coefficients: as its file says.
+        vehicle: as its file says, empty batch.
+        coefficients: of it, as the file says.
         fitted: the same (k,) as the log says, and how sure log and file are of them.
         settings: with the floor to begin from, and slack of what was not fitted.
         channels: of the log.
     """
-    nominal = np.array([EFFECTS[c.effect].nominal(own)[c.member] for c in coefficients])
-    before = np.array([c.nominal for c in coefficients])
-    is_factor = (before != 0) & (nominal == before)  # which counts from the vehicle that it changes
-    least = np.maximum(np.abs(fitted.values), SMALLEST_FACTOR * np.abs(before))
-    factor = np.where(is_factor, before / np.where(is_factor, least, 1.0), 1.0)
-    covariance = fitted.covariance * np.outer(factor, factor)
-    sizes = zip(coefficients, nominal.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
-    slack = tuple((c.effect, c.member, now, size) for c, now, size in sizes)
+    slack, nothing = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients), np.zeros(len(coefficients))
+    about = Centred(vehicle, Nuisance(slack, nothing, (), nothing), nothing, fitted.covariance)
+    there = about.shifted(fitted.values - np.array([c.nominal for c in coefficients]))
     effects = {c.effect for c in coefficients}
     said = effects | {name for effect in effects for name in EFFECTS[effect].covers}
-    others = [entry for entry in slack_parameters(own, settings, channels) if entry[0] not in said]
-    return Known(np.array(settings.floor_force), {}, {}, slack, covariance, of_itself=True).beside(others)
+    others = [entry for entry in slack_parameters(there.vehicle, settings, channels) if entry[0] not in said]
+    floor = np.array(settings.floor_force)
+    return Known(floor, {}, {}, there.nuisance.slack, there.covariance, of_itself=True).beside(others)
 
 
 def under_own_floor(problem: Problem, follow: Base) -> Problem:

@@ -66,8 +66,11 @@ def vehicle_yaml(
         "calibration:",
         *("  " + line for line in yaml.safe_dump(kept, sort_keys=False, default_flow_style=None).splitlines()),
         "  together:  # times its transpose, the correlation of the numbers above, in their order",
-        *(f"    - {flow(row[: i + 1])}" for i, row in enumerate(_root(sound, order).tolist())),
+        *_rows(_root(sound, sound.known.slack_covariance, order)),
     ]
+    if sound.known.shrinks is not None:
+        lines.append("  shrinks:  # likewise, in the same units, the part of it that falls with more flights")
+        lines += _rows(_root(sound, sound.known.shrinks, order))
     return "\n".join([*lines, ""])
 
 
@@ -88,15 +91,18 @@ def _as_in_file(sound: Calibration, own: Vehicle) -> tuple[list[int], list[float
     return order, size
 
 
-def _root(sound: Calibration, order: list[int]) -> Floats:
-    """Lower triangle (k, k) whose product with its transpose is the correlation of the slack parameters."""
-    covariance = sound.known.slack_covariance[np.ix_(order, order)]
-    size = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(size, size)
-    value, vector = np.linalg.eigh(0.5 * (correlation + correlation.T))
+def _root(sound: Calibration, covariance: Floats, order: list[int]) -> Floats:
+    """Lower triangle (k, k) whose product with its transpose is a covariance, in deviations of the slack parameters."""
+    size = np.sqrt(np.diag(sound.known.slack_covariance))
+    scaled = (covariance / np.outer(size, size))[np.ix_(order, order)]
+    value, vector = np.linalg.eigh(0.5 * (scaled + scaled.T))
     half = vector * np.sqrt(np.maximum(value, LEAST))
     root: Floats = np.transpose(np.linalg.qr(half.T, mode="r"))
     return root * np.where(np.diag(root) < 0, -1.0, 1.0)
+
+
+def _rows(triangle: Floats) -> list[str]:
+    return [f"    - {flow(row[: i + 1])}" for i, row in enumerate(triangle.tolist())]
 
 
 def _told(sound: Calibration, given: Vehicle) -> list[str]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from auv_torchrl.diagnosis.thresholds import LIKELY
 from auv_torchrl.flightlog import Finding
 
 
@@ -75,6 +76,11 @@ class ChangeTold:
     rivals: tuple[str, ...]  # numbers that it may be as well
     sentence: str
     advice: tuple[str, ...] = ()
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether it is likelier than not."""
+        return self.probability > LIKELY
 
 
 @dataclass(frozen=True)

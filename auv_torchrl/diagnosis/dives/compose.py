@@ -19,7 +19,8 @@ from auv_torchrl.diagnosis.dives.said import change_sentence, label_of, summary_
 from auv_torchrl.diagnosis.dives.series import Series
 from auv_torchrl.diagnosis.dives.shifts import Shift
 from auv_torchrl.diagnosis.dives.told import NOISE, Dive, Normal, Number
-from auv_torchrl.diagnosis.thresholds import Z95
+from auv_torchrl.diagnosis.sure import how_sure
+from auv_torchrl.diagnosis.thresholds import LIKELY, Z95
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 
@@ -102,8 +103,10 @@ def _change(change: Change, series: Series, vehicle: Vehicle) -> ChangeTold:
         line=tuple(line.tolist()),
         probability=change.probability,
         rivals=tuple(numbers[row].key for row in change.rivals),
-        sentence=change_sentence(number, moments, now, is_back, [numbers[row] for row in change.rivals]),
-        advice=() if is_back else _advice(number, now, vehicle),
+        sentence=how_sure(
+            change_sentence(number, moments, now, is_back, [numbers[row] for row in change.rivals]), change.probability
+        ),
+        advice=() if is_back or change.probability <= LIKELY else _advice(number, now, vehicle),
     )
 
 

@@ -75,9 +75,9 @@ def state(dive: DiveTold, told: ManyDives) -> tuple[str, str]:
 
 def _verdict(told: ManyDives) -> tuple[str, str, str]:
     """Sign, word and class of the verdict."""
-    if told.changes:
+    if any(change.is_likely for change in told.changes):
         return "●", "changed", "unexplained"
-    if told.alarms or not all(dive.is_explained for dive in told.dives):
+    if told.changes or told.alarms or not all(dive.is_explained for dive in told.dives):
         return "◐", "look closer", "partly_explained"
     return "✓", "as it was", "no_gap"
 
@@ -85,21 +85,21 @@ def _verdict(told: ManyDives) -> tuple[str, str, str]:
 def _facts(told: ManyDives) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
     used = [dive for dive in told.dives if not dive.refused]
-    facts = [("dives", str(len(used)))]
+    facts, labels = [("dives", str(len(used)))], {number.key: number.label for number in told.numbers}
     if told.alarms:
         facts.append(("the first alarm", f"dive {told.alarms[0].dive}"))
     if told.changes:
-        facts.append((f"probability that it changed: {told.changes[0].sentence.split(':')[0]}",
+        facts.append((f"probability that it changed: {labels[told.changes[0].number]}",
                       percent(told.changes[0].probability)))  # fmt: skip
     facts.append(("of a sound vehicle pass for one false alarm", f"{told.dives_per_false_alarm:g} dives"))
     return facts
 
 
 def _thrusters(told: ManyDives, vehicle: Vehicle) -> set[int]:
-    """Those of which a number changed."""
+    """Those of which a number changed, likelier than not."""
     found = set()
     effects = {number.key: number.effect for number in told.numbers}
-    for change in told.changes:
+    for change in filter(lambda change: change.is_likely, told.changes):
         for key in (change.number, *change.rivals):
             if effects[key] == NOISE:
                 continue

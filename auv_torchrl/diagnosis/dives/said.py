@@ -7,6 +7,7 @@ from auv_torchrl.diagnosis.dives.told import NOISE, Number
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.svg import number as written
 from auv_torchrl.diagnosis.report.wording import sentence, words
+from auv_torchrl.diagnosis.sure import how_sure
 
 _MOST_NAMED = 3
 
@@ -58,7 +59,10 @@ def summary_of(
     if len(changes) == 1:
         return sentence(changes[0].sentence)
     if changes:
-        each = [f"{labels[change.number]} since dive {change.shifts[0].dive}" for change in changes[:_MOST_NAMED]]
+        each = [
+            how_sure(f"{labels[change.number]} since dive {change.shifts[0].dive}", change.probability)
+            for change in changes[:_MOST_NAMED]
+        ]
         more = [f"{len(changes) - _MOST_NAMED} more"] if len(changes) > _MOST_NAMED else []
         return f"{len(changes)} numbers changed: {', '.join([*each, *more])}."
     odd = [dive.number for dive in used if not dive.is_explained]

@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.svg import between, estimated, number
 from auv_torchrl.diagnosis.report.wording import sentence, words
 from auv_torchrl.diagnosis.summary import suspects
-from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Gap, Verdict, Window
+from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, FoundEffect, Gap, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
@@ -68,10 +68,11 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     """
     environment = templates(_HERE)
     environment.globals |= {"interval": interval, "between": between, "estimated": estimated}
-    thrusters = sorted({i for effect in diagnosis.effects for i in effect.thrusters})
+    likely = [effect for effect in diagnosis.effects if effect.is_likely]  # no red for what is likelier sound
+    thrusters = sorted({i for effect in likely for i in effect.thrusters})
     shown = diagnosis.verdict is not Verdict.NO_GAP
-    axes = _clear_axes(diagnosis) if shown and not thrusters else []
-    suspected = suspects(diagnosis.where) if shown and not diagnosis.effects else []
+    axes = _clear_axes(diagnosis.where, likely) if shown and not thrusters else []
+    suspected = suspects(diagnosis.where) if shown and not likely else []
     marked = [_numbered(thrusters)] if thrusters else []
     marked += [f"{', '.join(axes)}, where the gap shows"] if axes else []
     marked += [f"{_numbered(suspected)}, whose commands it goes with"] if suspected else []
@@ -123,10 +124,10 @@ def _leads(diagnosis: Diagnosis) -> list[str]:
     return found + [f"it is {number(r.gap, 2)} times as large with {r.when}" for r in where.regime[:2]]
 
 
-def _clear_axes(diagnosis: Diagnosis) -> list[str]:
-    named = {part for effect in diagnosis.effects for name in effect.parameters for part in name.split("_")}
+def _clear_axes(where: Where, effects: Iterable[FoundEffect]) -> list[str]:
+    named = {part for effect in effects for name in effect.parameters for part in name.split("_")}
     from_effects = [axis for axis in DEGREES_OF_FREEDOM if axis in named]
-    return from_effects or [axis for axis, share in diagnosis.where.dof.items() if share > _CLEAR_SHARE]
+    return from_effects or [axis for axis, share in where.dof.items() if share > _CLEAR_SHARE]
 
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:

@@ -44,7 +44,7 @@ def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path, replace
         recording.send_blueprint(_blueprint(seen), make_active=False)
         recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
         about = f"# {diagnosis.verdict.key.replace('_', ' ')}\n\n{diagnosis.summary}\n\n" + "\n".join(
-            f"- {effect.sentence}" for effect in diagnosis.effects
+            f"- {effect.told}" for effect in diagnosis.effects
         )
         recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
         if diagnosis.windows:
