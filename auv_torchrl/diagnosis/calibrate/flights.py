@@ -47,8 +47,7 @@ def share(flights: Sequence[Told], centred: Centred) -> Shared:
         flights: what each flight tells.
         centred: where the vehicle's file is, how wide it may be of the truth, and flights of each other.
     """
-    prior_mean, nuisance, bounds = centred.file, centred.nuisance, centred.bounds
-    prior = nuisance.file_precision
+    (prior_mean, prior), nuisance, bounds = centred.prior, centred.nuisance, centred.bounds
     stated_size = np.array([np.linalg.matrix_rank(part) for part in nuisance.spread])
     inverse = [np.linalg.pinv(part, hermitian=True) for part in nuisance.spread]
     sizes, mean, covariance = np.ones(len(nuisance.spread)), prior_mean, prior

@@ -38,11 +38,11 @@ def scaled_as_the_file(centred: Centred) -> Centred:
     What leaves every motion as it is bends, for thrusts times arms are a moment: it is followed in short steps.
     """
     for _ in range(STEPS):
-        nearer, reach = centred.nuisance.file_precision, REACH * centred.nuisance.width
+        (away, nearer), reach = centred.prior, REACH * centred.nuisance.width
         low, high = centred.bounds
         unseen = unseen_directions(centred.vehicle, centred.nuisance.slack)
         bounds = np.maximum(low, -reach), np.minimum(high, reach)
-        step = least_within(nearer, nearer @ centred.file, bounds, unseen)
+        step = least_within(nearer, nearer @ away, bounds, unseen)
         centred = centred.shifted(step)
         if (np.abs(step) < SETTLED * reach + STEP * reach.max()).all():
             break
@@ -55,7 +55,7 @@ def hold_scale(covariance: Floats, centred: Centred, hides: bool = False) -> Flo
     A search that may scale everything does so to spare a little elsewhere, and a dead thruster comes to life on the
     way. What the scale leaves unsure of forces and masses is said beside (``Known.scale``).
     """
-    along = centred.nuisance.file_precision @ unseen_directions(_seen(centred.vehicle, hides), centred.nuisance.slack)
+    along = centred.prior[1] @ unseen_directions(_seen(centred.vehicle, hides), centred.nuisance.slack)
     goes = covariance @ along
     held: Floats = covariance - (1 - LOOSE) * goes @ np.linalg.pinv(along.T @ goes, hermitian=True) @ goes.T
     return 0.5 * (held + held.T)

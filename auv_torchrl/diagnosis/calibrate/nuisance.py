@@ -52,13 +52,18 @@ class Nuisance:
         slack = tuple(self.slack[i] for i in places)
         return replace(self, slack=slack, width=self.width[places], spread=spread, repeats=self.repeats[places])
 
-    @property
-    def file_precision(self) -> Floats:
-        """Precision (k, k) of the file."""
+    def precision(self, width: Floats) -> Floats:
+        """Precision (k, k) of a file that is right within ``width`` (k,)."""
         total = np.array([entry[3] for entry in self.slack])
-        width = np.maximum(self.width, SURELY**0.5 * total)
+        width = np.maximum(width, SURELY**0.5 * total)
         members = [entry[:2] for entry in self.slack]
         return np.linalg.inv(shared_covariance(members, width) if self.is_guess else np.diag(width**2))
+
+
+def _is_factor(vehicle: Vehicle, effect: str, member: str) -> bool:
+    """Whether a number multiplies what the vehicle has, and is no property of its own."""
+    p = EFFECTS[effect].member_parameters(vehicle)[member]
+    return not callable(p.nominal) and p.nominal_value(vehicle, member) != 0
 
 
 def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) -> Nuisance:
@@ -154,6 +159,21 @@ class Centred:
             for (effect, member, nominal, _), value, away in there
             if abs(value) > NOTHING * abs(nominal) > 0
         }
+
+    @property
+    def prior(self) -> tuple[Floats, Floats]:
+        """Where the file lets expect the numbers (k,), and its precision (k, k).
+
+        Factors are as likely to be wrong by 2 as by a half: they are off by their logarithms. Squares of what they are
+        off would take a vehicle of which no log tells the scale for too small a one.
+        """
+        width, nominal = self.nuisance.width, np.array([entry[2] for entry in self.nuisance.slack])
+        is_factor = np.array([_is_factor(self.vehicle, *entry[:2]) for entry in self.nuisance.slack], bool)
+        by = np.where(is_factor, nominal, 1.0)
+        times = np.where(is_factor, np.maximum(1 + self.file / by, SMALLEST_FACTOR), 1.0)  # the file, of what it is
+        away = np.where(is_factor, nominal * np.log(times), self.file)
+        # A number that the file has too small was given a width that grew with it (`approach`).
+        return away, self.nuisance.precision(width / np.maximum(times, 1.0))
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
