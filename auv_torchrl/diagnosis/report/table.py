@@ -35,7 +35,7 @@ def summary_table(diagnosis: Diagnosis) -> str:
 def _errors(diagnosis: Diagnosis) -> list[str]:
     gap, confirmed = diagnosis.gap, diagnosis.gap.confirmed
     lines = [f"{'held-out error':<16}" + "".join(f"{f'{h:g} s':>26}" for h in gap.horizon_s), *_rows(gap)]
-    closed = "not defined, there is none" if gap.closed is None else percent(gap.closed)
+    closed = "not defined, held-out flight shows none" if gap.closed is None else percent(gap.closed)
     lines.append(f"before → after (floor); share of the gap closed: {closed}")
     if confirmed is not None:
         lines += ["", "the same flown in MuJoCo", *_rows(confirmed), f"share closed there: {percent(confirmed.closed)}"]
