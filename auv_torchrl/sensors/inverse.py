@@ -212,7 +212,7 @@ class Inverse:
             return unmixed if self.mixing is None else self.mixing.true(linear, angular, unmixed)
         rotation = rotation_matrix(attitude)
         earth = self.speed * matvec(rotation, linear)
-        return matvec(rotation.mT, matvec(rotation_matrix(self.turn).mT, earth) if self._turns else earth)
+        return matvec(rotation.mT, matvec(rotation_matrix(self.turn).mT, earth) if _turns(self.turn) else earth)
 
     def _reported_linear(self, attitude: Floats, linear: Floats) -> Floats:
         """The inverse of :meth:`_true_linear`, where nothing is mixed."""
@@ -220,13 +220,13 @@ class Inverse:
             return linear / self.speed
         rotation = rotation_matrix(attitude)
         earth = matvec(rotation, linear)
-        earth = (matvec(rotation_matrix(self.turn), earth) if self._turns else earth) / self.speed
+        earth = (matvec(rotation_matrix(self.turn), earth) if _turns(self.turn) else earth) / self.speed
         return matvec(rotation.mT, earth)
 
-    @property
-    def _turns(self) -> bool:
-        """Whether some vehicle has another heading than reported."""
-        return bool((self.turn[..., 1:] != 0).any())
+
+def _turns(turn: Floats) -> bool:
+    """Whether some vehicle has another heading than reported, by quaternions (..., 4) of the turn."""
+    return bool((turn[..., 1:] != 0).any())
 
 
 def _each(sensors: Inverse, change: Callable[[Floats], Floats]) -> Inverse:
