@@ -27,7 +27,7 @@ from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.validate.confirm import confirm
-from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict
+from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict_by
 from auv_torchrl.diagnosis.validate.unforeseen import unforeseen, widened
 from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
@@ -86,7 +86,7 @@ def diagnose(
     base = changed(corrected.vehicle if sound is None else sound, free=own.free)
     after = apply_values(own, found.best.explanation.values(own))
     stages = [before, base, after] if corrected.effects else [before, after]
-    predictions = predict(testing, stages, settings, problem.sigma, 4 * problem.floor)
+    predictions = predict_by(problem, testing, stages, settings)
     predictions = widened(predictions, unforeseen(healthy, looked.sound, settings))
     if vetoed := bool(found.best.explanation.effects) and is_worse(predictions, len(stages) - 2, len(stages) - 1):
         found, after = replace(found, best=found.none), base

@@ -73,6 +73,11 @@ class Parameter:
         return self.loose if not self.beside or set(self.beside) & set(channels) else 0.0
 
     @property
+    def is_factor(self) -> bool:
+        """Whether it multiplies what the vehicle has, and counts from the vehicle that it changes."""
+        return not callable(self.nominal) and self.nominal != 0
+
+    @property
     def is_absolute(self) -> bool:
         """Whether it is a force or a mass by itself, and no share of what the vehicle has."""
         return not callable(self.nominal) and any(unit in self.unit.split("/")[0] for unit in ("N", "kg"))

@@ -16,7 +16,7 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR, WORTH_A_CORRECTION
-from auv_torchrl.diagnosis.validate.predict import errors_by_kind, horizons_of, predict
+from auv_torchrl.diagnosis.validate.predict import errors_by_kind, horizons_of, predict_by
 from auv_torchrl.diagnosis.validate.veto import scaled_errors
 from auv_torchrl.diagnosis.verdict import Errors
 from auv_torchrl.effects.effect import changed
@@ -54,7 +54,7 @@ def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settin
     windows = cut_windows(flight, settings.window_s, settings.lead_s, settings.bin_s)
     problem, judged = follow_flight(windows, sound.vehicle, settings, sound.known)
     stages = [changed(vehicle, free=sound.vehicle.free), sound.vehicle]
-    predictions = predict(flight, stages, settings, problem.sigma, 4 * problem.floor)
+    predictions = predict_by(problem, flight, stages, settings)
     before, after = scaled_errors(predictions).tolist()
     errors = errors_by_kind(predictions)
     return Unseen(

@@ -60,12 +60,6 @@ class Nuisance:
         return np.linalg.inv(shared_covariance(members, width) if self.is_guess else np.diag(width**2))
 
 
-def _is_factor(vehicle: Vehicle, effect: str, member: str) -> bool:
-    """Whether a number multiplies what the vehicle has, and is no property of its own."""
-    p = EFFECTS[effect].member_parameters(vehicle)[member]
-    return not callable(p.nominal) and p.nominal_value(vehicle, member) != 0
-
-
 def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) -> Nuisance:
     """The numbers with these ``widths``, (effect, parameter, nominal, deviation), and all that flights differ in."""
     width = {(effect, member): (nominal, size) for effect, member, nominal, size in widths}
@@ -168,12 +162,20 @@ class Centred:
         off would take a vehicle of which no log tells the scale for too small a one.
         """
         width, nominal = self.nuisance.width, np.array([entry[2] for entry in self.nuisance.slack])
-        is_factor = np.array([_is_factor(self.vehicle, *entry[:2]) for entry in self.nuisance.slack], bool)
+        is_factor = self._is_factor
         by = np.where(is_factor, nominal, 1.0)
         times = np.where(is_factor, np.maximum(1 + self.file / by, SMALLEST_FACTOR), 1.0)  # the file, of what it is
         away = np.where(is_factor, nominal * np.log(times), self.file)
         # A number that the file has too small was given a width that grew with it (`approach`).
         return away, self.nuisance.precision(width / np.maximum(times, 1.0))
+
+    @property
+    def _is_factor(self) -> np.ndarray:
+        """(k,) whether each number is a factor."""
+        members = (entry[:2] for entry in self.nuisance.slack)
+        return np.array(
+            [EFFECTS[effect].member_parameters(self.vehicle)[name].is_factor for effect, name in members], bool
+        )
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -201,7 +203,7 @@ class Centred:
         own = apply_values(self.vehicle, self._values(deviation))
         nominal = [EFFECTS[effect].nominal(own)[member] for effect, member, *_ in self.nuisance.slack]
         before = np.array([entry[2] for entry in self.nuisance.slack])
-        is_factor = (before != 0) & (np.array(nominal) == before)
+        is_factor = self._is_factor
         gone = is_factor & (np.abs(before + deviation) < SMALLEST_FACTOR * np.abs(before))
         if gone.any():
             deviation = np.where(gone, (SMALLEST_FACTOR - 1) * before, deviation)

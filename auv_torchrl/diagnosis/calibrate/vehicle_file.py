@@ -112,11 +112,10 @@ def _told(sound: Calibration, given: Vehicle) -> list[str]:
     for (effect, member, nominal, _), sd, file in zip(sound.known.slack, size.tolist(), away.tolist(), strict=True):
         p = EFFECTS[effect].member_parameters(given)[member]
         before = p.nominal_value(given, member)
-        own_number = callable(p.nominal)
-        if nominal and not own_number:  # a factor counts from the vehicle that it changes
+        if p.is_factor:
             value, half = before * nominal / (nominal + file), Z95 * sd * before / abs(nominal + file)
         else:
-            value, half = (nominal if own_number else nominal - file), Z95 * sd
+            value, half = (nominal if callable(p.nominal) else nominal - file), Z95 * sd
         words = p.said(member, value)
         unit = "" if p.unit == "1" else f" {p.unit}"
         low, high = max(value - half, p.low), min(value + half, p.high)

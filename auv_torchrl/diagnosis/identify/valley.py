@@ -1,5 +1,7 @@
 """Steps along a valley: numbers that a log hardly tells apart where they move together."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import knob_changes
@@ -18,7 +20,12 @@ from auv_torchrl.effects.effect import Valley
 def moved_in_valley(problem: Problem, explanation: Explanation, valley: Valley, step: float) -> Explanation:
     """The explanation a step of the leading number further, the numbers that it has beside moved with it."""
     vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
-    moves, amounts, slack = valley.moves(vehicle, step), {}, dict(explanation.slack)
+    return _moved(problem, explanation, valley.moves(vehicle, step))
+
+
+def _moved(problem: Problem, explanation: Explanation, moves: Mapping[tuple[str, str], float]) -> Explanation:
+    """The explanation with some numbers, by effect and parameter, moved within their bounds."""
+    amounts, slack = {}, dict(explanation.slack)
     for place, knob in enumerate(explanation.knobs):
         by = moves.get((knob.effect, knob.members[0])) if len(knob.members) == 1 else None
         if by is not None:
@@ -40,18 +47,17 @@ def walks(problem: Problem, judged: Judged, valley: Valley, steps: Floats) -> li
     samples that together they do not, and the others would make up for what does not happen.
     """
     k, unit = len(problem.slack), float(np.abs(steps).max())
-    far = moved_in_valley(problem, judged.explanation, valley, unit)
-    changes = [*knob_changes(problem, judged.explanation)[0], far]
+    moves = valley.moves(judged.base.vehicle, unit)
+    changes = [*knob_changes(problem, judged.explanation)[0], _moved(problem, judged.explanation, moves)]
     q = quadratic(problem, judged.base, changes, slack_marks=judged.slack_marks)
     mine = [entry[:2] for entry in problem.slack]
     mine += [(knob.effect, knob.members[0]) if len(knob.members) == 1 else None for knob in judged.explanation.fitted]
-    moves = valley.moves(judged.base.vehicle, unit)
     free = np.array([member not in moves for member in mine])
     stiffness, least, most = value_steps(problem, judged.explanation, judged.steps)
     H = q.A[:-1, :-1] + joint_precision(problem.slack_precision, stiffness)
     trials = []
     for step in steps.tolist():
-        there = moved_in_valley(problem, judged.explanation, valley, step)
+        there = _moved(problem, judged.explanation, valley.moves(judged.base.vehicle, step))
         at = slack_now(problem, there)
         toward = np.concatenate([-problem.slack_precision @ at, np.zeros(len(judged.steps))])
         low, high = problem.slack_bounds

@@ -106,7 +106,7 @@ def drift_covariance(windows: Windows) -> Floats:
 
     The rate is a first-order Gauss-Markov process, and its integral what Papoulis (1991, section 10-3) has.
     """
-    t = (windows.index + windows.fraction) * windows.dt
+    t = windows.sampled
     first, last = np.minimum(t[:, :, None], t[:, None]), np.maximum(t[:, :, None], t[:, None])
     tau = DRIFT_S
     shape = 2 * tau * first - tau**2 * (1 - np.exp(-first / tau) - np.exp(-last / tau) + np.exp((first - last) / tau))

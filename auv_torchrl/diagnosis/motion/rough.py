@@ -22,7 +22,7 @@ LEAST_SAMPLES = 6
 
 def local_parabolas(windows: Windows, times: Floats) -> Floats:
     """Value, first and second derivative (W, B, 3, C) of every channel at ``times`` (B,) s into the windows."""
-    at = (windows.index + windows.fraction) * windows.dt
+    at = windows.sampled
     measured = windows.measured.copy()
     for column, channel in enumerate(windows.channels):
         if channel in ANGLES:

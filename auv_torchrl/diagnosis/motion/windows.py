@@ -62,6 +62,11 @@ class Windows:
         return self.origin + self.start * self.dt
 
     @property
+    def sampled(self) -> Floats:
+        """(W, m) s from the start of its window to each sample."""
+        return (self.index + self.fraction) * self.dt
+
+    @property
     def held(self) -> Floats:
         """Commands (E, T, P, n) that were held for equal parts of each grid step; P is 1 where they change between."""
         return self.commands[:, :, None] if self.parts is None else self.parts

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, batch
+from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.colour import colour_covariance, whiten
 from auv_torchrl.diagnosis.motion.cut import cut_windows, grid_step
@@ -20,7 +21,8 @@ from auv_torchrl.sensors import MOTION, motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
-START_S = 1.0  # s of samples from which the state at the start is estimated
+START_S = 1.0  # s of samples from which the state at the start is estimated, ...
+PUSHED = 4.0  # ... pushed by so many times the floor: of all stretches, some begin where it is that large
 MOST_STRETCHES = 60
 
 
@@ -33,6 +35,11 @@ class Predictions:
     spread: Floats  # (W, m, C) standard deviation that sensor noise and the estimated start leave to a true model
     states: Floats  # (W, V, S + 1, 13) true states on the grid
     reported: Floats  # (W, V, m, C) what the sensors would have measured
+
+
+def predict_by(problem: Problem, log: FlightLog, vehicles: list[Vehicle], settings: Settings) -> Predictions:
+    """The prediction of held-out stretches, with the sensor noise and the disturbance of a problem."""
+    return predict(log, vehicles, settings, problem.sigma, PUSHED * problem.floor)
 
 
 def predict(
@@ -177,7 +184,7 @@ def _body_errors(p: Predictions) -> dict[str, tuple[Floats, Floats, np.ndarray]]
 
 def _at_horizon(windows: Windows, horizon: float) -> np.ndarray:
     """(W, m) True for the last sample of each stretch up to ``horizon`` seconds."""
-    time = np.where(windows.present, (windows.index + windows.fraction) * windows.dt, np.inf)
+    time = np.where(windows.present, windows.sampled, np.inf)
     nearest = np.abs(time - horizon).argmin(1)
     chosen = np.zeros(time.shape, bool)
     chosen[np.arange(len(windows)), nearest] = True

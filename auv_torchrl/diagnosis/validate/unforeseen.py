@@ -11,9 +11,9 @@ import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FLEW_OFF
-from auv_torchrl.diagnosis.validate.predict import HORIZONS_S, Predictions, predict
+from auv_torchrl.diagnosis.validate.predict import HORIZONS_S, Predictions, predict_by
 from auv_torchrl.flightlog import FlightLog
 
 BIN_S = HORIZONS_S[0] / 2  # s of horizon, over which errors are averaged
@@ -33,9 +33,9 @@ def unforeseen(healthy: Sequence[FlightLog], sound: Calibration | None, settings
     missed: dict[str, list[tuple[Floats, Floats]]] = {}
     for log, (problem, judged) in zip(healthy, fits, strict=True):
         own = apply_values(problem.vehicle, judged.explanation.values(problem.vehicle))
-        p = predict(log, [own], settings, problem.sigma, 4 * problem.floor)
+        p = predict_by(problem, log, [own], settings)
         beyond = np.clip(p.error[:, 0] ** 2, None, (FLEW_OFF * p.spread) ** 2) - p.spread**2
-        time = horizon_of(p.windows)
+        time = p.windows.sampled
         for c, channel in enumerate(p.windows.channels):
             seen = p.windows.trust[..., c] > 0
             missed.setdefault(channel, []).append((time[seen], beyond[..., c][seen]))
@@ -54,11 +54,6 @@ def _by_horizon(time: Floats, beyond: Floats) -> Floats:
 
 def widened(p: Predictions, variance: Mapping[str, Floats]) -> Predictions:
     """Predictions whose spread holds what nobody foresees, too."""
-    time, none = horizon_of(p.windows), np.zeros(BINS)
+    time, none = p.windows.sampled, np.zeros(BINS)
     more = [np.interp(time, MIDDLES, variance.get(channel, none)) for channel in p.windows.channels]
     return replace(p, spread=np.sqrt(p.spread**2 + np.stack(more, -1)))
-
-
-def horizon_of(windows: Windows) -> Floats:
-    """(W, m) s from the beginning of its stretch to each sample."""
-    return (windows.index + windows.fraction) * windows.dt
