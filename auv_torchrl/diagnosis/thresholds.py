@@ -42,7 +42,9 @@ COMMON_SCALE = 0.3  # relative, by which a guessed file may be off in all forces
 # Of the variance of what a file has wrong about each thruster, the part that all share: volts and the scale of commands
 # make 0.35, the wake on the frame 0.2 for each by itself.
 SHARED_BY_THRUSTERS = 0.75
-BEYOND_TRIM = 10.0  # chi-square per number of healthy flights together, that no trim or current of each makes up for
+# Chi-square per number that half of the windows of healthy flights leave where these are fitted as one: trims of 0.5 N
+# and currents of 5 cm/s that differ make 2 to 8, files that are wrong by 30 % make 30 to 200.
+BEYOND_TRIM = 10.0
 STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
 # Over healthy flights, with a level vehicle and with one that tilts. After one pass, before coefficients have settled,
 # log odds were wrong by 588 and by 1445; after two right by 157 and 18.

@@ -5,8 +5,9 @@ import pytest
 from flown_logs import fly, hold, with_slack
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.calibrate.draft import draft
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))
@@ -76,3 +77,17 @@ def test_without_a_healthy_log_the_assumption_is_said(healthy):
     """A diagnosis without a healthy log says that its floor is assumed."""
     codes = {finding.code for finding in diagnose(healthy, HELD).findings}
     assert "floor_assumed" in codes
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5])
+def test_currents_and_trims_of_flights_do_not_make_a_file_wrong(seed):
+    """Flights of a vehicle that is as its file says within slack, on days that differ, leave the file as it is."""
+    rng, flights = np.random.default_rng(seed), []
+    near = {"linear_drag": {f"scale_{axis}": 1 + 0.03 * rng.normal() for axis in ("surge", "sway", "heave", "yaw")}}
+    for day in range(3):
+        current = {"north": 0.05 * rng.normal(), "east": 0.05 * rng.normal()}
+        own = apply_values(HELD, near | {"buoyancy": {"force": 0.5 * rng.normal()}, "current": current})
+        flights.append(fly(own, {}, seed=10 * seed + day, **SHORT))
+    drafted = draft(flights, HELD, load_settings())
+    assert drafted.strays == ()
+    assert drafted.as_stated < load_settings().excess

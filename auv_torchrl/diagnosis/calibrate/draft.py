@@ -16,7 +16,7 @@ from auv_torchrl.diagnosis.calibrate.together import Together, follow_all
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
-from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.following import chi2_by_window, follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
@@ -63,18 +63,19 @@ def draft(
     flights, centred = parted(healthy, windows), Centred.at(vehicle, nuisance)
     known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
     as_stated = excess = judged.chi2 / judged.quadratic.numbers
-    together = follow_all(flights, centred, known, settings, settings.excess) if excess < BEYOND_TRIM else None
+    near = _usual_excess(problem, judged) < BEYOND_TRIM
+    together = follow_all(flights, centred, known, settings, settings.excess) if near else None
     if together is not None:
         centred, known, as_stated = together.centred, together.known, together.excess
         if as_stated <= settings.excess:
             return Draft(log, flights, centred, known, (), as_stated, together)
     strays: tuple[str, ...] = ()
-    near = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
-    problem, follow = follow_windows(Problem.of(windows, near.vehicle, settings))
-    problem, refitted = _fit(problem, near.nuisance, follow, FITS)
+    guess = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
+    problem, follow = follow_windows(Problem.of(windows, guess.vehicle, settings))
+    problem, refitted = _fit(problem, guess.nuisance, follow, FITS)
     if refitted.chi2 / refitted.quadratic.numbers < excess:
-        moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), near)
-        centred = scaled_as_the_file(near.moved(*moved))
+        moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), guess)
+        centred = scaled_as_the_file(guess.moved(*moved))
         strays = _strays(settled(centred), settings)
         known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
     return Draft(log, flights, centred, known, strays, as_stated, None)
@@ -102,6 +103,15 @@ def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple
     if (anew := measure_noise(problem, judged)) is not problem:
         problem, judged = anew, reassess(anew, judged)
     return problem, judged
+
+
+def _usual_excess(problem: Problem, judged: Judged) -> float:
+    """Chi-square per number of the window in the middle.
+
+    Flights whose trims and currents differ lose some windows where they are fitted as one, and leave much on the whole.
+    """
+    numbers = (problem.windows.trust**2).sum((1, 2))
+    return float(np.median(chi2_by_window(problem, judged.base.state) / np.maximum(numbers, 1.0)))
 
 
 def _left_open(problem: Problem, judged: Judged) -> Floats:

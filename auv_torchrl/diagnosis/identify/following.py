@@ -145,7 +145,7 @@ def hand_on(problem: Problem, base: Base) -> Base:
     windows = problem.windows
     follows = (windows.episode[:, None] == windows.episode) & (windows.start[:, None] == windows.start + windows.steps)
     before = np.where(follows.any(1), follows.argmax(1), -1)
-    chi2 = _chi2_by_window(problem, base.state)
+    chi2 = chi2_by_window(problem, base.state)
     astray = np.flatnonzero(~(chi2 < LOST_START * np.median(chi2)))
     if len(astray) and _stuck(problem, base).mean() <= MOSTLY_LOST:
         base = _begun_anew(problem, base, astray, problem.seen_start[astray])
@@ -164,16 +164,17 @@ def hand_on(problem: Problem, base: Base) -> Base:
 def _stuck(problem: Problem, base: Base) -> np.ndarray:
     """(W,) windows that leave more than an explanation that is about right would."""
     numbers = (problem.windows.trust**2).sum((1, 2))
-    return ~(_chi2_by_window(problem, base.state) < STUCK * numbers)
+    return ~(chi2_by_window(problem, base.state) < STUCK * numbers)
 
 
 def some_diverged(problem: Problem, *bases: Base) -> bool:
     """Whether some windows, but few, diverge in one of these."""
-    astray = [_chi2_by_window(problem, base.state) >= DIVERGED for base in bases]
+    astray = [chi2_by_window(problem, base.state) >= DIVERGED for base in bases]
     return any(lost.any() for lost in astray) and all(lost.mean() < FEW_LOST for lost in astray)
 
 
-def _chi2_by_window(problem: Problem, state: Smoothed) -> Floats:
+def chi2_by_window(problem: Problem, state: Smoothed) -> Floats:
+    """What each window leaves (W,), its free numbers paid for."""
     return chi_square(problem.windows, problem.layout, problem.freedom(state.slope), *_one_row(state))[:, 0]
 
 
@@ -185,7 +186,7 @@ def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) 
     freedom = Freedom.of(some, layout, fresh.slope, problem.sigma, problem.floor)
     start, bins, residual, _ = settle(some, base.vehicle, layout, freedom, *_one_row(fresh), SETTLING)
     chi2 = chi_square(some, layout, freedom, start, bins, residual)[:, 0]
-    better = chi2 < _chi2_by_window(problem, state)[rows]
+    better = chi2 < chi2_by_window(problem, state)[rows]
     if not better.any():
         return base
     fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
