@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import Actuation
+from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
@@ -132,10 +132,12 @@ def smooth(
     force_prior: Floats,
     begin: tuple[Floats, Floats],
     rounds: int = 3,
+    bends: bool = True,
 ) -> Smoothed:
     """Levenberg-Marquardt over the free numbers of all windows, forces held near zero by ``force_prior`` (D,).
 
-    ``begin`` are the starts (W, 12) and bins (W, B, D) to begin from.
+    ``begin`` are the starts (W, 12) and bins (W, B, D) to begin from. Windows so short that they hardly bend
+    (``bends`` false) keep the slopes that they begin with.
     """
     weight = 1.0 / noise_per_sample(windows, sigma)
     precision = np.concatenate([layout.loose**-2.0, np.tile(force_prior**-2, layout.bins)])
@@ -148,6 +150,14 @@ def smooth(
         return ((state.residual * weight) ** 2).sum(1) + (precision * away(state) ** 2).sum(1)
 
     state = local_slopes(windows, vehicle, layout, *begin)
+    actuation = actuate(windows, vehicle)
+
+    def moved_to(start: Floats, bins: Floats) -> Smoothed:
+        if bends:
+            return local_slopes(windows, vehicle, layout, start, bins)
+        residual, _ = flown(actuation, layout, start[:, None], bins[:, None])
+        return replace(state, start=start, bins=bins, residual=residual[:, 0])
+
     damping = np.full(len(windows), 1e-4)
     for _ in range(rounds):
         slope = state.slope * weight[:, None]
@@ -158,7 +168,7 @@ def smooth(
         start, bins = state.start.copy(), state.bins.copy()
         start[:, layout.start] += move[:, : len(layout.start)]
         bins += move[:, len(layout.start) :].reshape(bins.shape)
-        fresh = local_slopes(windows, vehicle, layout, start, bins)
+        fresh = moved_to(start, bins)
         better = cost(fresh) < cost(state)
         damping = np.where(better, damping * 0.1, damping * 30.0)
         state = Smoothed(
@@ -194,7 +204,14 @@ def follow(
     guess = Inverse.of(prepare(vehicle).numpy(), windows.channels).as_reported(pieces.guess).copy()
     guess[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
     near = smooth(
-        pieces, vehicle, short, sigma, force_prior, (guess, begin.reshape(len(pieces), PIECE_BINS, -1)), rounds=2
+        pieces,
+        vehicle,
+        short,
+        sigma,
+        force_prior,
+        (guess, begin.reshape(len(pieces), PIECE_BINS, -1)),
+        rounds=2,
+        bends=False,
     )
     start = near.start.reshape(len(windows), -1, 12)[:, 0]
     bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
@@ -209,6 +226,7 @@ def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Float
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
 
 
+@DIVERGING
 def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], force_prior: Floats) -> dict[str, float]:
     """White noise of each channel, from what is left when a force held by ``force_prior`` (D,) has followed the rest.
 
@@ -230,6 +248,7 @@ def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], for
         if seen.any() and not freedom.sum() > LEAST_FREEDOM * counts[..., column].sum():
             continue
         squares = (left[seen][..., column] ** 2).sum(1) / freedom
+        squares[~np.isfinite(squares)] = np.inf  # of a window that diverged
         size = np.sqrt(np.median(squares)) if seen.any() else 0.0  # the median: a few windows may be badly followed
         noise[channel] = float(max(size, windows.resolution[column] * ROUNDING, LEAST_NOISE))
     return noise
