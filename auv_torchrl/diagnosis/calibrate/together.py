@@ -131,10 +131,10 @@ def _floor(before: Floats, fits: Sequence[Fit]) -> Floats:
 
 
 def _under(flight: Fit, floor: Floats) -> Fit:
-    """A flight fitted again under another disturbance (D,)."""
+    """A flight weighed again under another disturbance (D,) where it was fitted: what it tells has its slopes there."""
     problem, judged = flight
     problem = replace(problem, floor=floor)
-    return problem, fit_by_simulation(problem, judged.explanation, judged.base)
+    return problem, fit_by_simulation(problem, judged.explanation, judged.base, rounds=0)
 
 
 def _tells(problem: Problem, judged: Judged) -> Told:
