@@ -56,17 +56,17 @@ def under_own_floor(problem: Problem, follow: Base) -> Problem:
 
     A fault makes it larger than it is, and shows all the same: one force explains then what many had to.
     """
-    known, base = problem.known, follow
+    known, explanation, base = problem.known, Explanation(), follow
     if known is None:
         return problem
     whole = known.floor
     for _ in range(PASSES):
-        judged = fit_by_simulation(problem, Explanation(), base)
+        judged = fit_by_simulation(problem, explanation, base)
         if not np.isfinite(judged.chi2):
             break
         floor = np.maximum(whole[problem.layout.dof], disturbance_floor([(problem, judged)]))
         settled = bool((np.abs(floor / problem.floor - 1) < SETTLED).all())
-        base, problem = judged.base, replace(problem, floor=floor)
+        explanation, base, problem = judged.explanation, judged.base, replace(problem, floor=floor)
         if settled:
             break
     own = whole.copy()
