@@ -31,7 +31,8 @@ STEP = 1e-3  # of a coefficient's width, for slopes
 ROUGH_STEP = 0.2  # likewise of a threshold, which switches single samples: enough of them must do so to make a slope
 DAMPING = (1e-6, 1e-3, 3e-2, 1.0)  # tried side by side in every round
 ROUNDS = 40
-SETTLED = 0.4  # chi-square by which a round must lower what is left: less moves no coefficient by its error
+SETTLED = 0.4  # chi-square by which a round must lower what is left: less moves no coefficient by its error ...
+NEAR = 2.0  # ... and less than this tells nothing of how well windows are predicted that a fit does not see
 ALONE = 1e-6  # of a variance, by which a prior of numbers that are alone may seem to share it
 # Standard deviations along what the prior leaves open most, which is how strong thrusters are, from where descents
 # begin: the file, and a vehicle so weak that it stays near what was flown. One that is too strong flies off at once.
@@ -82,13 +83,13 @@ class Descent:
         one = along / np.sqrt(along @ self.known @ along)
         return [np.clip(self.nominal + step * one, self.low, self.high) for step in BEGINS]
 
-    def down(self, begin: Floats) -> _Slopes:
-        """Where the way down from coefficients (k,) ends."""
+    def down(self, begin: Floats, settled: float = SETTLED) -> _Slopes:
+        """Where the way down from coefficients (k,) ends: where a round lowers chi-square by less than ``settled``."""
         at, start = begin, self.windows.guess
         for _ in range(ROUNDS):
             slopes = self.slopes(at, start)
             at, start, falls = self.step(slopes)
-            if falls < SETTLED:
+            if falls < settled:
                 return slopes
         return self.slopes(at, start)
 
@@ -155,11 +156,18 @@ class Descent:
 
 
 def fit(
-    windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient], begins: Sequence[Floats] = ()
+    windows: Windows,
+    vehicle: Vehicle,
+    coefficients: Sequence[Coefficient],
+    begins: Sequence[Floats] = (),
+    settled: float = SETTLED,
 ) -> Fitted:
-    """The likeliest end of descents from ``begins``, coefficients (k,), or from where :meth:`Descent.begins` says."""
+    """The likeliest end of descents from ``begins``, coefficients (k,), or from where :meth:`Descent.begins` says.
+
+    They end where a round lowers chi-square by less than ``settled``.
+    """
     descent = Descent(windows, vehicle, coefficients)
-    ends = [descent.down(begin) for begin in begins or descent.begins()]
+    ends = [descent.down(begin, settled) for begin in begins or descent.begins()]
     memory = min(end.memory for end in ends)
     best = min(ends, key=lambda end: descent.unlikelihood(end, memory))
     return Fitted(best.at, np.linalg.inv(best.curvature), best.scale)
