@@ -26,7 +26,7 @@ def summarise(
 
     Where no cause is likelier than not, what is sure stands first: that something unknown acts.
 
-    ``corrected`` is what the coefficients that were wrong mean to a pilot.
+    ``corrected`` is what the coefficients that were wrong mean to a pilot, what matters most first: one is said here.
     """
     if verdict is Verdict.NO_GAP and not effects:
         return SOUND if within_floor(gap) else SLACK
@@ -35,9 +35,7 @@ def summarise(
         for likely in (True, False)
     )
     if any(effect.calibrates for effect in effects):
-        file = ": ".join(
-            ("the vehicle's file is off in many coefficients at once", *filter(None, ["; ".join(corrected)]))
-        )
+        file = "; above all, ".join(("the vehicle's file is off in many coefficients at once", *corrected[:1]))
         named = f"{named}; besides, {file}" if named else file
     if verdict is Verdict.UNEXPLAINED:
         return f"The simulator misses this vehicle{mainly(where)}, and no known effect explains it."

@@ -139,7 +139,8 @@ def test_a_diagnosis_calibrates_first_and_searches_on_top(flown):
     assert found.verdict is Verdict.EXPLAINED
     assert {effect.name for effect in found.effects if effect.calibrates} == set(TRUTH)
     assert [effect.name for effect in found.effects if not effect.calibrates] == []
-    assert found.summary.startswith("The vehicle's file is off in many coefficients at once")
+    assert found.summary.startswith("The vehicle's file is off in many coefficients at once; above all, ")
+    assert found.summary.count("the file says") == 1
     assert found.gap.closed is not None and found.gap.closed > 0.9
 
 

@@ -18,6 +18,7 @@ from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 LASTS_S = 10.0  # s, after which a vehicle of this size goes steadily
 RISEN = 0.632  # of the steady speed: the time constant
+LEAST = 1e-3  # m/s, rad/s, s: one that does not go at all differs by so many times, not by infinitely many
 WORDS = {"surge": "forward", "sway": "sideways", "heave": "down", "yaw": "turning"}
 
 
@@ -46,17 +47,21 @@ def respond(vehicle: Vehicle, command: float) -> Response:
 
 @DIVERGING
 def differences(before: Response, after: Response, command: float) -> dict[str, tuple[str, ...]]:
-    """Sentences by subject (``axes``, ``idle``, ``turning``) about what ``after`` does unlike ``before``."""
-    axes = []
+    """Sentences by subject (``axes``, ``idle``, ``turning``) about what ``after`` does unlike ``before``.
+
+    The axis that differs most stands first.
+    """
+    axes: list[tuple[float, str]] = []
     for row, (name, degree) in enumerate(zip(CONTROLLED, CONTROLLED_INDEX, strict=True), start=1):
         unit = "rad/s" if degree > 2 else "m/s"
         speed = [abs(response.steady[row, degree]) for response in (before, after)]
         time = [response.time_s[row] for response in (before, after)]
         if abs(speed[1] / speed[0] - 1) > NOTICED or abs(time[1] / time[0] - 1) > NOTICED:
-            axes.append(
+            sentence = (
                 f"{WORDS[name]} it does {speed[1]:.2f} {unit} at command {command:g}, and gets there with a time "
                 f"constant of {time[1]:.1f} s (the file says {speed[0]:.2f} {unit} and {time[0]:.1f} s)"
             )
+            axes.append((sum(abs(np.log(max(now, LEAST) / then)) for then, now in (speed, time)), sentence))
     idle = []
     drift = after.steady[0, 2]
     if abs(drift - before.steady[0, 2]) > NOTICED_DRIFT:
@@ -66,4 +71,5 @@ def differences(before: Response, after: Response, command: float) -> dict[str, 
         rate = after.steady[row, 5]
         if abs(rate - before.steady[row, 5]) > NOTICED_TURN:
             turning.append(f"a {name} command of {command:g} also turns it at {rate:+.2f} rad/s")
-    return {"axes": tuple(axes), "idle": tuple(idle), "turning": tuple(turning)}
+    most_first = sorted(axes, key=lambda axis: -axis[0])
+    return {"axes": tuple(sentence for _, sentence in most_first), "idle": tuple(idle), "turning": tuple(turning)}
