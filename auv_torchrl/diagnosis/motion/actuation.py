@@ -67,8 +67,9 @@ class Actuation:
         windows, (kinds, kind) = self.windows, self._kinds
         logged = windows.commands, windows.parts, windows.volts
         where = windows.start[chunk], windows.episode[chunk], steps, self._numbers[kinds]
-        key = (windows.dt, parts, self.terms, *((array.tobytes(), array.shape) for array in where))
-        size = len(kinds) * self.windows.start[chunk].size * steps.size * self.thrust.shape[-1]
+        path = self.terms.routing, self.terms.curve
+        key = (windows.dt, parts, *path, *((array.tobytes(), array.shape) for array in where))
+        size = len(kinds) * where[0].size * steps.size * self.thrust.shape[-1]
         make = partial(self._means, chunk, steps, parts)
         means = MEANS.of(make, logged, key) if size <= LARGEST else make()
         if len(kinds) == 1:
