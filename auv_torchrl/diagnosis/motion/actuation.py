@@ -28,7 +28,7 @@ from auv_torchrl.vehicle import Vehicle
 
 LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
 LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
-KEPT, LARGEST = 64, 250_000  # mean targets, and numbers of one: 0.13 GB at most, and mostly a tenth of that
+KEPT, LARGEST = 64, 50_000  # mean targets, and numbers of one: 26 MB at most; long logs make larger ones
 MEANS: Latest[list[Floats]] = Latest(KEPT)
 COEFFICIENTS: Latest[Coefficients] = Latest(8)
 
