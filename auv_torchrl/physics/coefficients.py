@@ -61,7 +61,7 @@ class Coefficients(NamedTuple):
 
     def numpy(self) -> "Coefficients":
         """The same coefficients as numpy arrays; they share memory where the tensors are on the CPU."""
-        return Coefficients(*(np.asarray(field.detach().cpu()) for field in self))
+        return Coefficients(*(field.numpy(force=True) for field in self))
 
     def rows(self, index: Any) -> "Coefficients":
         """The coefficients of some vehicles of the batch."""

@@ -14,7 +14,8 @@ class Declared(NamedTuple):
     """Of an effect, by full name of a parameter."""
 
     parameters: Mapping[str, Parameter]
-    nominal: Mapping[str, float]  # values at which it does nothing
+    nominal: dict[str, float]  # values at which it does nothing
+    places: Mapping[str, int | slice]  # by the name that it was declared under, among the full names
 
 
 _known: dict[tuple[int, int], tuple[Effect, Vehicle, Declared]] = {}  # by identity, which holds while they are kept
@@ -27,5 +28,19 @@ def declared(effect: str, vehicle: Vehicle) -> Declared:
     if key not in _known:
         if len(_known) >= KEPT:
             _known.clear()
-        _known[key] = its, vehicle, Declared(its.member_parameters(vehicle), its.nominal(vehicle))
+        _known[key] = (
+            its,
+            vehicle,
+            Declared(its.member_parameters(vehicle), its.nominal(vehicle), _places(its, vehicle)),
+        )
     return _known[key][2]
+
+
+def _places(effect: Effect, vehicle: Vehicle) -> dict[str, int | slice]:
+    places: dict[str, int | slice] = {}
+    first = 0
+    for p in effect.parameters:
+        behind = first + len(p.members(vehicle))
+        places[p.name] = first if p.over is None else slice(first, behind)
+        first = behind
+    return places

@@ -45,7 +45,7 @@ class Explanation:
         names = {knob.effect for knob in self.knobs} | {effect for effect, _ in self.slack}
         known = {name: declared(name, vehicle) for name in names}
         for knob in self.knobs:
-            parameters, nominal = known[knob.effect]
+            parameters, nominal, _ = known[knob.effect]
             row = values.setdefault(knob.effect, {})
             for member in knob.members:
                 if knob.discrete or member not in row:
@@ -56,7 +56,7 @@ class Explanation:
         if slack:
             told = {(knob.effect, member) for knob in self.knobs for member in knob.members}
             for (effect, member), deviation in self.slack.items():
-                row, (parameters, nominal) = values.setdefault(effect, {}), known[effect]
+                row, (parameters, nominal, _) = values.setdefault(effect, {}), known[effect]
                 p = parameters[member]
                 if p.loose and (effect, member) in told:
                     continue  # an offset is one number: the effect that has a value for it says all of it
@@ -79,7 +79,7 @@ class Explanation:
 
     def with_atom(self, atom: Atom, vehicle: Vehicle, amount: float = 1.0) -> "Explanation":
         """The explanation with one more change; a knob that is there already is moved on."""
-        parameters, nominal = declared(atom.effect, vehicle)
+        parameters, nominal, _ = declared(atom.effect, vehicle)
         groups: dict[str, list[str]] = {}
         for member in atom.values:
             groups.setdefault(parameters[member].name if not atom.discrete else member, []).append(member)

@@ -10,6 +10,7 @@ import torch
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
+from auv_torchrl.effects.draft import Draft
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
@@ -97,15 +98,22 @@ def apply_values(vehicle: Vehicle, values: Mapping[str, Mapping[str, Any]]) -> V
 
 
 def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
-    """One vehicle per entry of ``rows``, as a batch."""
-    stacked: dict[str, dict[str, torch.Tensor]] = {}
-    for name in {name for row in rows for name in row}:
-        nominal = declared(name, vehicle).nominal
-        each = [row.get(name, {}) for row in rows]
-        members = list({member for its in each for member in its})
-        numbers = np.array([[its.get(member, nominal[member]) for its in each] for member in members], np.float64)
-        stacked[name] = dict(zip(members, torch.from_numpy(numbers), strict=True))
-    return apply_values(vehicle.expand(len(rows)), stacked)
+    """One vehicle per entry of ``rows``, as a batch.
+
+    Raises:
+        ValueError: for a parameter that its effect does not have.
+    """
+    names = {name for row in rows for name in row}
+    changed: Any = Draft(vehicle.expand(len(rows)))
+    like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
+    for name in (name for name in EFFECTS if name in names):
+        _, nominal, places = declared(name, vehicle)
+        numbers = np.array([list((nominal | row.get(name, {})).values()) for row in rows])
+        if numbers.shape[1:] != (len(nominal),):
+            raise ValueError(f"effect {name}: unknown parameters: there are {', '.join(nominal)}")
+        values = torch.as_tensor(numbers, **like)
+        changed = EFFECTS[name].change(changed, **{p: values[:, place] for p, place in places.items()})
+    return changed.whole if isinstance(changed, Draft) else changed
 
 
 def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effect] = EFFECTS) -> list[Atom]:

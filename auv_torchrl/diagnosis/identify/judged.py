@@ -8,6 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.actuation import coefficients
 from auv_torchrl.diagnosis.motion.force import Course, force_changes, middles
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, SlackMarks, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
@@ -31,7 +32,7 @@ class Base:
     @cached_property
     def coefficients(self) -> Coefficients:
         """Of the vehicle, (1, ...), in numpy."""
-        return prepare(self.vehicle).numpy()
+        return coefficients(self.vehicle)
 
     @cached_property
     def course(self) -> Course:

@@ -8,6 +8,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.evidence import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, sensor_slack, slack_parameters
+from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -58,26 +59,6 @@ def _corners(first: Floats, second: Floats) -> Floats:
     return whole
 
 
-class FreedomCache:
-    """The latest freedoms of windows, found by the very arrays that they were made of: many explanations share one."""
-
-    def __init__(self) -> None:
-        self._kept: list[tuple[Floats, dict[str, float], Floats, Freedom]] = []
-
-    def of(self, windows: Windows, layout: Layout, slope: Floats, sigma: dict[str, float], prior: Floats) -> Freedom:
-        """That of slopes (W, K, L) under a sensor noise and a prior of the disturbance; made where it is not kept."""
-        for its_slope, its_sigma, its_prior, freedom in self._kept:
-            if its_slope is slope and its_sigma is sigma and its_prior is prior:
-                return freedom
-        freedom = Freedom.of(windows, layout, slope, sigma, prior)
-        self._kept = [*self._kept[1 - FREEDOMS_KEPT :], (slope, sigma, prior, freedom)]
-        return freedom
-
-    def clear(self) -> None:
-        """Give back the memory."""
-        self._kept = []
-
-
 @dataclass(frozen=True)
 class Problem:
     """A log cut into windows, the vehicle that should explain it, and all that an explanation is judged by.
@@ -107,7 +88,7 @@ class Problem:
     outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
     slack_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
     slack_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
-    freedoms: FreedomCache = field(default_factory=FreedomCache, repr=False, compare=False)
+    freedoms: Latest[Freedom] = field(default_factory=lambda: Latest(FREEDOMS_KEPT), repr=False, compare=False)
 
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, settings: Settings, known: Known | None = None) -> "Problem":
@@ -176,7 +157,8 @@ class Problem:
 
     def freedom(self, slope: Floats, prior: Floats | None = None) -> Freedom:
         """What the free numbers of windows with these slopes (W, K, L) absorb, the disturbance held by ``prior``."""
-        return self.freedoms.of(self.windows, self.layout, slope, self.sigma, self.floor if prior is None else prior)
+        given = slope, self.sigma, self.floor if prior is None else prior
+        return self.freedoms.of(lambda: Freedom.of(self.windows, self.layout, *given), given)
 
 
 def _is_looked_for(effect: Effect, windows: Windows) -> bool:

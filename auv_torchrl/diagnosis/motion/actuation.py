@@ -6,10 +6,11 @@ its commands have left behind, and the targets of all its steps are found at onc
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
+from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.diagnosis.motion.samples import oldest
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
@@ -27,6 +28,9 @@ from auv_torchrl.vehicle import Vehicle
 
 LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
 LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
+KEPT, LARGEST = 64, 50_000  # mean targets, and numbers of one: 26 MB at most; long logs make larger ones
+MEANS: Latest[list[Floats]] = Latest(KEPT)
+COEFFICIENTS: Latest[Coefficients] = Latest(8)
 
 
 @dataclass(frozen=True)
@@ -56,31 +60,41 @@ class Actuation:
         return bool((self.c.delay > 1e-6 * self.windows.dt).any())
 
     def targets(self, chunk: slice, steps: np.ndarray, parts: int = 1) -> list[Floats]:
-        """Mean thrust target (w, R, S, n) in N during each of ``parts`` parts of grid steps (S,) of some windows."""
-        windows = self.windows
-        kinds, kind = self._kinds
+        """Mean thrust target (w, R, S, n) in N during each of ``parts`` parts of grid steps (S,) of some windows.
+
+        Nobody changes them in place.
+        """
+        windows, (kinds, kind) = self.windows, self._kinds
+        logged = windows.commands, windows.parts, windows.volts
+        where = windows.start[chunk], windows.episode[chunk], steps, self._numbers[kinds]
+        path = self.terms.routing, self.terms.curve
+        key = (windows.dt, parts, *path, *((array.tobytes(), array.shape) for array in where))
+        size = len(kinds) * where[0].size * steps.size * self.thrust.shape[-1]
+        make = partial(self._means, chunk, steps, parts)
+        means = MEANS.of(make, logged, key) if size <= LARGEST else make()
+        if len(kinds) == 1:
+            found = [np.broadcast_to(mean, (len(mean), len(kind), *mean.shape[2:])) for mean in means]
+        else:
+            found = [mean[:, kind] for mean in means]
+        return found if self.late else found * parts
+
+    def _means(self, chunk: slice, steps: np.ndarray, parts: int) -> list[Floats]:
+        """The same of each kind of vehicle alone (w, K, S, n); one of them where all parts are the same."""
+        windows, (kinds, _) = self.windows, self._kinds
         grid = np.clip(windows.start[chunk, None] + steps, 0, windows.commands.shape[1] - 1)
         shifts = self.whole[kinds]
         shifts = shifts[:1] if (shifts == shifts[0]).all() else shifts
-        arrived = grid[:, None] - shifts[:, None]  # (w, R or 1, S)
+        arrived = grid[:, None] - shifts[:, None]  # (w, K or 1, S)
         ages = (0, 1) if self.late else (0,)
         episode = windows.episode[chunk, None, None]
         held = np.stack([windows.held[episode, np.maximum(arrived - age, 0)] for age in ages], axis=-2)
         by_step = self.c.rows((kinds, None))
         each = [_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
-
-        factor = None
-        if windows.volts is not None and by_step.volts.any():
-            factor = at_volts(by_step, windows.volts[windows.episode[chunk, None], grid][:, None])[..., None]
-
-        def of_all(targets: Sequence[Floats]) -> Floats:
-            mean = _mean(targets) if factor is None else _mean(targets) * factor
-            shape = (len(mean), len(kind), *mean.shape[2:])
-            return np.broadcast_to(mean, shape) if len(kinds) == 1 else mean[:, kind]
-
-        if not self.late:  # all parts are the same
-            return [of_all([targets[0] for targets in each])] * parts
-        return [of_all(part) for part in zip(*each, strict=True)]
+        means = [_mean(part) for part in list(zip(*each, strict=True))[: parts if self.late else 1]]
+        if windows.volts is None or not by_step.volts.any():
+            return means
+        factor = at_volts(by_step, windows.volts[windows.episode[chunk, None], grid][:, None])[..., None]
+        return [mean * factor for mean in means]
 
     def load(self, chunk: slice, steps: int) -> Floats | None:
         """Share (w, R, S) of their full thrusts that thrusters give at grid steps; None where no sensor feels it."""
@@ -90,16 +104,25 @@ class Actuation:
         return load(self.c.rows((slice(None), None)), target * self.c.gain[:, None])
 
     @cached_property
+    def _numbers(self) -> Floats:
+        """What the vehicles (R, k) do with a command depends on."""
+        fields = [getattr(self.c, name).reshape(len(self.whole), -1) for name in TARGET_FIELDS]
+        return np.concatenate([self.whole[:, None], *fields], axis=1)
+
+    @cached_property
     def _kinds(self) -> tuple[np.ndarray, np.ndarray]:
         """Vehicles that do different things with a command, and as which of them each does: most change elsewhere."""
-        fields = [getattr(self.c, name).reshape(len(self.whole), -1) for name in TARGET_FIELDS]
-        numbers = np.concatenate([self.whole[:, None], *fields], axis=1)
-        return distinct(numbers)
+        return distinct(self._numbers)
+
+
+def coefficients(vehicle: Vehicle) -> Coefficients:
+    """Those of vehicles that nobody changes in place, in numpy: many ask for them, one after the other."""
+    return COEFFICIENTS.of(lambda: prepare(vehicle).numpy(), (vehicle,))
 
 
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
     """What vehicles, a batch (R,), do with the commands of windows."""
-    return actuate_prepared(windows, prepare(vehicle).numpy())
+    return actuate_prepared(windows, coefficients(vehicle))
 
 
 def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
