@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.effects.advice import Advice
-from auv_torchrl.effects.draft import Draft
+from auv_torchrl.effects.changing import Changing
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import Vehicle
@@ -227,12 +227,12 @@ def mean(values: Tensor) -> Tensor:
 
 
 def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:
-    """A copy of the vehicle with some fields replaced; the others are shared. A :class:`Draft` is its own copy."""
-    draft = isinstance(vehicle, Draft)
-    copy, precision = vehicle.whole if draft else vehicle.clone(recurse=False), vehicle.mass.dtype
+    """A copy of the vehicle with some fields replaced; the others are shared. A :class:`Changing` is its own copy."""
+    on_its_way = isinstance(vehicle, Changing)
+    copy, precision = vehicle.whole if on_its_way else vehicle.clone(recurse=False), vehicle.mass.dtype
     for name, value in fields.items():
         copy.set(name, value.to(precision))
-    return vehicle if draft else copy
+    return vehicle if on_its_way else copy
 
 
 def sets(**fields: str) -> Callable[..., Vehicle]:

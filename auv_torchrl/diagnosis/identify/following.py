@@ -9,7 +9,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
-from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.colour import whiten
 from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
 from auv_torchrl.diagnosis.motion.rough import rough_force
@@ -38,7 +38,6 @@ from auv_torchrl.diagnosis.thresholds import (
     SETTLING,
     STUCK,
 )
-from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
 NOTHING = Explanation()
@@ -126,7 +125,7 @@ def follow_freely(problem: Problem, windows: Windows, vehicle: Vehicle, prior: F
 def rebase(problem: Problem, explanation: Explanation, start: Base) -> Base:
     """The windows under another explanation, from what is left of the force when the explanation is taken out."""
     vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
-    explained = start.course.forces(prepare(vehicle).numpy())[:, 0, :, problem.layout.dof]
+    explained = start.course.forces(coefficients(vehicle))[:, 0, :, problem.layout.dof]
     edges = np.arange(0, problem.windows.steps, problem.layout.steps_per_bin)
     counts = np.diff(np.append(edges, problem.windows.steps))
     explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first

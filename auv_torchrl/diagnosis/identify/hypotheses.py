@@ -10,7 +10,7 @@ import torch
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
-from auv_torchrl.effects.draft import Draft
+from auv_torchrl.effects.changing import Changing
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
@@ -104,7 +104,7 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
         ValueError: for a parameter that its effect does not have.
     """
     names = {name for row in rows for name in row}
-    changed: Any = Draft(vehicle.expand(len(rows)))
+    changed: Any = Changing(vehicle.expand(len(rows)))
     like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
     for name in (name for name in EFFECTS if name in names):
         _, nominal, places = declared(name, vehicle)
@@ -113,7 +113,7 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
             raise ValueError(f"effect {name}: unknown parameters: there are {', '.join(nominal)}")
         values = torch.as_tensor(numbers, **like)
         changed = EFFECTS[name].change(changed, **{p: values[:, place] for p, place in places.items()})
-    return changed.whole if isinstance(changed, Draft) else changed
+    return changed.whole if isinstance(changed, Changing) else changed
 
 
 def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effect] = EFFECTS) -> list[Atom]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, local_slopes, noise_per_sample
@@ -17,7 +17,6 @@ from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import BENT, FLICKERS
 from auv_torchrl.flightlog.streams.drift import DRIFT_S
-from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.vehicle import Vehicle
 
@@ -65,7 +64,7 @@ def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smo
     moves = layout.start[: len(layout.start) // 2]
     unknown = unknown_force(windows, vehicle)[..., moves].reshape(len(windows), 1, -1)
     unit = np.eye(windows.steps * len(moves)).reshape(1, windows.steps, len(moves), -1)
-    c = prepare(vehicle).numpy()
+    c = coefficients(vehicle)
     tangent = Tangent.of(windows, c, layout.start, state.transition, state.push, state.feel)
     nothing = np.zeros((1, len(layout.start), unit.shape[-1]))
     return unknown * respond(windows, layout.start, tangent, nothing, unit, ahead(windows, c)[0])

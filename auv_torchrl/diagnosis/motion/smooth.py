@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate
+from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficients
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
@@ -112,7 +112,7 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
     """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
     residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
     n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
-    c = prepare(vehicle).numpy()
+    c = coefficients(vehicle)
     inward = Inverse.of(c, windows.channels).by_step().start_slopes(start, layout.start)
     starts = inward @ np.eye(n, layout.size)
     forces = np.zeros((1, windows.steps, len(moves), layout.size))
@@ -201,7 +201,7 @@ def follow(
     """
     pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
     short = replace(layout, bins=PIECE_BINS)
-    guess = Inverse.of(prepare(vehicle).numpy(), windows.channels).as_reported(pieces.guess).copy()
+    guess = Inverse.of(coefficients(vehicle), windows.channels).as_reported(pieces.guess).copy()
     guess[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
     near = smooth(
         pieces,

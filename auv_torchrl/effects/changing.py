@@ -5,7 +5,7 @@ from typing import Any
 from auv_torchrl.vehicle import Vehicle
 
 
-class Draft:
+class Changing:
     """A vehicle that several effects change one after the other: a copy for each takes longer than the effect."""
 
     def __init__(self, whole: Vehicle) -> None:
