@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
-from auv_torchrl.diagnosis.motion.smooth import sensor_noise
+from auv_torchrl.diagnosis.motion.white_noise import sensor_noise
 from auv_torchrl.diagnosis.thresholds import GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SAME_SKETCH, SKETCHED
 
 

@@ -22,8 +22,8 @@ from auv_torchrl.diagnosis.motion.smooth import (
     local_slopes,
     misfit,
     noise_per_sample,
-    sensor_noise,
 )
+from auv_torchrl.diagnosis.motion.white_noise import sensor_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import (
     DIVERGED,

@@ -10,7 +10,8 @@ from auv_torchrl.diagnosis.identify.evidence import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, sensor_slack, slack_parameters
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.diagnosis.motion.reduce import Freedom
-from auv_torchrl.diagnosis.motion.smooth import Layout, first_noise
+from auv_torchrl.diagnosis.motion.smooth import Layout
+from auv_torchrl.diagnosis.motion.white_noise import first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
 from auv_torchrl.effects import EFFECTS, Effect

@@ -14,17 +14,15 @@ from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import LEAST_FREEDOM, LEAST_NOISE, TILTS
+from auv_torchrl.diagnosis.thresholds import TILTS
 from auv_torchrl.flightlog import FlightLogError
-from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import CHANNELS, FELT, MOTION, Inverse
+from auv_torchrl.sensors import FELT, MOTION, Inverse
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 USUAL_SPEED = 0.5  # m/s, prior of a speed where what changes it is felt and nothing tells the speed itself
-ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
 
 
 @dataclass(frozen=True)
@@ -224,46 +222,3 @@ def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Float
     scaled = (residual / noise_per_sample(windows, sigma)) ** 2
     mean = scaled.sum(1) / np.maximum((windows.trust**2).sum((1, 2)), 1.0)
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
-
-
-@DIVERGING
-def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], force_prior: Floats) -> dict[str, float]:
-    """White noise of each channel, from what is left when a force held by ``force_prior`` (D,) has followed the rest.
-
-    A channel with so few samples that the force follows its noise, too, is left out.
-    """
-    weight = 1.0 / noise_per_sample(windows, sigma)
-    slope = state.slope * weight[:, None]
-    starts = slope.shape[-1] - state.bins[0].size
-    precision = np.concatenate([np.full(starts, 1e-6), np.tile(force_prior**-2, state.bins.shape[1])])
-    gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
-    leverage = np.einsum("wkl,wlk->wk", slope, np.linalg.solve(gram, slope.swapaxes(1, 2)))
-    left = state.residual.reshape(windows.measured.shape)
-    free = np.clip(1 - leverage.reshape(left.shape), 0.05, 1.0)
-    noise = {}
-    counts = windows.trust**2
-    for column, channel in enumerate(windows.channels):
-        seen = counts[..., column].sum(1) > 0
-        freedom = (free[..., column] * counts[..., column])[seen].sum(1)
-        if seen.any() and not freedom.sum() > LEAST_FREEDOM * counts[..., column].sum():
-            continue
-        squares = (left[seen][..., column] ** 2).sum(1) / freedom
-        squares[~np.isfinite(squares)] = np.inf  # of a window that diverged
-        size = np.sqrt(np.median(squares)) if seen.any() else 0.0  # the median: a few windows may be badly followed
-        noise[channel] = float(max(size, windows.resolution[column] * ROUNDING, LEAST_NOISE))
-    return noise
-
-
-def first_noise(windows: Windows) -> dict[str, float]:
-    """Rough white noise of each channel from third differences, which a smooth motion hardly has."""
-    noise = {}
-    for column, channel in enumerate(windows.channels):
-        series = windows.measured[..., column]
-        if channel in ANGLES:
-            series = np.unwrap(series, axis=1)
-        rows = zip(series, windows.trust[..., column] > 0, strict=True)
-        third = np.concatenate([np.diff(window[seen], 3) for window, seen in rows if seen.sum() > 3] or [np.zeros(1)])
-        scale = 1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)
-        floor = 1e-4 if CHANNELS.index(channel) < 6 else 1e-3
-        noise[channel] = float(max(scale, floor, windows.resolution[column] * ROUNDING))
-    return noise
