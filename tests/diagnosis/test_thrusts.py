@@ -65,7 +65,7 @@ def test_what_was_worked_out_is_of_the_same_commands_and_vehicles():
 def test_a_batch_is_its_vehicles_one_by_one(name):
     """Effects that act on all vehicles of a batch at once make of each what they make of it alone."""
     nominal = EFFECTS[name].nominal(UNLIKE)
-    step = 1.0 if name == "thruster_swap" else 0.1  # commands are whole numbers
+    step = 1.0 if any(p.discrete for p in EFFECTS[name].parameters) else 0.1
     moved = {member: value + step for member, value in nominal.items()}
     member = next(iter(nominal))
     rows = [{}, {name: moved}, {name: {member: moved[member]}, "thruster_gain": {"gain_2": 0.3}}]
@@ -74,3 +74,9 @@ def test_a_batch_is_its_vehicles_one_by_one(name):
         alone = apply_values(UNLIKE, row)
         for field, value in together.items():
             torch.testing.assert_close(value[place], alone.get(field), rtol=1e-12, atol=1e-12, msg=field)
+
+
+def test_an_unknown_parameter_in_one_row_of_a_batch_is_named():
+    """A parameter that its effect does not have is refused by its name, whatever the other rows hold."""
+    with pytest.raises(KeyError, match="no parameters .'gain_9'."):
+        batch(VEHICLE, [{"thruster_gain": {"gain_1": 0.5}}, {"thruster_gain": {"gain_9": 0.5}}])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr  # of the normal distribution; scipy.stats has it too, and takes a second to import
 
-from auv_torchrl.diagnosis.calibrate.descent import NEAR, fit
+from auv_torchrl.diagnosis.calibrate.descent import NEARLY_SETTLED, fit
 from auv_torchrl.diagnosis.calibrate.left_open import left_open
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, errors, measure_scale, pseudo_huber
@@ -81,7 +81,7 @@ def calibrate_coefficients(
     fold = np.arange(len(windows)) % FOLDS
     before, after, whole = [], [], fit(windows, held, coefficients)
     for k in range(FOLDS):
-        fitted = fit(windows.subset(fold != k), held, coefficients, [whole.values], NEAR)
+        fitted = fit(windows.subset(fold != k), held, coefficients, [whole.values], NEARLY_SETTLED)
         unseen = windows.subset(fold == k)
         left = errors(unseen, held, [as_values(coefficients, at) for at in (nothing, fitted.values)])
         before.append(left[0])

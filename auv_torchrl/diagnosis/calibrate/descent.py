@@ -32,7 +32,7 @@ ROUGH_STEP = 0.2  # likewise of a threshold, which switches single samples: enou
 DAMPING = (1e-6, 1e-3, 3e-2, 1.0)  # tried side by side in every round
 ROUNDS = 40
 SETTLED = 0.4  # chi-square by which a round must lower what is left: less moves no coefficient by its error ...
-NEAR = 2.0  # ... and less than this tells nothing of how well windows are predicted that a fit does not see
+NEARLY_SETTLED = 2.0  # ... and less than this tells nothing of how well windows are predicted that a fit does not see
 ALONE = 1e-6  # of a variance, by which a prior of numbers that are alone may seem to share it
 # Standard deviations along what the prior leaves open most, which is how strong thrusters are, from where descents
 # begin: the file, and a vehicle so weak that it stays near what was flown. One that is too strong flies off at once.

@@ -110,8 +110,8 @@ def _usual_excess(problem: Problem, judged: Judged) -> float:
 
     Flights whose trims and currents differ lose some windows where they are fitted as one, and leave much on the whole.
     """
-    numbers = (problem.windows.trust**2).sum((1, 2))
-    return float(np.median(chi2_by_window(problem, judged.base.state) / np.maximum(numbers, 1.0)))
+    numbers = np.maximum(problem.windows.numbers_of_each, 1.0)
+    return float(np.median(chi2_by_window(problem, judged.base.state) / numbers))
 
 
 def _left_open(problem: Problem, judged: Judged) -> Floats:

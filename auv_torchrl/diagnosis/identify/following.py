@@ -162,8 +162,7 @@ def hand_on(problem: Problem, base: Base) -> Base:
 
 def _stuck(problem: Problem, base: Base) -> np.ndarray:
     """(W,) windows that leave more than an explanation that is about right would."""
-    numbers = (problem.windows.trust**2).sum((1, 2))
-    return ~(chi2_by_window(problem, base.state) < STUCK * numbers)
+    return ~(chi2_by_window(problem, base.state) < STUCK * problem.windows.numbers_of_each)
 
 
 def some_diverged(problem: Problem, *bases: Base) -> bool:

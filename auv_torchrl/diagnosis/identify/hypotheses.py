@@ -101,17 +101,17 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
     """One vehicle per entry of ``rows``, as a batch.
 
     Raises:
-        ValueError: for a parameter that its effect does not have.
+        KeyError: for a parameter that its effect does not have.
     """
     names = {name for row in rows for name in row}
     changed: Any = Changing(vehicle.expand(len(rows)))
     like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
     for name in (name for name in EFFECTS if name in names):
         _, nominal, places = declared(name, vehicle)
-        numbers = np.array([list((nominal | row.get(name, {})).values()) for row in rows])
-        if numbers.shape[1:] != (len(nominal),):
-            raise ValueError(f"effect {name}: unknown parameters: there are {', '.join(nominal)}")
-        values = torch.as_tensor(numbers, **like)
+        each = [nominal | row.get(name, {}) for row in rows]
+        if unknown := {member for its in each if len(its) > len(nominal) for member in its.keys() - nominal.keys()}:
+            raise KeyError(f"effect {name}: no parameters {sorted(unknown)}: there are {', '.join(nominal)}")
+        values = torch.as_tensor(np.array([list(its.values()) for its in each]), **like)
         changed = EFFECTS[name].change(changed, **{p: values[:, place] for p, place in places.items()})
     return changed.whole if isinstance(changed, Changing) else changed
 

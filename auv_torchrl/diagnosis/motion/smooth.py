@@ -148,12 +148,11 @@ def smooth(
         return ((state.residual * weight) ** 2).sum(1) + (precision * away(state) ** 2).sum(1)
 
     state = local_slopes(windows, vehicle, layout, *begin)
-    actuation = actuate(windows, vehicle)
 
     def moved_to(start: Floats, bins: Floats) -> Smoothed:
         if bends:
             return local_slopes(windows, vehicle, layout, start, bins)
-        residual, _ = flown(actuation, layout, start[:, None], bins[:, None])
+        residual, _ = flown(actuate(windows, vehicle), layout, start[:, None], bins[:, None])
         return replace(state, start=start, bins=bins, residual=residual[:, 0])
 
     damping = np.full(len(windows), 1e-4)
@@ -220,5 +219,5 @@ def follow(
 def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Floats:
     """Root mean square (W,) of the residual of each window in units of the noise; infinite where it diverged."""
     scaled = (residual / noise_per_sample(windows, sigma)) ** 2
-    mean = scaled.sum(1) / np.maximum((windows.trust**2).sum((1, 2)), 1.0)
+    mean = scaled.sum(1) / np.maximum(windows.numbers_of_each, 1.0)
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))

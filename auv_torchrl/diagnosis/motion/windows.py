@@ -76,6 +76,11 @@ class Windows:
         """How many numbers were measured, outliers by what they count."""
         return float((self.trust**2).sum())
 
+    @property
+    def numbers_of_each(self) -> Floats:
+        """The same (W,) of each window."""
+        return (self.trust**2).sum((1, 2))
+
     def subset(self, chosen: np.ndarray | slice) -> "Windows":
         """Some of the windows."""
         names = ["episode", "number", "start", "origin", "index", "fraction", "measured", "present", "trust", "guess"]
