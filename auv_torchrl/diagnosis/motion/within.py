@@ -6,7 +6,7 @@ that has to make up for an added mass below nothing does so no more once that is
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.minimum import SINGULAR, solve_semidefinite
+from auv_torchrl.diagnosis.motion.minimum import solve_semidefinite
 from auv_torchrl.diagnosis.motion.windows import Floats
 
 STILL = 1e-3  # of the largest step, each in units of its curvature: a number at a bound that moves less is rounding
@@ -23,10 +23,10 @@ def least_within(
     # By the size alone: a curvature that is lost in what it was made of by subtraction may come out below 0.
     size, x = np.sqrt(np.maximum(np.abs(np.diag(H)), TINY)), np.zeros(len(g)) if start is None else start.copy()
     low, high = bounds
+    even = H / np.outer(size, size)
     while directions.shape[1]:
         scaled = directions * size[:, None]
-        inside = scaled.T @ (H / np.outer(size, size)) @ scaled
-        step = directions @ np.linalg.lstsq(inside, directions.T @ (g - H @ x), rcond=SINGULAR)[0]
+        step = directions @ solve_semidefinite(scaled.T @ even @ scaled, directions.T @ (g - H @ x))
         goes = np.abs(step * size) > STILL * np.abs(step * size).max()
         room = np.maximum(np.where(step > 0, high - x, x - low), 0.0)
         share = np.where(goes, room / np.where(goes, np.abs(step), 1.0), np.inf)
@@ -34,8 +34,17 @@ def least_within(
         x = x + min(float(share[stops]), 1.0) * step
         if share[stops] >= 1:
             break
-        directions = directions @ np.linalg.svd(directions[stops : stops + 1] * size[stops])[2][1:].T
+        directions = _without(directions, stops)
     return np.clip(x, low, high)
+
+
+def _without(directions: Floats, stopped: int) -> Floats:
+    """The directions (k, g - 1) among directions (k, g) along which one number stays."""
+    row = directions[stopped]
+    (moves,) = np.nonzero(row)
+    if len(moves) == 1:  # a number for itself
+        return np.delete(directions, moves[0], axis=1)
+    return directions @ np.linalg.svd(row[None])[2][1:].T
 
 
 def minimum_within(H: Floats, g: Floats, bounds: tuple[Floats, Floats], x: Floats, free: np.ndarray) -> Floats:
