@@ -45,6 +45,9 @@ SHARED_BY_THRUSTERS = 0.75
 # Chi-square per number that half of the windows of healthy flights leave where these are fitted as one: trims of 0.5 N
 # and currents of 5 cm/s that differ make 2 to 8, files that are wrong by 30 % make 30 to 200.
 BEYOND_TRIM = 10.0
+# m and rad within 2 s, by which sound sensors of position and velocity, or attitude and rate, do not part ways: 3 % of
+# scale at 1 m/s and 2 degrees of heading make 0.07. And the share of stretches of a flight that may all the same.
+CONTRADICTED, FEW_CONTRADICTED = 0.1, 0.05
 STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
 # Over healthy flights, with a level vehicle and with one that tilts. After one pass, before coefficients have settled,
 # log odds were wrong by 588 and by 1445; after two right by 157 and 18.

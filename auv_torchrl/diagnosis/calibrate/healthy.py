@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from torch import Tensor
 
+from auv_torchrl.diagnosis.calibrate.by_prediction import predicts_better
 from auv_torchrl.diagnosis.calibrate.draft import Draft, draft, parted
 from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
@@ -73,18 +74,32 @@ def calibrate(
         free: degrees of freedom (6,) of a vehicle that is held level because nobody measured how it tilts; None where
             that is known.
     """
-    return work_out(draft(healthy, vehicle, settings, coefficients), settings, free)
+    return work_out(draft(healthy, vehicle, settings, coefficients), settings, free, vehicle, coefficients)
 
 
-def work_out(drafted: Draft, settings: Settings, free: Tensor | None = None) -> Calibration:
-    """The calibration that a draft of it leads to; ``settings`` and ``free`` as of :func:`calibrate`."""
+def work_out(
+    drafted: Draft,
+    settings: Settings,
+    free: Tensor | None,
+    vehicle: Vehicle,
+    coefficients: Sequence[Coefficient] = (),
+) -> Calibration:
+    """The calibration that a draft of it leads to; the other arguments as of :func:`calibrate`."""
     together, centred, known = drafted.together, drafted.centred, drafted.known
     if together is None:
         passes = PASSES
         if free is not None:
             centred, passes = _tilting_or_level(drafted.flights, centred, known, settings, free), PASSES - TILT_PASSES
         together = follow_all(drafted.flights, centred, known, settings, passes=passes)
-    return _told(together, drafted.strays, drafted.as_stated, drafted.log, settings)
+    found = _told(together, drafted.strays, drafted.as_stated, drafted.log, settings)
+    better = (
+        predicts_better(drafted.log, vehicle, found.vehicle, settings, tuple(coefficients)) if found.has_gap else None
+    )
+    if better is None:
+        return found
+    centred, known, excess = better
+    found = replace(found, centred=centred, known=known, excess=excess, together=None)
+    return replace(found, findings=tuple(_findings(drafted.log, found, settings)))
 
 
 def _tilting_or_level(

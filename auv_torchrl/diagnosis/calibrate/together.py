@@ -16,7 +16,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Judged, log_likelihood, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import NEAR
+from auv_torchrl.diagnosis.thresholds import MOSTLY_LOST, NEAR
 
 PASSES = 4  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
 STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or a file that is right left nothing
@@ -70,8 +70,9 @@ def follow_all(
 ) -> Together:
     """What flights share, how they differ, the floor (6,), and the excess under the one to begin from.
 
-    Of an excess of more than ``most``, nothing else: then another vehicle is needed. What a vehicle is for good, as
-    where its thrusters sit, is settled before the last pass: until then flights that differ in their trims tell of it.
+    Of an excess of more than ``most``, or of flights that nothing follows, no more: then another vehicle is needed.
+    What a vehicle is for good, as where its thrusters sit, is settled before the last pass: until then flights that
+    differ in their trims tell of it.
     """
     misfits, about, whole, fits, told, is_last, at_once = (), centred, centred, (), (), False, np.inf
     known = replace(known, shrinks=None)  # what was learnt of a vehicle with other numbers
@@ -83,7 +84,8 @@ def follow_all(
         if not misfits or not is_last and _per_number(left) < _per_number(misfits):
             misfits = left
         excess = _per_number(misfits)
-        if excess > most:
+        are_lost = any(problem.followed.mean() <= MOSTLY_LOST for problem, _ in followed)
+        if excess > most or are_lost:  # what lost flights tell is not of the vehicle, and may be no number
             return Together(centred, known, centred, centred, misfits)
         if is_last and _per_number(left) > max(NEAR, excess):  # windows were lost, which is no disturbance
             break

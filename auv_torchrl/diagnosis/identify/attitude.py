@@ -10,6 +10,7 @@ from auv_torchrl.flightlog.log import ACCELERATION
 from auv_torchrl.vehicle import Vehicle
 
 TILT = (3, 4)  # degrees of freedom
+USUALLY = 95.0  # per cent of samples: single ones are noise
 
 
 def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
@@ -17,9 +18,11 @@ def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
     if set(ACCELERATION) & set(log.axes):
         return vehicle
     swings = []
-    for axis, column in (("roll", 3), ("pitch", 4)):
+    for axis, rate, column in (("roll", "p", 3), ("pitch", "q", 4)):
         if axis in log.axes:
             swings += [np.ptp(episode.pose[:, column]) for episode in log.episodes]
+        elif rate in log.axes:  # swings of a second or more
+            swings += [np.nanpercentile(np.abs(episode.velocity[:, column]), USUALLY) for episode in log.episodes]
     if swings and max(swings) > SMALL_SWING:
         return vehicle
     free = torch.tensor([1.0, 1.0, 1.0, 0.0, 0.0, 1.0], dtype=vehicle.free.dtype)
