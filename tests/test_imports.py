@@ -95,32 +95,3 @@ print(json.dumps([0, sorted(sys.modules)]))
     _, modules = loaded(code)
     assert "auv_torchrl.diagnosis.pipeline" in modules
     assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib"}
-
-
-def test_a_diagnosis_does_its_work_without_pandas_or_a_compiler(tmp_path):
-    """From the log to the report and the recording."""
-    code, modules = loaded(CALL, DIAGNOSE, "log=example", f"output={tmp_path / 'out'}")
-    assert code == 0
-    assert (tmp_path / "out" / "diagnosis.rrd").is_file()
-    assert not modules & {"torchrl", "torch._dynamo", "torch._prims", "numpy.f2py.f2py2e", "pandas"}
-
-
-def test_what_is_put_off_is_loaded_where_somebody_asks_for_it():
-    """Also by torch's compiler, which needs it, and by a table that goes to pandas."""
-    code = """
-import json, sys
-import numpy
-from auv_torchrl.importing import convert_without_pandas, importing_without_compiler
-with importing_without_compiler():
-    import auv_torchrl.diagnosis.job
-convert_without_pandas()
-import pyarrow, torch
-assert pyarrow.array(numpy.ones(2)).to_pylist() == [1.0, 1.0] and "pandas" not in sys.modules
-assert pyarrow.table({"a": numpy.ones(2)}).to_pandas().a.sum() == 2.0
-assert numpy.f2py.get_include and "numpy.f2py.f2py2e" in sys.modules
-assert torch.compile(lambda x: 2 * x, backend="eager")(torch.ones(2)).sum() == 4
-assert torch.export.export and torch._meta_registrations.register_meta
-print(json.dumps([0, sorted(sys.modules)]))
-"""
-    _, modules = loaded(code)
-    assert {"torch._dynamo", "torch._prims", "torch.export.exported_program", "pandas"} <= modules

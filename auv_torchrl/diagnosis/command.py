@@ -6,7 +6,7 @@ from auv_torchrl.command import checking_input, command
 from auv_torchrl.diagnosis.logs import find_logs, is_series
 from auv_torchrl.diagnosis.memory import keep_freed_memory
 from auv_torchrl.diagnosis.schema import register
-from auv_torchrl.importing import convert_without_pandas, importing_without_compiler
+from auv_torchrl.importing import importing_without_compiler
 
 register()
 
@@ -27,5 +27,4 @@ def main(config: DictConfig) -> None:
         else:
             from auv_torchrl.diagnosis.job import answer
 
-    convert_without_pandas()
     answer(config)
