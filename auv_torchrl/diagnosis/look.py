@@ -138,7 +138,7 @@ def look_both_ways(
         few = 0 < len(drafted.strays) <= MOST_EFFECTS
         fault = _fault_of(healthy, vehicle, settings, report) if few else None
         if fault is None:
-            sound = work_out(drafted, settings, free, held, coefficients)
+            sound = work_out(drafted, settings, free)
             fault = _fault_of(healthy, vehicle, settings, report) if sound.has_gap and not few else None
         if fault is not None:
             looked = look_both_ways(training, vehicle, (), settings, report)

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.calibrate.contradicting import without_contradictions
+from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
 from auv_torchrl.diagnosis.calibrate.floor import shown_floor, stated_floor
 from auv_torchrl.diagnosis.calibrate.healthy import noise_findings
 from auv_torchrl.diagnosis.calibrate.kept import Kept
@@ -74,7 +74,7 @@ def diagnose(
     """
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
-    log, healthy = followable(log), [without_contradictions(followable(sound)) for sound in healthy]
+    log, healthy = followable(log), [healthy_flight(sound) for sound in healthy]
     test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)

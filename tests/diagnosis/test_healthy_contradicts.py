@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis.calibrate.by_prediction import predicts_better
-from auv_torchrl.diagnosis.calibrate.contradicting import without_contradictions
+from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.flightlog import POSE, VELOCITY, join
@@ -30,7 +30,7 @@ def sound():
 
 def test_sound_sensors_are_all_kept(sound):
     """A flight whose sensors agree is what it was."""
-    assert without_contradictions(sound) is sound
+    assert healthy_flight(sound) is sound
 
 
 def test_positions_in_another_frame_are_left_out(sound):
@@ -41,7 +41,7 @@ def test_positions_in_another_frame_are_left_out(sound):
         pose[:, :2] = pose[:, :2] @ np.array([[cos, sin], [-sin, cos]])
         return pose
 
-    found = without_contradictions(with_pose(sound, turned))
+    found = healthy_flight(with_pose(sound, turned))
     assert set(found.axes) == set(BOTH) - {"x", "y", "z"}
     assert found.findings[-1].code == "healthy_contradicts_itself"
     assert found.findings[-1].columns == ("x", "y", "z")
@@ -54,7 +54,7 @@ def test_positions_go_with_attitudes(sound):
         pose[:, 5] += 0.2 * np.sin(np.arange(len(pose)) / 5)
         return pose
 
-    assert set(without_contradictions(with_pose(sound, drifting)).axes) == set(VELOCITY)
+    assert set(healthy_flight(with_pose(sound, drifting)).axes) == set(VELOCITY)
 
 
 def test_rates_of_turn_show_that_a_vehicle_tilts(sound):

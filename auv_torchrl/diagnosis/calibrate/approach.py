@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.descent import fit
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.uncertainty import as_coefficients
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
@@ -29,10 +29,7 @@ def approach(windows: Windows, file: Vehicle, nuisance: Nuisance) -> Centred:
     """
     if len(windows) > MOST_WINDOWS:
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_WINDOWS).astype(int))
-    coefficients = []
-    for effect, member, nominal, width in nuisance.slack:
-        p = EFFECTS[effect].member_parameters(file)[member]
-        coefficients.append(Coefficient(effect, member, nominal, width, p.low, p.high, p.unit))
+    coefficients = as_coefficients(nuisance.slack, file)
     fitted = fit(windows, file, coefficients)
     before = np.array([c.nominal for c in coefficients])
     near = Centred.at(file, nuisance).moved(fitted.values - before, fitted.covariance)

@@ -8,20 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.coefficients import Calibrated, calibrate_coefficients
+from auv_torchrl.diagnosis.calibrate.coefficients import Gain, calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.left_open import under_own_floor
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, guesses
-from auv_torchrl.diagnosis.calibrate.output_error import errors, measure_scale, pseudo_huber
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.output_error import errors
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, as_coefficients
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import WORTH_A_CORRECTION
-from auv_torchrl.effects import EFFECTS
+from auv_torchrl.diagnosis.validate.predict import HORIZONS_S
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.vehicle import Vehicle
 
@@ -42,51 +41,28 @@ def predicts_better(
         settings: of the diagnosis.
         coefficients: what is uncertain in the file; empty for all that effects declare.
     """
-    coefficients = coefficients or _guessed(vehicle)
+    coefficients = coefficients or as_coefficients(guesses(vehicle), vehicle)
     corrected = calibrate_coefficients(log, vehicle, coefficients, settings)
-    if corrected.known is None or not _is_nearer(log, corrected.vehicle, than, settings):
+    own, about = corrected.known, corrected.about
+    if own is None or about is None or not _is_nearer(log, corrected.vehicle, than, settings):
         return None
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
-    problem, follow = follow_windows(Problem.of(windows, corrected.vehicle, settings, corrected.known))
+    problem, follow = follow_windows(Problem.of(windows, corrected.vehicle, settings, own))
     judged = fit_by_simulation(problem, Explanation(), follow, rounds=0)
     problem = under_own_floor(problem, follow)
-    slack, nothing = corrected.known.slack, np.zeros(len(corrected.known.slack))
-    known = replace(
-        corrected.known,
-        floor=problem.known.floor if problem.known else corrected.known.floor,
-        noise=problem.sigma,
-        rough_noise=problem.rough_noise,
-        of_itself=False,
-    )
-    file = _file_from(corrected, vehicle)
-    centred = Centred(corrected.vehicle, Nuisance(slack, nothing, (), nothing), file, known.slack_covariance)
+    floor = np.array(settings.floor_force)
+    floor[problem.layout.dof] = problem.floor
+    known = replace(own, floor=floor, noise=problem.sigma, rough_noise=problem.rough_noise, of_itself=False)
+    widths = {(c.effect, c.member): c.width for c in coefficients}
+    width = np.array([widths.get(entry[:2], entry[3]) for entry in known.slack])
+    file, still = np.zeros_like(width), np.zeros_like(width)
+    file[: len(about.file)] = about.file  # what was not fitted is as the file says
+    centred = Centred(corrected.vehicle, Nuisance(known.slack, width, (), still), file, known.slack_covariance)
     return centred, known, judged.chi2 / judged.quadratic.numbers
 
 
-def _file_from(corrected: Calibrated, vehicle: Vehicle) -> Floats:
-    """Where the numbers (k,) of the vehicle's file are from those of the corrected one, factors counted from there."""
-    values = {(effect.name, member): p.value for effect in corrected.effects for member, p in effect.parameters.items()}
-    found = []
-    for effect, member, *_ in corrected.known.slack if corrected.known else ():
-        p = EFFECTS[effect].member_parameters(vehicle)[member]
-        nominal = p.nominal_value(vehicle, member)
-        away = values.get((effect, member), nominal) - nominal
-        found.append(-away * nominal / (nominal + away) if p.is_factor and nominal + away else -away)
-    return np.array(found)
-
-
-def _guessed(vehicle: Vehicle) -> tuple[Coefficient, ...]:
-    found = []
-    for effect, member, nominal, width in guesses(vehicle):
-        p = EFFECTS[effect].member_parameters(vehicle)[member]
-        found.append(Coefficient(effect, member, nominal, width, p.low, p.high, p.unit))
-    return tuple(found)
-
-
 def _is_nearer(log: FlightLog, vehicle: Vehicle, than: Vehicle, settings: Settings) -> bool:
-    """Whether windows of 5 s are predicted better, in units of what the better of the two leaves."""
-    windows = cut_windows(log, 5.0, settings.lead_s)
-    left = [errors(windows, one, [{}])[0] for one in (vehicle, than)]
-    scale = np.minimum(*(measure_scale(windows, one)[0] for one in left))
-    cost: list[Floats] = [(pseudo_huber(one, scale) ** 2 * windows.present[..., None]).sum() for one in left]
-    return bool(np.sqrt(cost[0]) < (1 - WORTH_A_CORRECTION) * np.sqrt(cost[1]))
+    """Whether windows as long as any prediction is judged over are predicted better, and by enough to be worth it."""
+    windows = cut_windows(log, HORIZONS_S[-1], settings.lead_s)
+    before, after = (errors(windows, one, [{}])[0] for one in (than, vehicle))
+    return Gain.of(windows, before, after).share > WORTH_A_CORRECTION

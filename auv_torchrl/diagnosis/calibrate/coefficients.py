@@ -11,8 +11,9 @@ import numpy as np
 from scipy.special import ndtr  # of the normal distribution; scipy.stats has it too, and takes a second to import
 
 from auv_torchrl.diagnosis.calibrate.descent import NEARLY_SETTLED, fit
-from auv_torchrl.diagnosis.calibrate.left_open import left_open
+from auv_torchrl.diagnosis.calibrate.left_open import fitted_about, left_open
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted, as_values, errors, measure_scale, pseudo_huber
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
@@ -48,7 +49,8 @@ class Calibrated:
     effects: tuple[FoundEffect, ...] = ()  # what was corrected, empty where nothing was
     sentences: tuple[str, ...] = ()  # for the summary
     findings: tuple[Finding, ...] = ()
-    known: Known | None = None  # what the log leaves open of it, where something was corrected
+    known: Known | None = None  # what the log leaves open of it, where something was corrected,
+    about: Centred | None = None  # and where the file is from there
 
     def settings(self, settings: Settings) -> Settings:
         """Settings of a search on the log that was calibrated on: what is fitted already is not looked for again."""
@@ -87,7 +89,7 @@ def calibrate_coefficients(
         before.append(left[0])
         after.append(left[1])
     order = np.concatenate([np.flatnonzero(fold == k) for k in range(FOLDS)])
-    gain = _Gain.of(windows.subset(order), np.concatenate(before), np.concatenate(after))
+    gain = Gain.of(windows.subset(order), np.concatenate(before), np.concatenate(after))
     if not gain.better:
         sentence = (
             f"the vehicle's file is a guess, but correcting it predicts unseen windows no better ({gain.share:+.0%} of "
@@ -103,19 +105,21 @@ def calibrate_coefficients(
         f"did not see are predicted {gain.share:.0%} better"
     )
     finding = Finding(Severity.INFO, "coefficients_corrected", sentence)
+    sentences = said["axes"] + said["idle"] + said["turning"]
     known = left_open(vehicle, coefficients, whole, settings, windows.channels)
-    return Calibrated(own, effects, said["axes"] + said["idle"] + said["turning"], (finding,), known)
+    return Calibrated(own, effects, sentences, (finding,), known, fitted_about(vehicle, coefficients, whole))
 
 
 @dataclass(frozen=True)
-class _Gain:
+class Gain:
     """How much better unseen windows are predicted."""
 
     share: float  # of the error
     probability: float  # that it is better at all
 
     @staticmethod
-    def of(windows: Windows, before: Floats, after: Floats) -> "_Gain":
+    def of(windows: Windows, before: Floats, after: Floats) -> "Gain":
+        """That of what is left of windows, (W, m, C) of the used channels each, before and after."""
         scale, _ = measure_scale(windows, after)
         cost = [
             (pseudo_huber(left, scale) ** 2 * windows.present[..., None]).sum((1, 2)) for left in (before, after)
@@ -123,7 +127,7 @@ class _Gain:
         paid = cost[0] - cost[1]
         error = paid.std(ddof=1) / np.sqrt(len(paid))
         share = 1 - np.sqrt(cost[1].sum() / cost[0].sum())
-        return _Gain(float(share), float(ndtr(paid.mean() / max(error, 1e-12))))
+        return Gain(float(share), float(ndtr(paid.mean() / max(error, 1e-12))))
 
     @property
     def better(self) -> bool:

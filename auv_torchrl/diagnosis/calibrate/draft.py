@@ -42,6 +42,8 @@ class Draft:
     strays: tuple[str, ...]  # effects whose coefficients the file has wrong by more than slack
     as_stated: float  # chi-square per number where the file is right within slack
     together: Together | None  # what the flights show together, where the file is right within slack
+    given: Vehicle  # as the file says, empty batch,
+    coefficients: Sequence[Coefficient]  # and what it says is uncertain
 
 
 def draft(
@@ -68,7 +70,7 @@ def draft(
     if together is not None:
         centred, known, as_stated = together.centred, together.known, together.excess
         if as_stated <= settings.excess:
-            return Draft(log, flights, centred, known, (), as_stated, together)
+            return Draft(log, flights, centred, known, (), as_stated, together, vehicle, coefficients)
     strays: tuple[str, ...] = ()
     guess = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
     problem, follow = follow_windows(Problem.of(windows, guess.vehicle, settings))
@@ -78,7 +80,7 @@ def draft(
         centred = scaled_as_the_file(guess.moved(*moved))
         strays = _strays(settled(centred), settings)
         known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
-    return Draft(log, flights, centred, known, strays, as_stated, None)
+    return Draft(log, flights, centred, known, strays, as_stated, None, vehicle, coefficients)
 
 
 def parted(healthy: Sequence[FlightLog], windows: Windows) -> list[Windows]:

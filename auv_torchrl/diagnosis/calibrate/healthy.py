@@ -74,17 +74,11 @@ def calibrate(
         free: degrees of freedom (6,) of a vehicle that is held level because nobody measured how it tilts; None where
             that is known.
     """
-    return work_out(draft(healthy, vehicle, settings, coefficients), settings, free, vehicle, coefficients)
+    return work_out(draft(healthy, vehicle, settings, coefficients), settings, free)
 
 
-def work_out(
-    drafted: Draft,
-    settings: Settings,
-    free: Tensor | None,
-    vehicle: Vehicle,
-    coefficients: Sequence[Coefficient] = (),
-) -> Calibration:
-    """The calibration that a draft of it leads to; the other arguments as of :func:`calibrate`."""
+def work_out(drafted: Draft, settings: Settings, free: Tensor | None = None) -> Calibration:
+    """The calibration that a draft of it leads to; ``settings`` and ``free`` as of :func:`calibrate`."""
     together, centred, known = drafted.together, drafted.centred, drafted.known
     if together is None:
         passes = PASSES
@@ -92,9 +86,8 @@ def work_out(
             centred, passes = _tilting_or_level(drafted.flights, centred, known, settings, free), PASSES - TILT_PASSES
         together = follow_all(drafted.flights, centred, known, settings, passes=passes)
     found = _told(together, drafted.strays, drafted.as_stated, drafted.log, settings)
-    better = (
-        predicts_better(drafted.log, vehicle, found.vehicle, settings, tuple(coefficients)) if found.has_gap else None
-    )
+    given = drafted.log, drafted.given, found.vehicle, settings, tuple(drafted.coefficients)
+    better = predicts_better(*given) if found.has_gap else None
     if better is None:
         return found
     centred, known, excess = better

@@ -12,9 +12,8 @@ from threadpoolctl import threadpool_limits
 
 from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input
-from auv_torchrl.diagnosis.axes import followable
 from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
-from auv_torchrl.diagnosis.calibrate.contradicting import without_contradictions
+from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
 from auv_torchrl.diagnosis.calibrate.crossvalidation import (
     Unseen,
     disagree,
@@ -101,7 +100,7 @@ def read_asked(config: DictConfig, paths: Sequence[Path]) -> Asked:
     settings = read_settings(plain(config.diagnosis), vehicle)
     options = read_options(names(config, "modes"), plain(config.params), config.system)
     extra = names(config, "extra")
-    healthy = tuple(without_contradictions(followable(read_flightlog(path, vehicle, extra, options))) for path in paths)
+    healthy = tuple(healthy_flight(read_flightlog(path, vehicle, extra, options)) for path in paths)
     report_findings(healthy)
     if not config.trust_log:
         refuse_errors(healthy)

@@ -41,14 +41,19 @@ def left_open(
         settings: with the floor to begin from, and slack of what was not fitted.
         channels: of the log.
     """
-    slack, nothing = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients), np.zeros(len(coefficients))
-    about = Centred(vehicle, Nuisance(slack, nothing, (), nothing), nothing, fitted.covariance)
-    there = about.shifted(fitted.values - np.array([c.nominal for c in coefficients]))
+    there = fitted_about(vehicle, coefficients, fitted)
     effects = {c.effect for c in coefficients}
     said = effects | {name for effect in effects for name in EFFECTS[effect].covers}
     others = [entry for entry in slack_parameters(there.vehicle, settings, channels) if entry[0] not in said]
     floor = np.array(settings.floor_force)
     return Known(floor, {}, {}, there.nuisance.slack, there.covariance, of_itself=True).beside(others)
+
+
+def fitted_about(vehicle: Vehicle, coefficients: Sequence[Coefficient], fitted: Fitted) -> Centred:
+    """The vehicle with coefficients (k,) as a log says; other arguments as of :func:`left_open`."""
+    slack, nothing = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients), np.zeros(len(coefficients))
+    about = Centred(vehicle, Nuisance(slack, nothing, (), nothing), nothing, fitted.covariance)
+    return about.shifted(fitted.values - np.array([c.nominal for c in coefficients]))
 
 
 def under_own_floor(problem: Problem, follow: Base) -> Problem:

@@ -1,6 +1,6 @@
 """Which coefficients of a vehicle's file are guesses, and how wide of the truth each may be."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,15 @@ class Coefficient:
     low: float
     high: float
     unit: str
+
+
+def as_coefficients(entries: Iterable[tuple[str, str, float, float]], vehicle: Vehicle) -> tuple[Coefficient, ...]:
+    """Numbers of a vehicle, (effect, parameter, nominal, standard deviation), with the bounds and units of these."""
+    found = []
+    for effect, member, nominal, width in entries:
+        p = get_effect(effect).member_parameters(vehicle)[member]
+        found.append(Coefficient(effect, member, nominal, width, p.low, p.high, p.unit))
+    return tuple(found)
 
 
 def load_uncertainty(name: str | Path, vehicle: Vehicle) -> tuple[Coefficient, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import followable
+from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
 from auv_torchrl.diagnosis.calibrate.flights import Told
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -44,7 +45,7 @@ def refer(
         settings: as of a diagnosis.
         coefficients: what is uncertain in the vehicle's file.
     """
-    healthy = [followable(log) for log in healthy]
+    healthy = [healthy_flight(log) for log in healthy]
     joined = join(healthy)
     calibration = calibrate(healthy, hold_attitude(joined, vehicle), settings, coefficients)
     if calibration.has_gap and is_hidden(joined, vehicle):
