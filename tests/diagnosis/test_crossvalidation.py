@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.calibrate.crossvalidation import (
     without_odd_ones,
 )
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate, leave_out
+from auv_torchrl.diagnosis.calibrate.wording import no_better_lines
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from tests.diagnosis.healthy_flights import FAULT, FILE, flown
 
@@ -104,3 +105,14 @@ def test_errors_of_flights_are_pooled_by_their_squares():
     """A long error is not averaged away."""
     flights = [unseen(1.0, 3.0, 0.0), replace(unseen(1.0), before=4.0, after=0.0)]
     assert pooled(flights) == pytest.approx((12.5**0.5, 0.0))
+
+
+def test_a_flight_that_gains_nothing_from_the_others_is_named():
+    """Where flights gain on the whole, one that the file predicts as well is named; where none gains, none is."""
+    good, same, lost = unseen(1.0), unseen(1.0, 10.0, 9.9), unseen(1.0, 10.0, np.nan)
+    near = unseen(1.0, 0.5, 0.6)  # within what sensors allow there is nothing to gain
+    assert no_better_lines([good, near]) == []
+    (line,) = no_better_lines([good, same])
+    assert "predicted no better than by the file (9.90 floors of error, 10.00 before)" in line
+    assert len(no_better_lines([good, same, lost])) == 2
+    assert no_better_lines([same, same]) == []

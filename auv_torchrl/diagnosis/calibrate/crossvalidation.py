@@ -41,6 +41,11 @@ class Unseen:
     yaw_rad: Errors | None
     velocity: Errors | None
 
+    @property
+    def gains(self) -> bool:
+        """Whether it is predicted better than by the file, where that leaves anything to predict better."""
+        return self.before <= WITHIN_FLOOR or self.after <= (1 - WORTH_A_CORRECTION) * self.before
+
 
 def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settings: Settings) -> Unseen:
     """A flight under a calibration of others.

@@ -24,7 +24,7 @@ def console_lines(
             f"the file is off in {', '.join(name.replace('_', ' ') for name in sound.strays)} alone: if that has not "
             "always been so, it is a fault, and no calibration; diagnose.py log=... tells"
         )
-    lines += [*odd_lines(left_out), *flight_lines(flights)]
+    lines += [*odd_lines(left_out), *flight_lines(flights), *no_better_lines(flights)]
     lines += [
         f"{flight.name}: departs from what the others say (chi-square {flight.excess:.2f} per number)"
         for flight in flights
@@ -41,6 +41,7 @@ def head_lines(about: Mapping[str, Any], flights: Sequence[Unseen], left_out: Se
                  f"{about['made']} UTC, auv_torchrl {about['version']}."),
         f"Unseen flight is predicted with {after / before:.0%} of the error of that vehicle:",
         *flight_lines(flights),
+        *no_better_lines(flights),
         *odd_lines(left_out),
     ]  # fmt: skip
 
@@ -53,6 +54,20 @@ def odd_lines(left_out: Sequence[Unseen]) -> list[str]:
             "say, 1 is noise): left out. Diagnose it with the calibrated vehicle"
         )
         for flight in left_out
+    ]
+
+
+def no_better_lines(flights: Sequence[Unseen]) -> list[str]:
+    """Flights that gain nothing, where the others gain enough for all."""
+    if all(flight.gains for flight in flights) or not any(flight.gains for flight in flights):
+        return []
+    return [
+        one_line(
+            f"{flight.name} is predicted no better than by the file ({flight.after:.2f} floors of error, "
+            f"{flight.before:.2f} before): others do not show what it does. Give more flights like it"
+        )
+        for flight in flights
+        if not flight.gains
     ]
 
 
