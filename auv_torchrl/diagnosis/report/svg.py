@@ -95,8 +95,11 @@ def estimated(value: float, low: float, high: float) -> str:
     half = (high - low) / 2
     if not (math.isfinite(half) and half > 0):
         return number(value)
-    step = 10.0 ** math.floor(math.log10(half / 10))
-    return number(round(value / step) * step) if abs(value) < half else number(value)
+    if abs(value) >= half:
+        return number(value)
+    power = math.floor(math.log10(half / 10))
+    rounded = round(value / 10.0**power) * 10.0**power
+    return f"{rounded:.{max(0, -power)}f}" if 1e-4 <= abs(rounded) < 1e6 else number(rounded)
 
 
 def between(low: float, high: float) -> str:
