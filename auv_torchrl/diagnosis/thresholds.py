@@ -122,6 +122,7 @@ SAME_SKETCH = 1e-6  # of chi-square: a sketch that loses no more went nowhere
 # Fitting: values that are tried one by one
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED_STEPS = np.linspace(-1.0, 1.0, 9)  # of each reach
+SETTLED_TRIALS = 3  # of those that are tried, the likeliest
 WALKS = 3  # at most, along a valley
 SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
 SLACK_NEAR = 0.4  # ... and then about the best of these

@@ -1,5 +1,6 @@
 """What the equations of motion read at every step, worked out once per vehicle."""
 
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ class Coefficients(NamedTuple):
 
     def rows(self, index: Any) -> "Coefficients":
         """The coefficients of some vehicles of the batch."""
-        return Coefficients(*(field[index] for field in self))
+        return Coefficients._make(map(itemgetter(index), self))
 
     def write_rows(self, index: Any, rows: "Coefficients") -> None:
         """Replace the coefficients of some vehicles in place."""

@@ -52,9 +52,9 @@ def measured_velocity(c: Coefficients, velocity: Array) -> Array:
 def motion_of(states: Array) -> Array:
     """The 12 numbers (..., 12) of states (..., 13): position, quaternion, velocity; zero velocity of poses (..., 7)."""
     xp = array_namespace(states)
-    angles = xp.stack(euler_angles(normalise(states[..., 3:7])), axis=-1)
+    roll, pitch, yaw = (angle[..., None] for angle in euler_angles(normalise(states[..., 3:7])))
     velocity = states[..., 7:] if states.shape[-1] > 7 else xp.zeros_like(states[..., :6])
-    return xp.concat((states[..., :3], angles, velocity), axis=-1)
+    return xp.concat((states[..., :3], roll, pitch, yaw, velocity), axis=-1)
 
 
 def is_felt(channels: tuple[str, ...]) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
 from auv_torchrl.effects.changing import Changing
 from auv_torchrl.effects.scan import Scan
@@ -17,6 +18,7 @@ from auv_torchrl.vehicle import Vehicle
 
 Values = dict[str, dict[str, float]]  # effect -> parameter -> value
 Entry = tuple[str, str, float, float]  # effect, parameter, nominal value, prior standard deviation
+ALIKE: Latest[Vehicle] = Latest(16)  # batches of a vehicle as it is
 DEFAULT_SCAN = 7  # values across the bounds of a parameter that declares no values to try
 
 
@@ -104,7 +106,8 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
         KeyError: for a parameter that its effect does not have.
     """
     names = {name for row in rows for name in row}
-    changed: Any = Changing(vehicle.expand(len(rows)))
+    alike = ALIKE.of(lambda: vehicle.expand(len(rows)), (vehicle,), len(rows))
+    changed: Any = Changing(alike.clone(recurse=False))
     like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
     for name in (name for name in EFFECTS if name in names):
         _, nominal, places = declared(name, vehicle)

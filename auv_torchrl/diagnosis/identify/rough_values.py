@@ -9,7 +9,14 @@ from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import moved_along
 from auv_torchrl.diagnosis.identify.valley import walks
-from auv_torchrl.diagnosis.thresholds import SLACK_NEAR, SLACK_REACH, THRESHOLD_REACH, TRIED_STEPS, WALKS
+from auv_torchrl.diagnosis.thresholds import (
+    SETTLED_TRIALS,
+    SLACK_NEAR,
+    SLACK_REACH,
+    THRESHOLD_REACH,
+    TRIED_STEPS,
+    WALKS,
+)
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Valley
 
@@ -61,10 +68,15 @@ def _best_along(problem: Problem, best: Judged, amounts: list[dict[int, float]])
 
 
 def _best_of(problem: Problem, best: Judged, trials: list[Explanation]) -> Judged:
-    """The best of an explanation and of some that differ a little from it."""
-    chi2 = nudged_chi2(problem, trials, best.base)
+    """The best of an explanation and of some that differ a little from it.
+
+    Chi-square says to second order what it would be once starts and disturbance have settled: few need to settle.
+    """
+    foretold = nudged_chi2(problem, trials, best.base, steps=0)
+    likely = [trials[row] for row in foretold.argsort()[:SETTLED_TRIALS]]
+    chi2 = nudged_chi2(problem, likely, best.base)
     return (
-        assess(problem, nudge(problem, trials[int(chi2.argmin())], best.base), before=best)[0]
+        assess(problem, nudge(problem, likely[int(chi2.argmin())], best.base), before=best)[0]
         if chi2.min() < best.chi2 - 0.1
         else best
     )

@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.identify.judged import Base, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
 from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
-from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
+from auv_torchrl.diagnosis.motion.minimum import SINGULAR, bounded_minimum, solve_semidefinite
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_KNOBS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
@@ -191,12 +191,37 @@ class Field:
             free = [i for i in inside if not _overlaps(self, i, chosen)]
             if not free:
                 break
-            trial = [*chosen, min(free, key=lambda i: self.fit([*chosen, i])[0])]
+            trial = [*chosen, free[int(with_each(self, chosen, free).argmin())]]
             judged = self.judge(trial)
             if best is not None and judged.evidence <= best.evidence:
                 break
             chosen, best = trial, judged
         return best
+
+
+def with_each(field: Field, chosen: list[int], others: list[int]) -> Floats:
+    """Chi-square (N,) of chosen atoms and one of ``N`` others, as :meth:`Field.fit` has it: one solution serves all."""
+    H, g, low, high, paid = field._pulled
+    first = len(low)
+    inside, beside = [*range(first), *(first + i for i in chosen)], [first + i for i in others]
+    corner, across = H[inside][:, inside], H[inside][:, beside]
+    at, pull = np.arange(first, len(inside)), field.pull
+    corner[at, at] += pull[chosen]
+    right, its = g[inside], g[beside] + pull[others] * field.centre[others]
+    right[first:] += pull[chosen] * field.centre[chosen]
+    solved = solve_semidefinite(corner, np.column_stack([right, across]))
+    alone, response = solved[:, 0], solved[:, 1:]
+    own = H[beside, beside] + pull[others]
+    curvature, left = own - (across * response).sum(0), its - across.T @ alone
+    nearly_none = SINGULAR**0.5 * own
+    amounts = left / np.maximum(curvature, nearly_none)
+    x = alone[:first, None] - response[:first] * amounts
+    paid += float(pull[chosen] @ field.centre[chosen] ** 2)
+    chi2 = field.quadratic.constant + paid + pull[others] * field.centre[others] ** 2 - right @ alone - left * amounts
+    bound = (x < low[:, None]) | (x > high[:, None])
+    for order in np.flatnonzero(bound.any(0) | (curvature < nearly_none)):
+        chi2[order] = field.fit([*chosen, others[order]])[0]
+    return chi2
 
 
 def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:

@@ -31,6 +31,8 @@ LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
 KEPT, LARGEST = 64, 50_000  # mean targets, and numbers of one: 26 MB at most; long logs make larger ones
 MEANS: Latest[list[Floats]] = Latest(KEPT)
 COEFFICIENTS: Latest[Coefficients] = Latest(8)
+SENSORS: Latest[Inverse] = Latest(8)
+ACTUATIONS: "Latest[Actuation]" = Latest(4)
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Actuation:
     @cached_property
     def sensors(self) -> Inverse:
         """What their sensors make of a motion."""
-        return Inverse.of(self.c, self.windows.channels)
+        return sensors_of(self.c, self.windows.channels)
 
     @property
     def late(self) -> bool:
@@ -120,9 +122,14 @@ def coefficients(vehicle: Vehicle) -> Coefficients:
     return COEFFICIENTS.of(lambda: prepare(vehicle).numpy(), (vehicle,))
 
 
+def sensors_of(c: Coefficients, channels: tuple[str, ...]) -> Inverse:
+    """What the sensors of vehicles that nobody changes in place make of a motion; many ask, one after the other."""
+    return SENSORS.of(lambda: Inverse.of(c, channels), (c,), channels)
+
+
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
-    """What vehicles, a batch (R,), do with the commands of windows."""
-    return actuate_prepared(windows, coefficients(vehicle))
+    """What vehicles, a batch (R,), do with the commands of windows; many ask, one after the other."""
+    return ACTUATIONS.of(lambda: actuate_prepared(windows, coefficients(vehicle)), (windows, vehicle))
 
 
 def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows, guess_start
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, guess_starts
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS, STEEP
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
@@ -70,7 +70,7 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         start=np.array([cut.start for cut in cuts]),
         origin=np.array([cut.episode.t[0] for cut in cuts]),
         resolution=np.array([log.resolution.get(channel, 0.0) for channel in channels]),
-        guess=np.stack([guess_start(cut.position * dt, cut.values[:, : len(MOTION)]) for cut in cuts]),
+        guess=guess_starts([cut.position * dt for cut in cuts], [cut.values[:, : len(MOTION)] for cut in cuts]),
         errors=log.errors,
         volts=_volts(log, dt, longest),
         around=max(1, round(merged * _row_s(log) / dt)) / 2,

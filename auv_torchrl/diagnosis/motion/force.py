@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate_prepared
+from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate_prepared, sensors_of
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.samples import ahead, felt_samples, oldest
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
@@ -69,7 +69,7 @@ class Course:
         windows, sensors = self.windows, self.sensors
         forces = np.empty((len(windows), len(changed.lag), windows.steps, 6))
         slow = (changed.lag > 0).any(-1) | (changed.delay > 0)  # what one needs is worked out for all with it
-        for sensed in Inverse.of(changed, windows.channels).kinds():
+        for sensed in sensors_of(changed, windows.channels).kinds():
             for some in (*_chunks(sensed[~slow[sensed]]), *_chunks(sensed[slow[sensed]])):
                 there = actuate_prepared(windows, changed.rows(some))
                 beyond = accelerations(there, self.seen) - self.rate
@@ -125,7 +125,7 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
     first, kind = report_alike(before, after, windows.channels)
     if not len(first):
         return None
-    seen = Inverse.of(before, windows.channels).reported_state(states)[:, None]
+    seen = sensors_of(before, windows.channels).reported_state(states)[:, None]
     now = _readings(windows, before, seen)
 
     def beyond(c: Coefficients, some: Any) -> Floats:
@@ -149,7 +149,7 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
 
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
     """What vehicles (R,) report (W, R, m, C) at the times of samples, moving as ``seen`` (W, 1, S + 1, 13)."""
-    true = Inverse.of(c, windows.channels).by_step().true_state(seen)
+    true = sensors_of(c, windows.channels).by_step().true_state(seen)
     felt = c.compass_per_load.any()  # what thrusters give is worked out where some sensor feels it
     load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2]) if felt else None
     by_step, motion = c.rows((slice(None), None)), motion_of(true)

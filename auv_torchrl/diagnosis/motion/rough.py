@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_mot
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import cross, matvec, quaternion_from_euler, rotation_matrix
-from auv_torchrl.sensors import FELT, MOTION, Inverse, motion_of, read
+from auv_torchrl.sensors import FELT, MOTION, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
 REACH_S = 0.25  # half width of the parabolas; wider where samples are sparse
@@ -62,7 +62,7 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     rate[..., :3] = _where_felt_alone(windows, actuation.c, fits[:, :, 0], motion, rate[..., :3])
     predicted = accelerations(actuation, by_step)[:, 0]
     missing = np.repeat(rate, layout.steps_per_bin, axis=1)[:, : windows.steps] - predicted
-    missing = Inverse.of(actuation.c, windows.channels).true_rate(missing, by_step)
+    missing = actuation.sensors.true_rate(missing, by_step)
     force = matvec(actuation.c.mass_matrix[0], missing)[..., layout.dof]
     edges = np.arange(0, windows.steps, layout.steps_per_bin)
     counts = np.diff(np.append(edges, windows.steps))

@@ -110,14 +110,14 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
     """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
     residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
     n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
-    c = coefficients(vehicle)
-    inward = Inverse.of(c, windows.channels).by_step().start_slopes(start, layout.start)
+    actuation = actuate(windows, vehicle)
+    inward = actuation.sensors.by_step().start_slopes(start, layout.start)
     starts = inward @ np.eye(n, layout.size)
     forces = np.zeros((1, windows.steps, len(moves), layout.size))
     for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
         forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
-    slope = respond(windows, layout.start, tangent, starts, forces, ahead(windows, c)[0])
+    slope = respond(windows, layout.start, tangent, starts, forces, ahead(windows, actuation.c)[0])
     return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push, tangent.feel)
 
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.actuation import actuate, sensors_of
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, begin
 from auv_torchrl.diagnosis.motion.samples import late_steps, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import quaternion_from_euler
-from auv_torchrl.sensors import MOTION, Inverse, motion_of, moving, read
+from auv_torchrl.sensors import MOTION, motion_of, moving, read
 from auv_torchrl.vehicle import Vehicle
 
 STEP_STATE = 1e-3  # m, rad, m/s, rad/s
@@ -39,7 +39,7 @@ class Tangent:
         windows: Windows, c: Coefficients, entries: np.ndarray, transition: Floats, push: Floats, feel: Floats
     ) -> "Tangent":
         """The tangent of a vehicle ``c`` (1,) from what was worked out along its path."""
-        slopes = Inverse.of(c, windows.channels).slopes[0]
+        slopes = sensors_of(c, windows.channels).slopes[0]
         names = felt_channels(windows)
         rates = moving(c.rows((slice(None), None)), names, np.eye(12)[None, entries])[0].T if names else np.zeros(0)
         return Tangent(transition, push, feel, slopes, rates)
@@ -121,14 +121,14 @@ def _respond(
     windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, later: Floats
 ) -> Floats:
     steps = tangent.transition.shape[1]
-    moved = np.broadcast_to(start, (len(windows), *start.shape[1:]))
-    history = np.empty((len(windows), steps + 1, *moved.shape[1:]))
-    history[:, 0] = moved
-    for k in range(steps):
-        pushed = tangent.push[:, k] @ force[:, min(k, force.shape[1] - 1)]
-        moved = history[:, k + 1] = tangent.transition[:, k] @ moved + pushed
+    columns = max(start.shape[-1], force.shape[-1])
+    history = np.zeros((len(windows), steps + 1, start.shape[1], columns))
+    history[:, 0] = start
+    for k, awake in enumerate(_awake(start, force, steps)):
+        pushed = tangent.push[:, k] @ force[:, min(k, force.shape[1] - 1), :, :awake]
+        history[:, k + 1, :, :awake] = tangent.transition[:, k] @ history[:, k, :, :awake] + pushed
     here = np.arange(len(windows))[:, None]
-    change = np.zeros((*windows.measured.shape, moved.shape[-1]))
+    change = np.zeros((*windows.measured.shape, columns))
     for column, name in enumerate(windows.channels):
         if name not in MOTION:
             continue  # felt
@@ -145,7 +145,15 @@ def _respond(
     if windows.felt.any():
         change[:, :, windows.felt] = _felt(windows, tangent, history, later[windows.felt])
     change *= windows.trust[..., None]
-    return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
+    return windows.whitened(change.reshape(len(windows), -1, columns))
+
+
+def _awake(start: Floats, force: Floats, steps: int) -> list[int]:
+    """Of changes (..., N), how many may have done something by the end of each step: none behind these has."""
+    acts = np.concatenate([start.any((0, 1))[None], force[:, :steps].any((0, 2))])  # (S + 1, N)
+    last = np.where(acts.any(1), acts.shape[1] - acts[:, ::-1].argmax(1), 0)
+    awake = np.maximum.accumulate(last)[1:]
+    return [*awake.tolist(), *[int(awake[-1])] * (steps - len(awake))]
 
 
 def _felt(windows: Windows, tangent: Tangent, history: Floats, later: Floats) -> Floats:

@@ -1,5 +1,6 @@
 """Short windows of a flight log on a uniform time grid, ready to be simulated side by side."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -99,7 +100,7 @@ class Windows:
         shape = (len(rows), most)
         index, fraction, present = np.zeros(shape, int), np.zeros(shape), np.zeros(shape, bool)
         measured, trust = (np.zeros((*shape, len(self.channels))) for _ in range(2))
-        guess = np.empty((len(rows), 12))
+        near_times, near_values = [], []
         moved, columns = columns_of_motion(self.channels)
         for row, (w, part, inside) in enumerate(rows):
             k = int(inside.sum())
@@ -110,7 +111,9 @@ class Windows:
             near = away <= max(0.3, np.partition(away, 3)[3])  # a slow log has fewer than four within 0.3 s
             values = np.full((int(near.sum()), 12), np.nan)
             values[:, columns] = self.measured[w, near][:, moved]
-            guess[row] = guess_start((position[w, near] - part * steps) * self.dt, values)
+            near_times.append((position[w, near] - part * steps) * self.dt)
+            near_values.append(values)
+        guess = guess_starts(near_times, near_values)
         owner = np.repeat(np.arange(len(self)), parts)
         start = self.start[owner] + np.tile(np.arange(parts) * steps, len(self))
         whole = replace(self.subset(owner), steps=steps, start=start)
@@ -155,18 +158,29 @@ def columns_of_motion(channels: tuple[str, ...]) -> tuple[list[int], list[int]]:
     return moved, [MOTION.index(channels[column]) for column in moved]
 
 
-def guess_start(t: Floats, values: Floats) -> Floats:
-    """Pose and velocity (12,) at the start of a window, from a parabola through its first samples."""
-    few = min(len(t), max(4, int(np.searchsorted(t, 0.4))))
-    if few < 4:
-        raise FlightLogError(f"a window has {few} samples near its start, at least 4 are needed: give longer windows")
-    powers = np.vander(t[:few], 3, increasing=True)
-    known = np.asarray(np.isfinite(values[:few]).all(0))
-    parabolas = np.zeros((3, 12))
-    parabolas[:, known] = np.linalg.lstsq(powers, values[:few, known], rcond=None)[0]
-    start, pose_rate = parabolas[0].copy(), parabolas[1, :6]
-    yaw = start[5]
-    c, s = np.cos(yaw), np.sin(yaw)
-    from_pose = [c * pose_rate[0] + s * pose_rate[1], c * pose_rate[1] - s * pose_rate[0], *pose_rate[2:]]
-    start[6:] = np.where(known[6:], start[6:], from_pose)
+def guess_starts(times: Sequence[Floats], values: Sequence[Floats]) -> Floats:
+    """Pose and velocity (W, 12) at the start of each window, from a parabola through its first samples.
+
+    Args:
+        times: (m,) s since the start of each window.
+        values: (m, 12) measured then, NaN where nothing was.
+    """
+    few = np.array([min(len(t), max(4, int(np.searchsorted(t, 0.4)))) for t in times])
+    if few.min() < 4:
+        raise FlightLogError(
+            f"a window has {few.min()} samples near its start, at least 4 are needed: give longer windows"
+        )
+    parabolas, known = np.empty((len(few), 3, 12)), np.empty((len(few), 12), bool)
+    for number in np.unique(few):
+        rows = np.flatnonzero(few == number)
+        powers = np.stack([times[row][:number] for row in rows])[..., None] ** np.arange(3)
+        first = np.stack([values[row][:number] for row in rows])
+        known[rows] = np.isfinite(first).all(1)
+        parabolas[rows] = np.linalg.pinv(powers) @ np.where(known[rows, None], first, 0.0)
+    start, pose_rate = parabolas[:, 0].copy(), parabolas[:, 1, :6]
+    c, s = np.cos(start[:, 5]), np.sin(start[:, 5])
+    from_pose = pose_rate.copy()
+    from_pose[:, 0] = c * pose_rate[:, 0] + s * pose_rate[:, 1]
+    from_pose[:, 1] = c * pose_rate[:, 1] - s * pose_rate[:, 0]
+    start[:, 6:] = np.where(known[:, 6:], start[:, 6:], from_pose)
     return start
