@@ -10,8 +10,14 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import assess
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.following import nudge, rebase, settle_state, some_diverged
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
+from auv_torchrl.diagnosis.identify.following import (
+    chi2_by_window,
+    nudge,
+    rebase,
+    settle_state,
+    some_diverged,
+)
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
@@ -96,17 +102,24 @@ def _descend(problem: Problem, base: Base, rounds: int) -> Judged:
             break
         knobs, slack = even_step(problem, best) if even else step
         moved = take_step(problem, best.explanation, stride * knobs, stride * slack)
-        trial, *trial_step = assess(problem, nudge(problem, moved, best.base), before=best)
-        if turn == 0 and not trial.chi2 <= best.chi2 and some_diverged(problem, best.base, trial.base):
-            trial, *trial_step = assess(problem, rebase(problem, moved, best.base))
-        if not trial.chi2 <= best.chi2 + 0.1:  # NaN where it diverges
+        there, before = nudge(problem, moved, best.base), best
+        if turn == 0 and not _chi2(problem, there) <= best.chi2 and some_diverged(problem, best.base, there):
+            there, before = rebase(problem, moved, best.base), None
+        if not _chi2(problem, there) <= best.chi2 + 0.1:  # NaN where it diverges
             stride, even = (0.3 * stride if even else stride), True
             continue
+        trial, *trial_step = assess(problem, there, before=before)
         settled = best.chi2 - trial.chi2 < 0.5
         best, step = trial, trial_step
         if settled:
             break
     return best
+
+
+def _chi2(problem: Problem, base: Base) -> float:
+    """What :func:`assess` weighs the explanation of a base by, without the marks that a step takes: these take long."""
+    slack = slack_now(problem, base.explanation)
+    return float(chi2_by_window(problem, base.state).sum() + slack @ problem.slack_precision @ slack)
 
 
 def measure_noise(problem: Problem, judged: Judged) -> Problem:
