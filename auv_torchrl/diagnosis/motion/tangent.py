@@ -150,7 +150,9 @@ def _respond(
 
 def _awake(start: Floats, force: Floats, steps: int) -> list[int]:
     """Of changes (..., N), how many may have done something by the end of each step: none behind these has."""
-    acts = np.concatenate([start.any((0, 1))[None], force[:, :steps].any((0, 2))])  # (S + 1, N)
+    acts = np.concatenate(
+        [(start != 0).any((0, 1), keepdims=True)[0], (force[:, :steps] != 0).any((0, 2))]
+    )  # (S + 1, N)
     last = np.where(acts.any(1), acts.shape[1] - acts[:, ::-1].argmax(1), 0)
     awake = np.maximum.accumulate(last)[1:]
     return [*awake.tolist(), *[int(awake[-1])] * (steps - len(awake))]

@@ -172,7 +172,7 @@ def guess_starts(times: Sequence[Floats], values: Sequence[Floats]) -> Floats:
         )
     parabolas, known = np.empty((len(few), 3, 12)), np.empty((len(few), 12), bool)
     for number in np.unique(few):
-        rows = np.flatnonzero(few == number)
+        rows = np.flatnonzero(few == number).tolist()
         powers = np.stack([times[row][:number] for row in rows])[..., None] ** np.arange(3)
         first = np.stack([values[row][:number] for row in rows])
         known[rows] = np.isfinite(first).all(1)
