@@ -59,15 +59,15 @@ def odd_lines(left_out: Sequence[Unseen]) -> list[str]:
 
 def no_better_lines(flights: Sequence[Unseen]) -> list[str]:
     """Flights that gain nothing, where the others gain enough for all."""
-    if all(flight.gains for flight in flights) or not any(flight.gains for flight in flights):
+    behind = [flight for flight in flights if not flight.gains]
+    if len(behind) == len(flights):
         return []
     return [
         one_line(
             f"{flight.name} is predicted no better than by the file ({flight.after:.2f} floors of error, "
             f"{flight.before:.2f} before): others do not show what it does. Give more flights like it"
         )
-        for flight in flights
-        if not flight.gains
+        for flight in behind
     ]
 
 

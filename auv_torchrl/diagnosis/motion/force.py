@@ -69,7 +69,7 @@ class Course:
         windows, sensors = self.windows, self.sensors
         forces = np.empty((len(windows), len(changed.lag), windows.steps, 6))
         slow = (changed.lag > 0).any(-1) | (changed.delay > 0)  # what one needs is worked out for all with it
-        for sensed in sensors_of(changed, windows.channels).kinds():
+        for sensed in Inverse.of(changed, windows.channels).kinds():
             for some in (*_chunks(sensed[~slow[sensed]]), *_chunks(sensed[slow[sensed]])):
                 there = actuate_prepared(windows, changed.rows(some))
                 beyond = accelerations(there, self.seen) - self.rate

@@ -121,14 +121,14 @@ def _respond(
     windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, later: Floats
 ) -> Floats:
     steps = tangent.transition.shape[1]
-    columns = max(start.shape[-1], force.shape[-1])
-    history = np.zeros((len(windows), steps + 1, start.shape[1], columns))
-    history[:, 0] = start
-    for k, awake in enumerate(_awake(start, force, steps)):
-        pushed = tangent.push[:, k] @ force[:, min(k, force.shape[1] - 1), :, :awake]
-        history[:, k + 1, :, :awake] = tangent.transition[:, k] @ history[:, k, :, :awake] + pushed
+    moved = np.broadcast_to(start, (len(windows), *start.shape[1:]))
+    history = np.empty((len(windows), steps + 1, *moved.shape[1:]))
+    history[:, 0] = moved
+    for k in range(steps):
+        pushed = tangent.push[:, k] @ force[:, min(k, force.shape[1] - 1)]
+        moved = history[:, k + 1] = tangent.transition[:, k] @ moved + pushed
     here = np.arange(len(windows))[:, None]
-    change = np.zeros((*windows.measured.shape, columns))
+    change = np.zeros((*windows.measured.shape, moved.shape[-1]))
     for column, name in enumerate(windows.channels):
         if name not in MOTION:
             continue  # felt
@@ -145,17 +145,7 @@ def _respond(
     if windows.felt.any():
         change[:, :, windows.felt] = _felt(windows, tangent, history, later[windows.felt])
     change *= windows.trust[..., None]
-    return windows.whitened(change.reshape(len(windows), -1, columns))
-
-
-def _awake(start: Floats, force: Floats, steps: int) -> list[int]:
-    """Of changes (..., N), how many may have done something by the end of each step: none behind these has."""
-    acts = np.concatenate(
-        [(start != 0).any((0, 1), keepdims=True)[0], (force[:, :steps] != 0).any((0, 2))]
-    )  # (S + 1, N)
-    last = np.where(acts.any(1), acts.shape[1] - acts[:, ::-1].argmax(1), 0)
-    awake = np.maximum.accumulate(last)[1:]
-    return [*awake.tolist(), *[int(awake[-1])] * (steps - len(awake))]
+    return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
 
 
 def _felt(windows: Windows, tangent: Tangent, history: Floats, later: Floats) -> Floats:
