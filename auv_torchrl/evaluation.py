@@ -105,7 +105,7 @@ def flight_of(rollout: Any, task: Task) -> Flight:
     along = torch.cat((rollout["along"][:, :1], after["along"]), dim=1)[..., 0]
     reference = task.reference(along)
     states["reference_position"], states["reference_quaternion"] = reference.position, reference.quaternion
-    return Flight.from_dict(states, batch_size=batch)
+    return Flight.from_tensordict(TensorDict(states, batch_size=batch))  # from_dict would load pandas
 
 
 _STATE = ("position", "quaternion", "velocity", "thrust", "command")

@@ -1,8 +1,11 @@
 """Imports of large libraries in less time; each is for a command alone, which knows what its process will do."""
 
 import gc
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
+from importlib.abc import MetaPathFinder
 from typing import Any
 from unittest.mock import patch
 
@@ -16,11 +19,19 @@ def importing() -> Iterator[None]:
     A library leaves no garbage behind when it is imported, yet the collector walks over all of its functions and
     classes again and again as they become more. What is there in the end stays for as long as the process lives, so
     the collector need not look at it later either.
+
+    scipy takes all that numpy has, its translator of Fortran included, which takes 0.1 s to load and which nothing
+    here asks for; so numpy does not offer it meanwhile.
     """
     collects = gc.isenabled()
     gc.disable()
     try:
-        yield
+        import numpy  # here, not above: a mistaken command line needs nothing of it
+
+        offered, listed = ([name for name in names if name != "f2py"] for names in (numpy.__all__, dir(numpy)))
+        with patch.multiple(numpy, __all__=offered, __dir__=lambda: listed):
+            yield
+            import_module("array_api_compat.numpy")  # which takes all of numpy too, when it is first asked for
     finally:
         if not gc.get_freeze_count():  # once: a process that runs several commands has garbage later on
             gc.freeze()
@@ -40,6 +51,37 @@ def importing_without_compiler() -> Iterator[None]:
 
         with patch.multiple(torch.compiler, **dict.fromkeys(_MARKS, _unmarked)):
             yield
+
+
+def spare_pandas() -> None:
+    """Let pyarrow do without pandas, which it loads with the first list that it is given: 0.35 CPU seconds.
+
+    It looks once in a process whether pandas is there, to know a series when it is given one. A recording gives it
+    none. A process that imported pandas before keeps what it has; in another, pyarrow gives no data frames after this.
+    """
+    if "pandas" in sys.modules:
+        return
+    import pyarrow
+
+    sys.meta_path.insert(0, _WITHOUT_PANDAS)
+    try:
+        pyarrow.array([0.0])
+    finally:
+        sys.meta_path.remove(_WITHOUT_PANDAS)
+
+
+class _Without(MetaPathFinder):
+    """Says of one module that it is not installed."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+        if fullname == self.name:
+            raise ModuleNotFoundError(f"{fullname} is not looked for here")
+
+
+_WITHOUT_PANDAS = _Without("pandas")
 
 
 def _unmarked(function: Callable[..., Any]) -> Callable[..., Any]:

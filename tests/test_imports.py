@@ -95,3 +95,23 @@ print(json.dumps([0, sorted(sys.modules)]))
     _, modules = loaded(code)
     assert "auv_torchrl.diagnosis.pipeline" in modules
     assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib"}
+
+
+def test_lists_become_columns_and_chi_squares_are_looked_up_without_pandas_and_fortran():
+    """Otherwise pyarrow and scipy load them otherwise, for nothing that a recording or a diagnosis asks for."""
+    code = """
+import json, sys
+from auv_torchrl.importing import importing, spare_pandas
+with importing():
+    import array_api_compat, scipy.special
+    import numpy
+    array_api_compat.array_namespace(numpy.zeros(1))
+assert "f2py" in dir(numpy) and "f2py" in numpy.__all__
+spare_pandas()
+import pyarrow
+assert pyarrow.array(["a", "b"]).to_pylist() == ["a", "b"]
+print(json.dumps([0, sorted(sys.modules)]))
+"""
+    _, modules = loaded(code)
+    assert {"pyarrow", "scipy.special"} <= modules
+    assert not modules & {"pandas", "numpy.f2py"}

@@ -6,7 +6,7 @@ from auv_torchrl.command import checking_input, command
 from auv_torchrl.diagnosis.logs import find_logs, is_series
 from auv_torchrl.diagnosis.memory import keep_freed_memory
 from auv_torchrl.diagnosis.schema import register
-from auv_torchrl.importing import importing_without_compiler
+from auv_torchrl.importing import importing_without_compiler, spare_pandas
 
 register()
 
@@ -26,5 +26,6 @@ def main(config: DictConfig) -> None:
             from auv_torchrl.diagnosis.dives.job import answer_dives as answer
         else:
             from auv_torchrl.diagnosis.job import answer
+        spare_pandas()
 
     answer(config)

@@ -7,6 +7,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 import torch
+from tensordict import TensorDict
 
 from auv_torchrl.diagnosis.verdict import Diagnosis, Trajectory, Window
 from auv_torchrl.flight import Flight
@@ -103,7 +104,8 @@ def _flight(time: Floats, pose: Floats, commands: Floats, vehicle: Vehicle) -> F
         "velocity": np.zeros((len(time), 6)), "thrust": thrust, "command": commands, "action": nothing,
         "applied_action": nothing,
     }  # fmt: skip
-    return Flight.from_dict({k: torch.from_numpy(v) for k, v in fields.items()}, batch_size=[len(time)])
+    tensors = {name: torch.from_numpy(values) for name, values in fields.items()}
+    return Flight.from_tensordict(TensorDict(tensors, batch_size=[len(time)]))  # from_dict would load pandas
 
 
 def _blueprint(axes: list[str]) -> rrb.Blueprint:
