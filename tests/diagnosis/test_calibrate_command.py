@@ -1,7 +1,6 @@
 """auv-calibrate: healthy flights become a vehicle file that training, flights and diagnoses read."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,13 +53,16 @@ def answers(folder):
     there.write_text("precious: 1\n")
     lines = {case: [word.replace("THERE", str(there)) for word in words] for case, (words, _) in BAD.items()}
     for seed, name in enumerate(("a", "b")):
-        write_flightlog(flown(name, seed=seed, seconds=14.0), folder / f"{name}.csv")
-        right = fly(FILE, {}, seed=40 + seed, episodes=2, seconds=15.0)
-        write_flightlog(right, folder / f"right_{name}.csv")
+        write_flightlog(flown(name, seed=seed, seconds=12.0), folder / f"{name}.csv")
     both = f"healthy=[{folder / 'a.csv'},{folder / 'b.csv'}]"
     lines["mine"] = [both, f"output={folder / 'mine.yaml'}"]
-    right = f"healthy=[{folder / 'right_a.csv'},{folder / 'right_b.csv'}]"
-    lines["right"] = [right, f"output={folder / 'right.yaml'}"]
+    right = [fly(FILE, {}, seed=seed, episodes=2, seconds=15.0) for seed in (40, 41)]
+    paths = [write_flightlog(log, folder / f"right_{name}.csv") for name, log in zip("ab", right, strict=True)]
+    lines["right"] = [f"healthy=[{paths[0]},{paths[1]}]", f"output={folder / 'right.yaml'}"]
+    (folder / "other").mkdir()
+    (folder / "other" / "a.csv").write_bytes((folder / "a.csv").read_bytes())
+    namesakes = f"healthy=[{folder / 'a.csv'},{folder / 'other' / 'a.csv'}]"
+    lines["same name"] = [namesakes, f"output={folder / 'same.yaml'}"]
     lines["help"] = ["--help"]
     return answers_of("calibrate", lines)
 
@@ -86,7 +88,7 @@ def test_what_is_there_is_not_touched(answers, folder):
     """Neither the file that was in the way nor the working directory."""
     assert answers["there already"][0] == BAD_INPUT
     assert (folder / "there.yaml").read_text() == "precious: 1\n"
-    assert not [path for path in folder.iterdir() if path.suffix not in (".csv", ".yaml")]
+    assert not [path for path in folder.iterdir() if path.suffix not in (".csv", ".yaml") and path.name != "other"]
 
 
 def test_help_explains_every_setting(answers):
@@ -148,6 +150,7 @@ def test_no_healthy_logs_are_needed_any_more(mine):
     assert not {"floor_assumed"} & {finding.code for finding in sound.findings}
 
 
+@pytest.mark.thorough
 def test_intervals_are_those_that_the_healthy_logs_give(mine, folder):
     """The same fault, as sure as beside the healthy logs themselves: what they leave open is kept as wide as it is."""
     faulty, vehicle = flown("faulty", FAULT, seed=8), hold(load_vehicle(mine))
@@ -243,11 +246,7 @@ def replace_field(vehicle, name, value):
     return copy
 
 
-def test_flights_with_one_name_are_refused(folder):
+def test_flights_with_one_name_are_refused(answers):
     """They could not be told apart in what is said of them."""
-    log = replace(flown("a", seconds=10.0), name="a")
-    (folder / "other").mkdir()
-    paths = [write_flightlog(log, folder / "same.csv"), write_flightlog(log, folder / "other" / "same.csv")]
-    line = [f"healthy=[{paths[0]},{paths[1]}]", f"output={folder / 'same.yaml'}"]
-    code, _, err = answers_of("calibrate", {"same": line})["same"]
+    code, _, err = answers["same name"]
     assert code == BAD_INPUT and "same name" in err

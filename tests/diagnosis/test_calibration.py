@@ -79,7 +79,7 @@ def test_without_a_healthy_log_the_assumption_is_said(healthy):
     assert "floor_assumed" in codes
 
 
-@pytest.mark.parametrize("seed", [0, 1, 5])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (1, 5))])
 def test_currents_and_trims_of_flights_do_not_make_a_file_wrong(seed):
     """Flights of a vehicle that is as its file says within slack, on days that differ, leave the file as it is."""
     rng, flights = np.random.default_rng(seed), []

@@ -114,7 +114,11 @@ def test_a_sound_vehicle_follows_once_its_errors_are_whitened():
 
 @pytest.mark.parametrize(
     ("change", "named"),
-    [({}, None), ({"thruster_gain": {"gain_3": 0.0}}, "gain_3"), ({"thruster_gain": {"gain_6": 0.5}}, "gain_6")],
+    [
+        ({}, None),
+        pytest.param({"thruster_gain": {"gain_3": 0.0}}, "gain_3", marks=pytest.mark.thorough),
+        ({"thruster_gain": {"gain_6": 0.5}}, "gain_6"),
+    ],
 )
 def test_a_thruster_is_named_through_snapshots_and_drift(change, named):
     """A sound vehicle has no gap, a dead and a weak thruster are found with number and value."""

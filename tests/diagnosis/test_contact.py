@@ -103,7 +103,7 @@ def test_a_vehicle_in_open_water_stands_nowhere(values, steps):
     ],
     ids=str,
 )
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (1, 2))])
 def test_a_vehicle_that_holds_its_depth_stands_nowhere(values, seed):
     """Nor does one that holds its place well or badly, with whatever fault."""
     log = fly(PAPER, values, seed=seed)

@@ -126,8 +126,8 @@ def test_a_healthy_log_with_the_fault_in_it_is_found_out():
 
 def test_a_healthy_log_that_is_healthy_is_used():
     """Without a fault in it there is nothing to find out."""
-    log = fly(HELD, {"thruster_gain": {"gain_2": 0.55}}, seed=17, episodes=4, seconds=20.0)
-    diagnosis = diagnose(log, HELD, healthy=[fly(HELD, {}, seed=18, episodes=4, seconds=20.0)])
+    log = fly(HELD, {"thruster_gain": {"gain_2": 0.55}}, seed=17, episodes=3, seconds=14.0)
+    diagnosis = diagnose(log, HELD, healthy=[fly(HELD, {}, seed=18, episodes=3, seconds=14.0)])
     codes = {finding.code for finding in diagnosis.findings}
     assert "floor_measured" in codes and "healthy_not_healthy" not in codes
 

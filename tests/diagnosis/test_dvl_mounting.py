@@ -37,7 +37,7 @@ def is_named(found, truth):
     [
         pytest.param(TURNED[0], LOGS["no position"], id="6 degrees"),
         pytest.param(TURNED[1], LOGS["positions"], id="a quarter turn", marks=pytest.mark.thorough),
-        pytest.param(MOVED, LOGS["positions"], id="0.2 m"),
+        pytest.param(MOVED, LOGS["positions"], id="0.2 m", marks=pytest.mark.thorough),
         pytest.param(FAULTY, LOGS["no position"], id="and a fault"),
     ],
 )

@@ -1,16 +1,19 @@
 """An accelerometer among the sensors of a log: simulated and linearised as it is logged, and what it then shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.axes import followable, restricted
-from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.rollout import fly, simulate
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.vehicle import load_vehicle
@@ -89,7 +92,9 @@ def test_what_a_calibration_leaves_is_no_fault():
 def test_surge_is_seen_by_what_is_felt_alone():
     """Two horizontal thrusters that lost thrust together turn nothing: stock sensors are blind, felt surge is not."""
     both = {"thruster_gain": {"gain_1": 0.5, "gain_2": 0.5}}
-    felt, blind = (diagnose(log, HEAVY) for log in pushed(both, [STOCK + FELT, STOCK]))
+    with_felt, stock = pushed(both, [STOCK + FELT, STOCK])
+    few = replace(load_settings(), ignored=tuple(name for name in EFFECTS if name != "thruster_gain"))
+    felt, blind = diagnose(with_felt, HEAVY), diagnose(stock, HEAVY, settings=few)
     assert any("surge, sway are not measured" in sentence for sentence in blind.cannot_tell)
     (named,) = felt.effects
     assert named.name == "thruster_gain" and named.thrusters == (1, 2)

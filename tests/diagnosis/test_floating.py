@@ -42,7 +42,7 @@ def dive(values, seconds: float = 90.0, seed: int = 0) -> FlightLog:
     [
         ({}, Verdict.NO_GAP),
         ({"buoyancy": {"force": -12.0}}, Verdict.EXPLAINED),
-        ({"thruster_gain": {"gain_5": 0.3}}, Verdict.EXPLAINED),
+        pytest.param({"thruster_gain": {"gain_5": 0.3}}, Verdict.EXPLAINED, marks=pytest.mark.thorough),
     ],
     ids=str,
 )
@@ -60,6 +60,7 @@ def test_a_dive_to_the_surface_is_diagnosed_as_any_other(values, verdict):
     assert named == {effect: pytest.approx(given, abs=0.2) for effect, given in values.items()}
 
 
+@pytest.mark.thorough
 def test_the_same_surface_that_no_file_tells_is_no_sound_vehicle():
     """The log shows a force that stops it; it is not taken for a gap that is explained."""
     assert diagnose(dive({}), hold(load_vehicle("paper"))).verdict is Verdict.UNEXPLAINED

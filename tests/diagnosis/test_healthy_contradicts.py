@@ -70,7 +70,7 @@ def test_rates_of_turn_show_that_a_vehicle_tilts(sound):
 
 def test_the_vehicle_that_predicts_better_is_kept():
     """Of two vehicles the one that predicts healthy flights better counts, with how far the file is from it."""
-    log, settings = join([flown("a", seed=1), flown("b", seed=2)]), load_settings()
+    log, settings = join([flown(name, seed=seed, seconds=12.0) for seed, name in ((1, "a"), (2, "b"))]), load_settings()
     found = predicts_better(log, FILE, FILE, settings, ())
     assert found is not None
     centred, known, excess = found

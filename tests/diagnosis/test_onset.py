@@ -20,7 +20,7 @@ HELD = hold(PAPER)
 
 
 @pytest.mark.slow
-@settings(max_examples=4, phases=[Phase.generate])  # to shrink an example takes minutes
+@settings(max_examples=2, phases=[Phase.generate])  # to shrink an example takes minutes
 @given(st.integers(1, 6), st.floats(0.2, 0.6), st.floats(16.0, 34.0), st.integers(0, 1000))
 def test_a_thruster_that_weakens_in_flight_is_named_with_the_time(thruster, gain, onset_s, seed):
     """Whichever, however much and whenever: the part behind the onset has its gain, dated to within a window.

@@ -26,6 +26,7 @@ from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.thresholds import NEAR, SLACK_LIMIT
 from auv_torchrl.diagnosis.validate.predict import predict
 from auv_torchrl.diagnosis.validate.veto import falls_short
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
@@ -35,14 +36,16 @@ from benchmarks.blind.hand_over import hand_over
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)
 SETTINGS = load_settings()
+TRIED = ("thruster_gain", "thrust_limit", "linear_drag", "buoyancy", "current")
+FEW = replace(SETTINGS, ignored=tuple(name for name in EFFECTS if name not in TRIED))  # where it is not about which
 SHORT = {"episodes": 3, "seconds": 20.0}
 TETHER = {"north": 6.0, "east": -3.0, "down": -0.5, "stiffness": 12.0, "slack": 5.7}
 
 
-def problem_of(vehicle, values, seed, nominal=HELD):
+def problem_of(vehicle, values, seed, nominal=HELD, settings=SETTINGS):
     """A problem of a short flight of a vehicle."""
     log = fly(vehicle, values, seed=seed, **SHORT)
-    return Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), nominal, SETTINGS)
+    return Problem.of(cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s), nominal, settings)
 
 
 def searched(problem, **how):
@@ -74,6 +77,7 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
         assert limit.sentence.startswith("every thruster saturates at")
 
 
+@pytest.mark.thorough
 def test_a_limit_of_all_thrusters_is_found_beside_a_current():
     """Limits of single thrusters can stand for what a current lacks, but one limit and the current say all of it."""
     values = {"thrust_limit": {f"limit_{i}": 16.0 for i in range(1, 7)}, "current": {"north": 0.07, "east": 0.11}}
@@ -85,6 +89,7 @@ def test_a_limit_of_all_thrusters_is_found_beside_a_current():
     }
 
 
+@pytest.mark.thorough
 def test_what_promises_too_little_along_the_measured_motion_is_not_simulated():
     """A search for less than the noise leaves "no gap" alone, and says what it could have had."""
     problem = problem_of(HELD, {"thruster_lag": {"time_constant": 0.23}, "tether": TETHER}, seed=11)
@@ -105,6 +110,7 @@ def test_two_effects_are_found_though_they_tilt_the_vehicle_far():
     }
 
 
+@pytest.mark.thorough
 def test_a_hint_that_needs_slack_at_its_limit_does_not_end_the_search():
     """A drag that fits a weak thruster only with gains at four standard deviations of slack is not taken for it."""
     values = {"quadratic_drag": {"scale_heave": 0.5}, "thruster_gain": {"gain_5": 0.55}}
@@ -140,6 +146,7 @@ def test_further_effects_are_tried_though_slack_hides_that_one_is_needed():
     assert {effect.name for effect in diagnose(log, PAPER).effects} == set(case.effects)
 
 
+@pytest.mark.thorough
 def test_what_two_effects_can_say_is_said_by_the_plainer_one():
     """A payload of weight alone, found beside more inertia, is called buoyancy."""
     values = {"buoyancy": {"force": 8.97}, "added_mass": {"scale_heave": 1.62}}
@@ -179,6 +186,7 @@ def test_a_healthy_vehicle_is_fitted_as_long_as_what_contends_with_it():
     assert diagnose(log, PAPER).verdict is Verdict.NO_GAP
 
 
+@pytest.mark.thorough
 def test_no_gap_is_fitted_though_a_window_diverges_on_the_way():
     """A vehicle with slack alone, whose nominal simulation flies off in one window, has no gap."""
     ((log, _),) = sealed_flights([Case(20, "no_gap_slack", plant="foreign", slack=0.03)], PAPER, 20261122)
@@ -273,7 +281,7 @@ def test_a_bounded_minimum_is_where_a_solver_finds_it(count, seed):
 
 def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(monkeypatch):
     """A long log is searched in windows spread over it; the fault found there is fitted to all of them."""
-    problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5))
+    problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5, settings=FEW))
     whole = tidied(search(problem, follow, lambda *_: None))
     screen, looked_at = Field.of, []
 
@@ -296,7 +304,7 @@ def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(mo
 
 def test_what_is_far_behind_a_rival_is_not_worked_out(monkeypatch):
     """Values are taken out of the best explanation unless another vehicle explains the log far better anyway."""
-    problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5))
+    problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_4": 0.55}}, seed=5, settings=FEW))
     done = []
     monkeypatch.setattr(
         sys.modules[search.__module__], "tidy", lambda problem, best, polished: done.append(best) or best

@@ -28,8 +28,13 @@ def followed(log):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("number", "effects"), [(21, ("linear_drag", "drag_coupling")), (61, ("thrust_curve", "linear_drag"))]
+    ("number", "effects"),
+    [
+        (21, ("linear_drag", "drag_coupling")),
+        (61, ("thrust_curve", "linear_drag")),
+    ],
 )
 def test_a_drag_that_the_assumed_floor_could_hide_is_named_beside_a_strong_effect(number, effects):
     """A drag that leaves less than the disturbance that may act, but far more than chance, is named with its value."""
@@ -45,6 +50,7 @@ def test_nothing_is_named_beside_a_coupling_that_says_all():
     assert [effect.name for effect in diagnose(fly(HELD, COUPLING, seed=31), PAPER).effects] == ["drag_coupling"]
 
 
+@pytest.mark.thorough
 def test_a_steep_thrust_curve_is_found_beside_a_wide_dead_band():
     """Another exponent with another dead band lets the same commands through; no limit is named to make up for that."""
     values = {"thrust_curve": {"exponent": 1.75, "asymmetry": 0.34}, "dead_band": {"width": 9.0}}

@@ -31,7 +31,7 @@ def gusts(seed: int, steady: float = 0.0):
 
 @pytest.fixture(scope="module")
 def healthy():
-    return [fly(HELD, {}, seed=seed, episodes=3, seconds=20.0, push=gusts(seed)) for seed in (1, 2)]
+    return [fly(HELD, {}, seed=seed, episodes=3, seconds=12.0, push=gusts(seed)) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")

@@ -37,7 +37,7 @@ def test_along_directions_a_bound_stops_only_what_it_must():
     np.testing.assert_allclose(two, [1.0, 1.0, 2.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("factor", [0.5, pytest.param(2.0, marks=pytest.mark.thorough)])
 def test_an_overall_scale_is_found_and_changes_no_motion(factor):
     """A vehicle of other masses, thrusts and drags comes back towards its file and moves as it did."""
     file = load_vehicle("bluerov2_heavy")
@@ -99,7 +99,7 @@ def test_a_file_that_is_wrong_by_factors_is_mended_by_a_flight():
             "quadratic_drag": {f"scale_{axis}": 0.4 for axis in ("surge", "sway", "heave", "yaw")},
         },
     )
-    found = calibrate([fly(own, {}, seed=7, episodes=3, seconds=30.0)], file, SETTINGS)
+    found = calibrate([fly(own, {}, seed=7, episodes=3, seconds=20.0)], file, SETTINGS)
     assert found.as_stated > 10 > SETTINGS.excess > found.excess
     speed = [respond(vehicle, COMMAND).steady for vehicle in (found.vehicle, own)]
     rows = np.arange(1, 5), np.array([0, 1, 2, 5])
