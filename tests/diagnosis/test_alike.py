@@ -58,7 +58,10 @@ def sound():
     return learn_sound([dives({}, 25, seed=1), dives({}, 15, seed=2)], FILE)
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    "fault",
+    ["load", "weak thruster", *(pytest.param(f, marks=pytest.mark.thorough) for f in ("depth sensor", "fouled"))],
+)
 def test_a_fault_is_named_by_runs_together(sound, fault):
     """Eight short runs with one fault name it, at most beside what shows the same, although the file is 30 % off."""
     values, names = FAULTS[fault]

@@ -6,7 +6,7 @@ from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")
-SHORT = {"episodes": 3, "seconds": 20.0}
+SHORT = {"episodes": 3, "seconds": 14.0}
 
 
 def test_a_tilt_that_nobody_measured_is_inferred():

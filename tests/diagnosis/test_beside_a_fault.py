@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.motion.cut import cut_windows
 from tests.diagnosis.flown_logs import fly
 from tests.diagnosis.healthy_flights import FAULT, FILE, OWN, flown
 
+pytestmark = pytest.mark.thorough  # half a minute of calibration; test_calibration has a fault beside one flight
 SETTINGS = load_settings()
 INERTIA = ("scale_surge", "scale_sway", "scale_heave", "scale_yaw")
 FAULTY = Knob("thruster_gain", ("gain_3",), 0.6)
@@ -23,9 +24,7 @@ OTHER_DAY = (Knob("thruster_gain", ("gain_1",), 1.03), Knob("added_mass", INERTI
 @pytest.fixture(scope="module")
 def sound():
     """The vehicle as two healthy flights show it, far from its file."""
-    return calibrate(
-        [flown(day, seed=seed, seconds=14.0) for seed, day in ((1, "monday"), (2, "tuesday"))], FILE, SETTINGS
-    )
+    return calibrate([flown("monday", seed=1), flown("tuesday", seed=2)], FILE, SETTINGS)
 
 
 def searched(sound, values, knobs):

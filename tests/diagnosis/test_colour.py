@@ -115,7 +115,7 @@ def test_a_sound_vehicle_follows_once_its_errors_are_whitened():
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({}, None),
+        pytest.param({}, None, marks=pytest.mark.thorough),
         pytest.param({"thruster_gain": {"gain_3": 0.0}}, "gain_3", marks=pytest.mark.thorough),
         ({"thruster_gain": {"gain_6": 0.5}}, "gain_6"),
     ],

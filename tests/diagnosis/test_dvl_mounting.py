@@ -38,7 +38,7 @@ def is_named(found, truth):
         pytest.param(TURNED[0], LOGS["no position"], id="6 degrees"),
         pytest.param(TURNED[1], LOGS["positions"], id="a quarter turn", marks=pytest.mark.thorough),
         pytest.param(MOVED, LOGS["positions"], id="0.2 m", marks=pytest.mark.thorough),
-        pytest.param(FAULTY, LOGS["no position"], id="and a fault"),
+        pytest.param(FAULTY, LOGS["no position"], id="and a fault", marks=pytest.mark.thorough),
     ],
 )
 def test_a_mounting_is_named_with_its_value(truth, axes):

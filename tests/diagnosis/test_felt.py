@@ -83,6 +83,7 @@ def test_a_bias_is_named_with_its_axis_and_value():
     assert any("calibrate the accelerometer" in advice.do for advice in named.advice)
 
 
+@pytest.mark.thorough
 def test_what_a_calibration_leaves_is_no_fault():
     """Half a hundredth of the weight in each axis is slack: no gap."""
     (log,) = pushed({"accelerometer_bias": {"bias_ax": 0.05, "bias_ay": -0.06, "bias_az": 0.05}}, [STOCK + FELT])

@@ -16,7 +16,7 @@ FLOATS = hold(load_vehicle({**read_vehicle_file("paper"), "surface": SURFACE, "a
 HEAVE = [-0.3, -0.6, 0.4, -0.35, -0.7, 0.5, -0.2, -0.5]  # of full thrust, an eighth of the dive each: up, mostly
 
 
-def dive(values, seconds: float = 90.0, seed: int = 0) -> FlightLog:
+def dive(values, seconds: float = 60.0, seed: int = 0) -> FlightLog:
     """The vehicle, changed by effects, is pushed up into the surface and down again."""
     rng = np.random.default_rng(seed)
     count = round(seconds / DT)

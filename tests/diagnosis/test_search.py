@@ -171,6 +171,7 @@ def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
     assert found.polished[0] is found.best
 
 
+@pytest.mark.thorough
 def test_an_effect_takes_over_what_another_one_did_in_its_place():
     """A steady sinking of the water pushes down like weight; once weight is tried beside it, the water stands still."""
     values = {"buoyancy": {"force": -9.4}, "current": {"north": 0.073, "east": -0.17}}
@@ -180,6 +181,7 @@ def test_an_effect_takes_over_what_another_one_did_in_its_place():
     assert found == {name: pytest.approx(row, rel=0.02) for name, row in values.items()}
 
 
+@pytest.mark.thorough
 def test_a_healthy_vehicle_is_fitted_as_long_as_what_contends_with_it():
     """A flight in which the first fit of "no gap" stops 200 of chi-square short of its best is still without a gap."""
     ((log, _),) = sealed_flights([Case(4, "no_gap_slack", plant="foreign", slack=0.03)], PAPER, 5150)
@@ -318,7 +320,7 @@ def test_what_is_far_behind_a_rival_is_not_worked_out(monkeypatch):
         assert bool(done) == worked_out
 
 
-@pytest.mark.parametrize("seed", [2, 4])
+@pytest.mark.parametrize("seed", [2, pytest.param(4, marks=pytest.mark.thorough)])
 def test_a_fit_ends_at_the_same_dead_band_wherever_it_begins(seed):
     """The slack of a threshold, in which chi-square is rough, is found from two standard deviations to either side."""
     vehicle = with_slack(HELD, np.random.default_rng(seed))
@@ -331,7 +333,10 @@ def test_a_fit_ends_at_the_same_dead_band_wherever_it_begins(seed):
     assert max(ends) - min(ends) < 1.0
 
 
-@pytest.mark.parametrize(("values", "fitted"), [({}, True), ({"thruster_gain": {"gain_2": 0.5}}, False)])
+@pytest.mark.parametrize(
+    ("values", "fitted"),
+    [({}, True), pytest.param({"thruster_gain": {"gain_2": 0.5}}, False, marks=pytest.mark.thorough)],
+)
 def test_no_effect_is_fitted_where_slack_does_however_far_behind_it_is(monkeypatch, values, fitted):
     """A vehicle with slack is fitted without an effect though one promises more, unless that leaves much."""
     monkeypatch.setattr(sys.modules[search.__module__], "HOPELESS", -np.inf)

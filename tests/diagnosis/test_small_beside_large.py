@@ -59,6 +59,7 @@ def test_a_steep_thrust_curve_is_found_beside_a_wide_dead_band():
     assert found == {name: pytest.approx(row, rel=0.03) for name, row in values.items()}
 
 
+@pytest.mark.thorough
 def test_a_tether_is_told_as_surely_as_the_log_tells_it():
     """A longer tether from further away pulls about the same; fits from both sides meet near the truth."""
     case = Case(183, "single_slack", ("tether",), plant="mujoco", slack=0.03)

@@ -87,6 +87,7 @@ def test_corrections_are_shares_of_what_the_file_says():
     assert not any(effect == "thruster_misalignment" for effect, _ in moved.corrections)
 
 
+@pytest.mark.thorough
 def test_a_file_that_is_wrong_by_factors_is_mended_by_a_flight():
     """Twice the thrust on another curve, a third of the drag and half of the inertia leave nothing but noise."""
     file = hold(load_vehicle("paper"))
@@ -99,7 +100,7 @@ def test_a_file_that_is_wrong_by_factors_is_mended_by_a_flight():
             "quadratic_drag": {f"scale_{axis}": 0.4 for axis in ("surge", "sway", "heave", "yaw")},
         },
     )
-    found = calibrate([fly(own, {}, seed=7, episodes=3, seconds=20.0)], file, SETTINGS)
+    found = calibrate([fly(own, {}, seed=7, episodes=3, seconds=30.0)], file, SETTINGS)
     assert found.as_stated > 10 > SETTINGS.excess > found.excess
     speed = [respond(vehicle, COMMAND).steady for vehicle in (found.vehicle, own)]
     rows = np.arange(1, 5), np.array([0, 1, 2, 5])
