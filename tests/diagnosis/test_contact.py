@@ -80,7 +80,9 @@ def test_what_was_flown_in_contact_is_left_out(sense, steps, where):
     ],
     ids=str,
 )
-@pytest.mark.parametrize("steps", [BOTH, DOWN, [0.3] * 6], ids=["both ways", "down", "steady"])
+@pytest.mark.parametrize(
+    "steps", [BOTH, DOWN, pytest.param([0.3] * 6, marks=pytest.mark.thorough)], ids=["both ways", "down", "steady"]
+)
 def test_a_vehicle_in_open_water_stands_nowhere(values, steps):
     """Neither dead vertical thrusters nor a vehicle that has to be held down is taken for one in contact."""
     log = dive({}, steps, values)

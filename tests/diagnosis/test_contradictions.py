@@ -28,10 +28,8 @@ def log_of(changes):
     return replace(log, episodes=tuple(episodes), axes=AXES)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["pose_delay", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("heading_bias", "position_scale"))],
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", SENSORS)
 def test_the_sensor_that_contradicts_the_others_is_named(name):
     """No force follows such a log under the nominal sensors; under the right change of one, all is explained."""
     diagnosed(name, {})

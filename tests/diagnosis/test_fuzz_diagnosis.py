@@ -1,7 +1,8 @@
 """Whatever a log holds, the diagnosis gives an answer that can be written, or one line that says why not.
 
-A few examples run with every test; ``python -m pytest tests/diagnosis/test_fuzz_diagnosis.py --damages 2000`` runs as
-many as one likes, drawn at random. An example that fails is printed in full and can be run again alone.
+Logs that once broke it run with every test, a few random examples with ``make test-all``;
+``python -m pytest tests/diagnosis/test_fuzz_diagnosis.py --damages 2000`` runs as many as one likes, drawn at random.
+An example that fails is printed in full and can be run again alone.
 """
 
 import json
@@ -29,7 +30,7 @@ from tests.diagnosis.hostile import EDITS
 from tests.flightlog.simulate import simulated_logs
 
 PAPER = load_vehicle("paper")
-FEW = 2  # examples with every test: some 15 s, beside those of BROKE
+FEW = 3  # examples with make test-all: some 40 s, most of them calibrations
 CHANGES = ({}, {"thruster_gain": {"gain_4": 0.4}}, {"current": {"north": 0.2}, "heading_bias": {"angle": 0.2}})
 AXES = (
     ("x", "y", "z", "yaw"), POSE + VELOCITY, ("u", "v", "w", "r"), POSE, VELOCITY, ("x", "y", "yaw"), ("z",), ("u",),
@@ -153,6 +154,7 @@ def test_logs_that_once_broke_the_diagnosis(name, tmp_path):
     check(BROKE[name], tmp_path)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(0)
 def test_any_log_gives_a_diagnosis_or_one_line(request):
     """Damaged and hostile logs, with any axes and settings: a whole answer, or a refusal that people can read."""

@@ -41,6 +41,7 @@ def limited():
     return follow_windows(problem)
 
 
+@pytest.mark.thorough
 def test_a_limit_is_the_same_from_anywhere_along_the_curve_of_thrust(limited):
     """Exponent, dead band, limit and gains make up for each other; fits that begin far apart tell one limit."""
     (problem, follow), told = limited, []
