@@ -46,6 +46,7 @@ def test_the_long_form_and_the_network_recover_too(kind, models, fleet, policy, 
     assert mean_error(env, policy)[0] < 0.015
 
 
+@pytest.mark.thorough
 def test_a_longer_flight_is_used_whole_if_the_bag_holds_it(models, fleet, policy, scenario):
     """With the dither on throughout and room for all, 30 s give a better map than the bag's newest pairs."""
     long = AdapterConfig(target_data_s=30.0, tolerance=1e-9)

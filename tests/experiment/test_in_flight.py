@@ -10,7 +10,6 @@ from auv_torchrl.adaptation.recovery import Happening
 from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.experiment.flight_figure import flight_figure
 from auv_torchrl.experiment.in_flight import fly_in_flight
-from auv_torchrl.experiment.run import run
 from auv_torchrl.experiment.schedule import schedule
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
@@ -130,10 +129,3 @@ def test_of_an_infeasible_vehicle_it_is_named_what_remains(experiment, pd_policy
     one = fly_in_flight(experiment("two_dead"), pd_policy)
     assert one.as_dict()["remaining"]["rank"] == 3
     assert "3 of 4 degrees of freedom can be controlled" in one.summary()
-
-
-def test_the_flight_can_be_left_out(experiment, tmp_path):
-    """No figure of it, and null in the results."""
-    results = run(experiment("swap", "flight.fly=false"), tmp_path)
-    assert results.in_flight is None and not (tmp_path / "flight.png").exists()
-    assert json.loads((tmp_path / "results.json").read_text())["in_flight"] is None

@@ -54,12 +54,25 @@ def test_an_infeasible_scenario_is_declared_with_its_rank_and_u_s_is_still_flown
     assert {path.name for path in tmp_path.iterdir()} == FILES
 
 
-def test_two_reversed_thrusters_need_the_map_to_the_thrusters(experiment, tmp_path):
+@pytest.fixture(scope="module")
+def without_a_flight(experiment, tmp_path_factory):
+    """Results and folder of a run that does not break the vehicle in flight."""
+    folder = tmp_path_factory.mktemp("without_a_flight")
+    return run(experiment("two_reversed", "flight.fly=false"), folder), folder
+
+
+def test_the_flight_can_be_left_out(without_a_flight):
+    """No figure of it, and null in the results."""
+    results, folder = without_a_flight
+    assert results.in_flight is None and {path.name for path in folder.iterdir()} == FILES - {"flight.png"}
+    assert json.loads((folder / "results.json").read_text())["in_flight"] is None
+
+
+def test_two_reversed_thrusters_need_the_map_to_the_thrusters(experiment, without_a_flight, tmp_path):
     """The channels have lost rank, the thrusters have not: the reason names the remedy, and the remedy works."""
-    results = run(experiment("two_reversed", "flight.fly=false"), tmp_path)
-    assert not results.feasible and "adapter=thrusters" in str(results.reason)
-    (tmp_path / "again").mkdir()
-    results = run(experiment("two_reversed", "adapter=thrusters", "flight.fly=false"), tmp_path / "again")
+    channels, _ = without_a_flight
+    assert not channels.feasible and "adapter=thrusters" in str(channels.reason)
+    results = run(experiment("two_reversed", "adapter=thrusters", "flight.fly=false"), tmp_path)
     assert results.feasible and results.u_t is not None
 
 
