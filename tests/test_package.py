@@ -131,6 +131,7 @@ def test_a_vehicle_file_of_ones_own_is_flown_from_python(run, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_installed_commands_sweep_in_processes_over_files_of_ones_own(run, tmp_path):
     """Jobs of a sweep find conf/, a vehicle file and an effect of one's own, in auv-diagnose and in auv-train."""
     (tmp_path / "mine.yaml").write_text(config_path("vehicle", "paper").read_text().replace("12.0 ", "12.1 "))

@@ -27,18 +27,27 @@ BAD = {  # command line, what the answer names
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Exit code, output and errors, and the folder of answers, of both parts of the benchmark."""
-    folders = {part: tmp_path_factory.mktemp(part) for part in ("main", "mocap")}
-    lines = {part: [*SMALL[part], f"folder={folder}"] for part, folder in folders.items()}
+    """What the program answers to all command lines, each in a folder of its own, and these folders, by name."""
+    overrides = SMALL | {name: line for name, (line, _) in BAD.items()}
+    folders = {name: tmp_path_factory.mktemp("blind") for name in overrides}
+    manifest = {"settings": {"cases": 5, "seed": 0, "families": {}}, "labels_sha256": "", "tasks": {}}
+    (folders["other cases"] / "manifest.json").write_text(json.dumps(manifest))
+    lines = {name: [*line, f"folder={folders[name]}"] for name, line in overrides.items()}
     told = answers_of("benchmarks.blind.__main__", lines)
-    return {part: (told[part], next(folder.rglob("diagnosis_*"), None)) for part, folder in folders.items()}
+    return {name: (told[name], folder) for name, folder in folders.items()}
+
+
+def answers_in(folder):
+    """Where the answers of a benchmark are."""
+    return next(folder.rglob("diagnosis_*"))
 
 
 @pytest.mark.slow
 def test_sealed_cases_are_flown_diagnosed_and_scored(runs):
     """No diagnosis crashes, most are right, the report is written, and a killed run goes on where it was."""
-    (code, out, err), answers = runs["main"]
+    (code, out, err), folder = runs["main"]
     assert code == 0, err
+    answers = answers_in(folder)
     assert "single effect named first" in out
     results = json.loads((answers / "results.json").read_text())
     assert len(results) == 3
@@ -57,9 +66,10 @@ def test_sealed_cases_are_flown_diagnosed_and_scored(runs):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_threshold_that_decides_moves_an_answer(runs):
     """Where one more effect must bring a million times the evidence, the fault that was found is found no more."""
-    _, answers = runs["main"]
+    answers = answers_in(runs["main"][1])
     results = json.loads((answers / "results.json").read_text())
     fault = next(r["case"] for r in results if r["truth"] != "no_gap" and r["verdict"] == "explained")
     cases = [(answers.parent, fault)]
@@ -75,8 +85,9 @@ def test_a_threshold_that_decides_moves_an_answer(runs):
 @pytest.mark.slow
 def test_a_set_of_sensors_is_flown_diagnosed_and_scored(runs):
     """A fault before cameras: a folder of its own, a table of its own, and named."""
-    (code, out, err), answers = runs["mocap"]
+    (code, out, err), folder = runs["mocap"]
     assert code == 0, err
+    answers = answers_in(folder)
     assert "Sensors: mocap" in out and answers.parent.name == "mocap"
     results = json.loads((answers / "results.json").read_text())
     assert [r["message"] for r in results if r["message"]] == []
@@ -84,21 +95,9 @@ def test_a_set_of_sensors_is_flown_diagnosed_and_scored(runs):
     assert "What these sensors can show" in (answers / "results.md").read_text()
 
 
-@pytest.fixture(scope="module")
-def refusals(tmp_path_factory):
-    """What the program answers to bad command lines, in folders of their own; one of them holds other cases."""
-    lines = {name: [*overrides, f"folder={tmp_path_factory.mktemp('blind')}"] for name, (overrides, _) in BAD.items()}
-    (used,) = (line[-1].removeprefix("folder=") for name, line in lines.items() if name == "other cases")
-    settings = {"cases": 5, "seed": 0, "families": {}}
-    manifest = {"settings": settings, "labels_sha256": "", "tasks": {}}
-    with open(f"{used}/manifest.json", "w") as file:
-        json.dump(manifest, file)
-    return answers_of("benchmarks.blind.__main__", lines)
-
-
 @pytest.mark.parametrize("bad", BAD)
-def test_bad_settings_are_refused(refusals, bad):
+def test_bad_settings_are_refused(runs, bad):
     """Other settings than those of the folder, a misspelt family, an impossible number: errors of one line."""
-    code, _, error = refusals[bad]
+    (code, _, error), _ = runs[bad]
     assert code == 2, error
     assert BAD[bad][1] in error and "Traceback" not in error

@@ -37,10 +37,12 @@ VEHICLE = load_vehicle("paper")
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
-    """The swap, flown by a PID instead of a trained policy."""
+    """The swap, flown by a PID instead of a trained policy, for little longer than until errors count."""
     swap = read_scenario("swap", yaml.safe_load(config_path("scenario", "swap").read_text()), VEHICLE)
     pilot = SourcePolicy(cast(Any, PID(StationKeeping())), {"hash": "pid"})
-    return Bench(VEHICLE, swap, tmp_path_factory.mktemp("policies"), 2, pilot)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(methods, "StationKeeping", partial(StationKeeping, episode_s=13.0))
+        yield Bench(VEHICLE, swap, tmp_path_factory.mktemp("policies"), 2, pilot)
 
 
 @pytest.mark.slow

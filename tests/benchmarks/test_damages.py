@@ -266,10 +266,10 @@ def test_the_tables_count_what_was_named():
 
 def test_what_is_handed_over_can_be_read(tmp_path):
     """Every damage of a flown log gives a file that is read, or refused in one line."""
-    axes = {damage.axes for damage in DAMAGES.values()}
-    for k, own in enumerate(sorted(axes)):
-        case = Case(1, "damaged", damage="feet", axes=own, plant="foreign", episodes=2, episode_s=12.0)
-        ((log, drawn),) = fly([case], VEHICLE, seed=k)
+    short = {"damage": "feet", "plant": "foreign", "episodes": 2, "episode_s": 12.0}
+    axes = sorted({damage.axes for damage in DAMAGES.values()})
+    cases = [Case(number, "damaged", axes=own, **short) for number, own in enumerate(axes)]
+    for own, (log, drawn) in zip(axes, fly(cases, VEHICLE, seed=0), strict=True):
         for name, damage in DAMAGES.items():
             if damage.axes == own:
                 path = tmp_path / f"{name}.csv"

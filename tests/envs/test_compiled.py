@@ -10,6 +10,7 @@ from auv_torchrl.vehicle import load_vehicle
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 # Both are about libraries: which cached function tells numpy from torch, and what torch itself still calls.
 @pytest.mark.filterwarnings("ignore:Dynamo detected a call to a `functools.lru_cache`:UserWarning")
 @pytest.mark.filterwarnings("ignore:`torch.jit.script_method` is deprecated:DeprecationWarning")
