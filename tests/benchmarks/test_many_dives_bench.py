@@ -26,7 +26,7 @@ def test_dives_differ_in_trim_and_current_and_are_drawn_again_alike():
 def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
     """Of three sound dives and six that lose 2 % of thruster 2 each, it alone is named before 8 % are lost."""
     gain = np.append(np.ones(3), 1 - 0.02 * np.arange(1, 7))
-    outcome = bench.run("thruster 2", load_vehicle("paper"), Series(9, 5, 60.0, {"thruster_gain": {"gain_2": gain}}))
+    outcome = bench.run("thruster 2", load_vehicle("paper"), Series(9, 5, 40.0, {"thruster_gain": {"gain_2": gain}}))
     first, *_ = outcome.judged.alarms
     assert 0.02 * (first.dive - 2) < 0.08
     (change,) = outcome.judged.changes

@@ -16,7 +16,7 @@ from auv_torchrl.vehicle import load_vehicle
 from benchmarks.real import __main__ as page
 from benchmarks.real import altered, ardusub, haizhe
 
-RUNS, ROWS = 40, 196
+RUNS, ROWS = 40, 120
 FLOWN = {haizhe.NORMAL: {}, haizhe.LOAD: {"buoyancy": {"force": 3.0}}, haizhe.DEPTH: {"depth_bias": {"offset": 0.2}}}
 
 

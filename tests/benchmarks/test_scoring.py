@@ -28,7 +28,7 @@ VEHICLE = load_vehicle("paper")
 def labels():
     """Labels of a benchmark with every family."""
     cases = draw_cases(2 * len(FAMILIES), dict.fromkeys(FAMILIES, 1.0), seed=4)
-    short = [replace(case, plant="foreign", episodes=1, episode_s=20.0) for case in cases]
+    short = [replace(case, plant="foreign", episodes=1, episode_s=12.0) for case in cases]
     return [{**label, "named_by": hand_over(log, label).named_by} for log, label in fly(short, VEHICLE, seed=1)]
 
 

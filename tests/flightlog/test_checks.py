@@ -92,7 +92,7 @@ def changed(log: FlightLog, change) -> FlightLog:
     return replace(log, episodes=tuple(replace(e, **change(e)) for e in log.episodes))
 
 
-@pytest.fixture(scope="module", params=["paper", "bluerov2_heavy"])
+@pytest.fixture(scope="module")
 def faulty(request):
     """A vehicle, and a log of it with each effect."""
     logs = simulated_logs(
@@ -101,10 +101,19 @@ def faulty(request):
     return load_vehicle(request.param), dict(zip(CLEAR, logs, strict=True))
 
 
-POSES = pytest.param(POSE_ONLY, id="pose", marks=pytest.mark.thorough)
+LOGGED = {"full": FULL, "pose": POSE_ONLY, "velocity": VELOCITIES, "felt": FELT}
+LONG = [("paper", "pose"), ("bluerov2_heavy", "pose"), ("bluerov2_heavy", "felt")]  # to read
 
 
-@pytest.mark.parametrize("axes", [FULL, POSES, VELOCITIES, FELT], ids=["full", None, "velocity", "felt"])
+@pytest.mark.parametrize(
+    ("faulty", "axes"),
+    [
+        pytest.param(name, axes, id=f"{name}-{what}", marks=pytest.mark.thorough if (name, what) in LONG else ())
+        for name in ("paper", "bluerov2_heavy")
+        for what, axes in LOGGED.items()
+    ],
+    indirect=["faulty"],
+)
 def test_sound_logs_of_faulty_vehicles_are_not_suspected(faulty, axes, tmp_path):
     """A log in the right format gives no finding, whichever effect acts on the vehicle."""
     assert set(CLEAR) == set(EFFECTS)
