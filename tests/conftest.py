@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 import pytest
 import torch
-from hypothesis import HealthCheck, settings
 from tensordict import TensorDictBase
 
 from auv_torchrl.envs import TorchFleet
@@ -15,20 +14,9 @@ from auv_torchrl.flight import Flight
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle
+from tests import everybody  # noqa: F401  # loads the profile of property tests
 
 torch.set_num_threads(1)  # on few cores, threads of small operations wait for each other
-
-# The same examples for everybody, on a busy machine as on an idle one: hypothesis would choose others where CI is set,
-# and fail by the clock where it is not.
-settings.register_profile(
-    "everybody",
-    deadline=None,
-    derandomize=True,
-    print_blob=True,
-    database=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-settings.load_profile("everybody")
 
 GAIN = torch.tensor((1.5, 1.5, 1.5, 1.0))  # per m and per rad
 DAMPING = torch.tensor((0.5, 0.5, 0.5, 0.3))  # per m/s and per rad/s

@@ -37,8 +37,10 @@ from tests.agents.tiny_training import train_tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no CUDA device")
 TASK = StationKeeping(episode_s=0.25, box_m=1.0)
-SIZE = {"task": TASK, "total_frames": 40, "stretch_steps": 5, "random_frames": 20, "evaluation_starts": 2}
-
+SIZE = {
+    "task": TASK, "total_frames": 16, "stretch_steps": 2, "steps_per_batch": 2, "random_frames": 8,
+    "evaluation_starts": 2,
+}  # fmt: skip
 
 NOISE = {"position": 0.01}
 SWAP = {"pair": [1, 2], "start_s": 0.1}

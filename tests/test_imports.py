@@ -20,51 +20,64 @@ CALL = """
 import json, sys
 from importlib import import_module
 
-program, code = sys.argv.pop(1), 0
-try:
-    import_module(program).main()
-except SystemExit as ended:
-    code = ended.code
-print(json.dumps([code or 0, sorted(sys.modules)]))
+answers = []
+for program, arguments in json.load(sys.stdin):
+    sys.argv, code = [program, *arguments], 0
+    try:
+        import_module(program).main()
+    except SystemExit as ended:
+        code = ended.code
+    answers.append([code or 0, sorted(sys.modules)])
+print("\\n" + json.dumps(answers))
 """
+LINES = [  # program, arguments, exit code
+    (TRAIN, ["--help"], 0),
+    (TRAIN, ["vehicle=submarine"], 2),
+    (TRAIN, ["agent.gama=0.9"], 2),
+    (DIAGNOSE, ["--help"], 0),
+    (DIAGNOSE, ["lgo=flight.csv"], 2),
+    (CALIBRATE, ["--help"], 0),
+    (CALIBRATE, ["helthy=flight.csv"], 2),
+    (CALIBRATE, ["output=mine.yaml"], 2),
+    (LOG, ["--help"], 0),
+    (LOG, ["inform", "flight.csv"], 2),
+]
+LOGS = ("nowhere.csv", "flight.BIN")
 
 
-def loaded(*words):
-    """Exit code, and the modules that a process has imported when it ends; ``words`` follow ``python -c``."""
+def printed(code, given=None):
+    """What a process that runs ``code`` says last, as JSON, as which it is also given something."""
     environment = {**os.environ, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
-    run = subprocess.run([sys.executable, "-c", *words], capture_output=True, text=True, cwd=PROJECT, env=environment)
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PROJECT, env=environment,
+                         input=json.dumps(given))  # fmt: skip
     assert run.returncode == 0, run.stderr
-    code, modules = json.loads(run.stdout.splitlines()[-1])
-    return code, set(modules)
+    return json.loads(run.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize(
-    ("program", "arguments", "code"),
-    [
-        (TRAIN, ["--help"], 0),
-        (TRAIN, ["vehicle=submarine"], 2),
-        (TRAIN, ["agent.gama=0.9"], 2),
-        (DIAGNOSE, ["--help"], 0),
-        (DIAGNOSE, ["lgo=flight.csv"], 2),
-        (CALIBRATE, ["--help"], 0),
-        (CALIBRATE, ["helthy=flight.csv"], 2),
-        (CALIBRATE, ["output=mine.yaml"], 2),
-        (LOG, ["--help"], 0),
-        (LOG, ["inform", "flight.csv"], 2),
-    ],
-)
-def test_help_and_a_mistaken_command_line_are_answered_without_what_takes_long_to_import(program, arguments, code):
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory):
+    """Exit code of each line and each log, and the modules that are loaded then, in one process for all of them.
+
+    What one of them loads stays for those after it: where nothing heavy is there behind the last, none has loaded it.
+    """
+    folder = tmp_path_factory.mktemp("logs")
+    (folder / "flight.BIN").write_text("t,x\n")
+    logs = [(DIAGNOSE, [f"log={folder / name}", f"output={folder / 'out'}"]) for name in LOGS]
+    told = printed(CALL, [*(line[:2] for line in LINES), *logs])
+    return [(code, set(modules)) for code, modules in told]
+
+
+@pytest.mark.parametrize("number", range(len(LINES)), ids=[" ".join([line[0], *line[1]]) for line in LINES])
+def test_help_and_a_mistaken_command_line_are_answered_without_what_takes_long_to_import(answers, number):
     """Neither torch nor a simulator nor a library for tables is loaded before work begins."""
-    ended, modules = loaded(CALL, program, *arguments)
-    assert ended == code
+    ended, modules = answers[number]
+    assert ended == LINES[number][2]
     assert not modules & HEAVY
 
 
-def test_a_log_that_there_is_not_is_refused_before_torch_is_imported(tmp_path):
+def test_a_log_that_there_is_not_is_refused_before_torch_is_imported(answers):
     """Also a file that is another than its name says."""
-    (tmp_path / "flight.BIN").write_text("t,x\n")
-    for log in ("nowhere.csv", "flight.BIN"):
-        ended, modules = loaded(CALL, DIAGNOSE, f"log={tmp_path / log}", f"output={tmp_path / 'out'}")
+    for ended, modules in answers[-len(LOGS) :]:
         assert ended == 2
         assert not modules & HEAVY
 
@@ -90,9 +103,9 @@ import json, sys
 from auv_torchrl.importing import importing_without_compiler
 with importing_without_compiler():
     import auv_torchrl.diagnosis.job
-print(json.dumps([0, sorted(sys.modules)]))
+print(json.dumps(sorted(sys.modules)))
 """
-    _, modules = loaded(code)
+    modules = set(printed(code))
     assert "auv_torchrl.diagnosis.pipeline" in modules
     assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib"}
 

@@ -13,7 +13,7 @@ from auv_torchrl.physics.step import runge_kutta_steps
 from auv_torchrl.physics.surface import FULL_BELOW, NONE_ABOVE, PROPELLER_RADIUS, immersed
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.mujoco import MujocoSimulator
-from auv_torchrl.vehicle import GRAVITY, load_vehicle, read_vehicle_file
+from auv_torchrl.vehicle import GRAVITY, Vehicle, load_vehicle, read_vehicle_file
 from auv_torchrl.vehicle_file import entries, fold
 from tests.physics.test_adjoint import flight, outcome
 from tests.physics.test_kernel import H, assert_equal, drawn_flight, names, seeds, written
@@ -32,24 +32,24 @@ def light_vehicle(share, **entry):
     return load_vehicle(content | {"rigid_body": body | entry, "surface": LEVEL, "air": 1.0} | DAMPED)
 
 
-def settled(kind, vehicle, command=0.0, seconds=40.0, z=0.5):
-    """Where it comes to rest from ``z`` under a command of all vertical thrusters, m below the surface."""
-    simulator = kind(vehicle[None], 0.05)
-    simulator.state = at_rest(np.array([[0.0, 0.0, z]]), np.zeros(1), vehicle.thrusters)
-    commands = np.where(vehicle.thruster_direction[:, 2].abs().numpy() > 0.9, command, 0.0)[None]
+def settled(kind, *vehicles, command=0.0, seconds=40.0, z=0.5):
+    """Where each comes to rest from ``z`` under a command of all vertical thrusters, m below the surface."""
+    count, (one, *_) = len(vehicles), vehicles
+    simulator = kind(Vehicle.stack(vehicles), 0.05)
+    simulator.state = at_rest(np.tile([0.0, 0.0, z], (count, 1)), np.zeros(count), one.thrusters)
+    commands = np.where(one.thruster_direction[:, 2].abs().numpy() > 0.9, command, 0.0)
     for _ in range(round(seconds / 0.05)):
-        assert not simulator.step(commands).any()
+        assert not simulator.step(np.tile(commands, (count, 1))).any()
     assert np.abs(simulator.state.velocity).max() < 1e-3
-    return float(simulator.state.position[0, 2]) - LEVEL
+    return simulator.state.position[:, 2] - LEVEL
 
 
 @pytest.mark.parametrize("kind", [PlainSimulator, MujocoSimulator])
-@pytest.mark.parametrize("share", [0.9, 0.5, 0.25])
-def test_a_light_vehicle_floats_where_its_weight_is_its_buoyancy(kind, share):
+def test_a_light_vehicle_floats_where_its_weight_is_its_buoyancy(kind):
     """Archimedes: as much of it is in the water as it weighs of what it displaces; the same in both simulators."""
-    vehicle = light_vehicle(share)
-    draught = settled(kind, vehicle) - 0.05  # of the centre of its hull, m
-    assert float(immersed(np.array(draught), 0.125, 0.125)) == pytest.approx(share, abs=2e-3)
+    shares = [0.9, 0.5, 0.25]
+    draught = settled(kind, *map(light_vehicle, shares)) - 0.05  # of the centre of each hull, m
+    assert immersed(draught, 0.125, 0.125) == pytest.approx(np.array(shares), abs=2e-3)
 
 
 def test_thrust_down_pulls_it_under_by_what_it_is_lighter():
@@ -60,7 +60,8 @@ def test_thrust_down_pulls_it_under_by_what_it_is_lighter():
     full = float(vehicle.full_thrust[0])
     sense = float(vehicle.thruster_direction[vehicle.thruster_direction[:, 2].abs() > 0.9][0, 2])
     half = (net / 2 / vertical / full) ** (1 / float(vehicle.exponent[0]))
-    reach = float(immersed(np.array(settled(PlainSimulator, vehicle, sense * half) - 0.05), 0.125, 0.125))
+    (draught,) = settled(PlainSimulator, vehicle, command=sense * half) - 0.05
+    reach = float(immersed(np.array(draught), 0.125, 0.125))
     assert reach * float(vehicle.buoyancy) == pytest.approx(float(vehicle.mass) * GRAVITY + net / 2, rel=0.01)
 
 
@@ -69,7 +70,7 @@ def test_thrust_up_lifts_it_no_farther_than_its_propellers_reach():
     vehicle = light_vehicle(0.98)
     vertical = vehicle.thruster_direction[:, 2].abs() > 0.9
     sense = float(vehicle.thruster_direction[vertical][0, 2])
-    centre = settled(PlainSimulator, vehicle, -sense, seconds=120.0)
+    (centre,) = settled(PlainSimulator, vehicle, command=-sense, seconds=120.0)
     axis = centre + float(vehicle.thruster_position[vertical][0, 2])
     assert -NONE_ABOVE < axis < FULL_BELOW
 

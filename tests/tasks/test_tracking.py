@@ -191,7 +191,7 @@ def test_feed_forward_is_worth_something():
 
 def test_a_waypoint_is_left_when_it_is_reached_or_patience_ends():
     """The PID goes from point to point, each as soon as it is near; one that stands still goes on after 15 s."""
-    task = replace(Waypoints().for_evaluation(0.1), episode_s=40.0)
+    task = replace(Waypoints().for_evaluation(0.1), episode_s=30.0)
     starts = draw_starts(task, 1, seed=1)
     flight = fly(make_fleet("torch", PAPER, task, 1, seed=0), PID(task), starts, task.steps)
     wanted = flight.reference_position[0]
