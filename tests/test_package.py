@@ -118,6 +118,7 @@ def test_the_installed_package_diagnoses_the_example(run, installed, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_vehicle_file_of_ones_own_is_flown_from_python(run, tmp_path):
     """Three lines, as README.md has them, with a file in place of a name."""
     (tmp_path / "mine.yaml").write_text(config_path("vehicle", "bluerov2").read_text().replace("11.5 ", "13.5 "))

@@ -179,9 +179,9 @@ def test_what_is_wholly_known_has_no_influence(plant):
         flown = VEHICLE
         for name, values in sensed(*wrong).items():
             flown = get_effect(name).apply(flown, values)
-        logged = [part[row : row + 1] for part in (pose, velocity, sent)]
-        assert influence(flown, flown, *logged, CONTROL_DT) < 1.0, wrong
-        assert influence(VEHICLE, flown, *logged, CONTROL_DT) > CLEAR_AT, wrong
+        logged = pose[[row]], velocity[[row]], sent[[row]], CONTROL_DT
+        assert influence(flown, flown, *logged) < 1.0, wrong
+        assert influence(VEHICLE, flown, *logged) > CLEAR_AT, wrong
 
 
 def test_a_case_depends_on_its_number_and_the_seed_alone():

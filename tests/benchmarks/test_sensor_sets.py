@@ -1,5 +1,7 @@
 """Vehicles that log what a set of sensors measures: flown as they say, and judged by what they can show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,12 +100,19 @@ def test_a_weak_thruster_is_weak_and_any_of_them():
     assert all(WEAK[0] <= gain <= WEAK[1] <= 0.6 for gain in seen.values())
 
 
-@pytest.fixture(scope="module", params=SENSOR_SETS)
-def flown(request):
-    """Short flights with every fault, as the set of sensors reports them."""
-    cases = draw_cases(9, SHARES, 1, request.param)
-    short = [type(case)(**{**vars(case), "plant": "foreign", "episodes": 2, "episode_s": 12.0}) for case in cases]
-    return request.param, fly(short, VEHICLE, seed=2)
+@pytest.fixture(scope="module")
+def flown_with_all():
+    """Short flights with every fault, as each set of sensors reports them, by set; all fly at once."""
+    cases = [case for sensors in SENSOR_SETS for case in draw_cases(9, SHARES, 1, sensors)]
+    short = {"plant": "foreign", "episodes": 2, "episode_s": 12.0}
+    flights = fly([replace(case, number=i, **short) for i, case in enumerate(cases, 1)], VEHICLE, seed=2)
+    return {name: [own for own in flights if own[1]["sensors"] == name] for name in SENSOR_SETS}
+
+
+@pytest.fixture(params=SENSOR_SETS)
+def flown(flown_with_all, request):
+    """A set of sensors, and the flights with it."""
+    return request.param, flown_with_all[request.param]
 
 
 def test_a_log_holds_what_the_set_measures(flown, tmp_path):

@@ -112,7 +112,7 @@ def test_coriolis_forces_have_no_power(seed):
 def test_motion_does_not_depend_on_heading_or_place(name, seed, turn, north, east):
     """Turned about the vertical and moved, a flight is the same flight turned and moved."""
     vehicle = load_vehicle(name)
-    c = prepare(vehicle.expand(4))
+    c = prepare(vehicle.expand(4)).numpy()
     terms = ActiveTerms.of(c)
     state, command = random_state(vehicle, 4, seed, tilt=0.5)
     yaw = quaternion_from_euler(*torch.tensor([0.0, 0.0, turn], dtype=torch.float64))
@@ -122,10 +122,12 @@ def test_motion_does_not_depend_on_heading_or_place(name, seed, turn, north, eas
         position=matvec(rotation, state.position) + offset,
         quaternion=quaternion_product(yaw.expand(4, 4), state.quaternion),
     )
+    state, moved = on_numpy(state), on_numpy(moved)
     for _ in range(5):
-        state, moved = (control_step(c, terms, s, command) for s in (state, moved))
-    torch.testing.assert_close(moved.velocity, state.velocity, rtol=0, atol=1e-9)
-    torch.testing.assert_close(moved.position, matvec(rotation, state.position) + offset, rtol=0, atol=1e-9)
+        state, moved = (control_step(c, terms, s, command.numpy()) for s in (state, moved))
+    np.testing.assert_allclose(moved.velocity, state.velocity, rtol=0, atol=1e-9)
+    expected = matvec(rotation.numpy(), state.position) + offset.numpy()
+    np.testing.assert_allclose(moved.position, expected, rtol=0, atol=1e-9)
 
 
 @given(seed=seeds, north=st.floats(-1, 1), east=st.floats(-1, 1), down=st.floats(-1, 1))
@@ -160,19 +162,19 @@ def test_a_batch_flies_like_its_vehicles_alone(name):
         values = {k: v + share * (declared[k].high - v) for k, v in nominal.items() if not declared[k].discrete}
         vehicle = effect.apply(vehicle, values)
     state, command = random_state(vehicle, 5, 7, speed=0.5, tilt=0.3)
-    state = state._replace(commands=torch.zeros(5, 4, vehicle.thrusters, dtype=torch.float64))
+    state = on_numpy(state._replace(commands=torch.zeros(5, 4, vehicle.thrusters, dtype=torch.float64)))
 
     def fly(rows):
-        c = prepare(cast(Vehicle, vehicle[rows]))
+        c = prepare(cast(Vehicle, vehicle[rows])).numpy()
         now = State(*(part[rows] for part in state))
         for _ in range(10):
-            now = control_step(c, ActiveTerms.of(c), now, command[rows])
+            now = control_step(c, ActiveTerms.of(c), now, command[rows].numpy())
         return now
 
     together = fly(slice(None))
     for row in range(5):
         for part, alone in zip(together, fly(slice(row, row + 1)), strict=True):
-            torch.testing.assert_close(part[row : row + 1], alone, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(part[row : row + 1], alone, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
