@@ -111,7 +111,7 @@ print(json.dumps(sorted(sys.modules)))
 
 
 def test_lists_become_columns_and_chi_squares_are_looked_up_without_pandas_and_fortran():
-    """Otherwise pyarrow and scipy load them otherwise, for nothing that a recording or a diagnosis asks for."""
+    """Left alone, pyarrow and scipy load them, for nothing that a recording or a diagnosis asks for."""
     code = """
 import json, sys
 from auv_torchrl.importing import importing, spare_pandas
@@ -123,8 +123,8 @@ assert "f2py" in dir(numpy) and "f2py" in numpy.__all__
 spare_pandas()
 import pyarrow
 assert pyarrow.array(["a", "b"]).to_pylist() == ["a", "b"]
-print(json.dumps([0, sorted(sys.modules)]))
+print(json.dumps(sorted(sys.modules)))
 """
-    _, modules = loaded(code)
+    modules = set(printed(code))
     assert {"pyarrow", "scipy.special"} <= modules
     assert not modules & {"pandas", "numpy.f2py"}
