@@ -56,32 +56,27 @@ def importing_without_compiler() -> Iterator[None]:
 def spare_pandas() -> None:
     """Let pyarrow do without pandas, which it loads with the first list that it is given: 0.35 CPU seconds.
 
-    It looks once in a process whether pandas is there, to know a series when it is given one. A recording gives it
-    none. A process that imported pandas before keeps what it has; in another, pyarrow gives no data frames after this.
+    It looks once in a process whether pandas is there, to know a series when it is given one; a recording gives it
+    none. What asks pyarrow for data frames later gets them as ever. A process that imported pandas before keeps it.
     """
     if "pandas" in sys.modules:
         return
     import pyarrow
 
-    sys.meta_path.insert(0, _WITHOUT_PANDAS)
+    finder = _WithoutPandas()
+    sys.meta_path.insert(0, finder)
     try:
         pyarrow.array([0.0])
     finally:
-        sys.meta_path.remove(_WITHOUT_PANDAS)
+        sys.meta_path.remove(finder)
 
 
-class _Without(MetaPathFinder):
-    """Says of one module that it is not installed."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
+class _WithoutPandas(MetaPathFinder):
+    """Says that pandas is not installed."""
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> None:
-        if fullname == self.name:
-            raise ModuleNotFoundError(f"{fullname} is not looked for here")
-
-
-_WITHOUT_PANDAS = _Without("pandas")
+        if fullname == "pandas":
+            raise ModuleNotFoundError("pandas is not looked for here")
 
 
 def _unmarked(function: Callable[..., Any]) -> Callable[..., Any]:

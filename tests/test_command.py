@@ -7,8 +7,8 @@ import pytest
 from auv_torchrl.command import BadInput, checking_input, claim_folder
 
 
-def again(argument: str, names: list[str]):
-    """A mistake like another one."""
+def like_another(argument: str, names: list[str]):
+    """A command line that is wrong as another one of these is, which CI leaves out."""
     return pytest.param(argument, names, marks=pytest.mark.thorough)
 
 
@@ -38,21 +38,21 @@ def train(monkeypatch, capsys):
     ("argument", "names"),
     [
         ("+scenario=foo", ["'foo'", "swap", "two_dead"]),
-        again("+scenario=[swap,foo]", ["'foo'", "swap", "two_dead"]),
+        like_another("+scenario=[swap,foo]", ["'foo'", "swap", "two_dead"]),
         ("vehicle=foo", ["'foo'", "paper", "bluerov2_heavy"]),
         ("agent=foo", ["'foo'", "sac"]),
-        again("adapter=foo", ["'foo'", "affine"]),
+        like_another("adapter=foo", ["'foo'", "affine"]),
         ("randomization=foo", ["'foo'", "none"]),
         ("scenario=swap", ["+scenario=swap"]),
         ("sed=3", ["'sed'", "did you mean seed"]),
         ("agent.gama=0.9", ["'gama'", "did you mean gamma"]),
         ("task.box=3", ["'box'", "did you mean box_m"]),
         ("seed=x", ["seed=x", "Integer"]),
-        again("starts=2.5", ["starts=2.5", "Integer"]),
+        like_another("starts=2.5", ["starts=2.5", "Integer"]),
         ("backend=foo", ["foo", "mujoco", "torch"]),
         ("device=foo", ["'foo'", "cpu"]),
         ("box_m=-1", ["box_m", "above 0"]),
-        again("starts=0", ["starts", "1 or more"]),
+        like_another("starts=0", ["starts", "1 or more"]),
         ("task.episode_s=5", ["episode_s", "10 s"]),
         ("agent.loss=foo", ["loss", "fused", "stock"]),
         ("adapter.map=foo", ["map", "affine"]),
@@ -63,9 +63,9 @@ def train(monkeypatch, capsys):
         ("+randomization.curent.north=[0,1]", ["'curent'", "did you mean current"]),
         ("+scenaro=swap", ["'scenaro'", "did you mean scenario"]),
         ("+sede=3", ["'sede'", "did you mean seed"]),
-        again("++sede=3", ["'sede'", "did you mean seed"]),
+        like_another("++sede=3", ["'sede'", "did you mean seed"]),
         ("+agent.gama=0.9", ["'gama'", "did you mean gamma"]),
-        again("++agent.gama=0.9", ["'gama'", "did you mean gamma"]),
+        like_another("++agent.gama=0.9", ["'gama'", "did you mean gamma"]),
         ("+adapter.windw=3", ["'windw'", "did you mean window"]),
         ("+adaptation.ditherr=0.1", ["'ditherr'", "did you mean dither"]),
         ("+randomization.x=1", ["'x'", "added_mass"]),
@@ -76,7 +76,7 @@ def train(monkeypatch, capsys):
         ("+agent=sac", ["agent=... without +"]),
         ("vehicle=null", ["there are", "bluerov2_heavy"]),
         (f"policies={__file__}", ["policies", "give a folder"]),
-        again("box_m=inf", ["box_m is inf", "above 0"]),
+        like_another("box_m=inf", ["box_m is inf", "above 0"]),
         ("agent.loss=a=b", ["agent.loss", "in quotes"]),
         ("+hydra.callbacks.mine={_target_:os.system,command:false}", ["os.system"]),
         ("+hydra.callbacks.mine={_target_:logging.os.system,command:false}", ["os.system"]),

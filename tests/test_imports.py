@@ -46,7 +46,7 @@ LOGS = ("nowhere.csv", "flight.BIN")
 
 
 def printed(code, given=None):
-    """What a process that runs ``code`` says last, as JSON, as which it is also given something."""
+    """What a process that runs ``code`` says in its last line; ``given`` is its input. Both are JSON."""
     environment = {**os.environ, "PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PROJECT, env=environment,
                          input=json.dumps(given))  # fmt: skip
@@ -122,9 +122,20 @@ with importing():
 assert "f2py" in dir(numpy) and "f2py" in numpy.__all__
 spare_pandas()
 import pyarrow
-assert pyarrow.array(["a", "b"]).to_pylist() == ["a", "b"]
+pyarrow.array(["a", "b"])
 print(json.dumps(sorted(sys.modules)))
 """
     modules = set(printed(code))
     assert {"pyarrow", "scipy.special"} <= modules
     assert not modules & {"pandas", "numpy.f2py"}
+
+
+def test_pyarrow_gives_data_frames_after_it_did_without_pandas():
+    """A table of text, which needs them, is read in a process that has recorded something."""
+    code = """
+from auv_torchrl.importing import spare_pandas
+spare_pandas()
+import json, pyarrow
+print(json.dumps(pyarrow.array(["a", None, "b"]).to_pandas().isna().tolist()))
+"""
+    assert printed(code) == [False, True, False]

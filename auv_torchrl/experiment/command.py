@@ -4,7 +4,7 @@ from omegaconf import DictConfig
 
 from auv_torchrl.command import command
 from auv_torchrl.experiment import schema
-from auv_torchrl.importing import importing, spare_pandas
+from auv_torchrl.importing import importing
 
 
 @command(
@@ -19,5 +19,4 @@ def main(config: DictConfig) -> None:
     with importing():  # here, not above: --help and a mistaken command line need nothing of it
         from auv_torchrl.experiment.job import train
 
-        spare_pandas()
     train(config)

@@ -148,7 +148,7 @@ def _numbers(array: pa.Array) -> tuple[Floats, list[tuple[int, str]]]:
     except pa.ArrowException:  # some entry is no number: find out which
         import pandas as pd  # 0.7 s, for files that need it
 
-        text = pd.Series(array.cast(pa.string()).to_numpy(zero_copy_only=False)).str.strip()
+        text = array.cast(pa.string()).to_pandas().str.strip()
     values = _floats(pd.to_numeric(text, errors="coerce"))
     odd = np.isnan(values) & text.notna().to_numpy() & ~text.str.lower().isin(_NOT_FINITE).to_numpy()
     return values, [(int(i), str(text.iloc[i])) for i in np.flatnonzero(odd)]

@@ -34,10 +34,13 @@ VEHICLE = load_vehicle("paper")
 APART = {"mass_offset": 0.2, "payload": 0.02, "coriolis": 0.08, "command_delay": 0.06}
 
 
-def swim(plant, seconds=6.0, influences=None, seed=0, unlike=None):
-    """Reported poses of a plant under smooth commands, (steps, rows, 6); after ``unlike`` rows, all is as before."""
+def swim(plant, seconds=6.0, influences=None, seed=0, distinct=None):
+    """Reported poses of a plant under smooth commands, (steps, rows, 6).
+
+    The starts and commands of the first ``distinct`` rows are those of all further ones; without it each has its own.
+    """
     rng = np.random.default_rng(seed)
-    rows = unlike or plant.rows
+    rows = distinct or plant.rows
     again = np.arange(plant.rows) % rows
     start = rng.uniform(-1, 1, (rows, 3)), rng.uniform(-3, 3, rows), rng.uniform(-0.2, 0.2, (rows, 4))
     plant.reset(*(part[again] for part in start))
@@ -80,7 +83,7 @@ def flown_in_both():
     for plant in plants:
         for effect in CLEAR:
             plant.change(rows[effect], effect, draw_values(effect, VEHICLE, np.random.default_rng(3)))
-    both = [swim(plant, unlike=4) for plant in plants]
+    both = [swim(plant, distinct=4) for plant in plants]
     return {effect: [poses[:, part] for poses in both] for effect, part in rows.items()}
 
 

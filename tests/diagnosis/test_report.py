@@ -174,12 +174,12 @@ def test_all_files_are_written_and_none_twice(diagnosis, paper, tmp_path):
 def test_predictions_hold_every_held_out_sample(diagnosis, paper, tmp_path):
     """predictions.parquet has measured, before and after of every sample, and the experiment can be flown as it is."""
     write_files(diagnosis, paper, tmp_path)
-    table = pyarrow.parquet.read_table(tmp_path / "predictions.parquet")
+    table = pyarrow.parquet.read_table(tmp_path / "predictions.parquet").to_pandas()
     assert len(table) == sum(len(window.t) for window in diagnosis.windows)
-    second = {name: table[name].to_numpy()[table["window"].to_numpy() == 1] for name in table.column_names}
-    np.testing.assert_array_equal(second["measured_x"], diagnosis.windows[1].measured.pose[:, 0])
-    np.testing.assert_array_equal(second["before_yaw"], diagnosis.windows[1].before.pose[:, 5])
-    np.testing.assert_array_equal(second["after_u"], diagnosis.windows[1].after.velocity[:, 0])
+    second = table[table.window == 1]
+    np.testing.assert_array_equal(second.measured_x, diagnosis.windows[1].measured.pose[:, 0])
+    np.testing.assert_array_equal(second.before_yaw, diagnosis.windows[1].before.pose[:, 5])
+    np.testing.assert_array_equal(second.after_u, diagnosis.windows[1].after.velocity[:, 0])
     flown = pyarrow.csv.read_csv(tmp_path / "next_experiment.csv")
     assert flown.column_names == ["t", *(f"cmd_{i}" for i in range(1, 7))]
     assert np.abs(flown["cmd_1"].to_numpy()).max() <= 1

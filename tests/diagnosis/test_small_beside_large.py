@@ -30,11 +30,7 @@ def followed(log):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("number", "effects"),
-    [
-        (21, ("linear_drag", "drag_coupling")),
-        (61, ("thrust_curve", "linear_drag")),
-    ],
+    ("number", "effects"), [(21, ("linear_drag", "drag_coupling")), (61, ("thrust_curve", "linear_drag"))]
 )
 def test_a_drag_that_the_assumed_floor_could_hide_is_named_beside_a_strong_effect(number, effects):
     """A drag that leaves less than the disturbance that may act, but far more than chance, is named with its value."""
