@@ -41,7 +41,8 @@ def share(flights: Sequence[Told], centred: Centred) -> Shared:
     """The mean over flights and the spread between them, by expectation-maximization (Dempster, Laird, Rubin 1977).
 
     The mean keeps within bounds, and what a number at its bound leaves goes to the others: a file that is wrong by
-    factors has added masses which end at nothing.
+    factors has added masses which end at nothing. One flight shows no spread, which is as stated: what its file has
+    wrong would be taken for what flights differ by, and that lets the mean go back to the file.
 
     Args:
         flights: what each flight tells.
@@ -58,6 +59,8 @@ def share(flights: Sequence[Told], centred: Centred) -> Shared:
         pull = sum((r @ flight.h for r, flight in zip(reduced, flights, strict=True)), prior @ prior_mean)
         covariance = np.linalg.inv(0.5 * (informed + informed.T))
         mean = least_within(informed, pull, bounds, np.eye(len(prior)))
+        if len(flights) == 1:
+            break
         squares = np.zeros_like(between)
         for r, flight in zip(reduced, flights, strict=True):
             gain = between @ r

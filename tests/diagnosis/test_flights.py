@@ -1,0 +1,35 @@
+"""What flights share, and by how much each of them differs."""
+
+import numpy as np
+import pytest
+
+from auv_torchrl.diagnosis.calibrate.flights import Told, share
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
+from auv_torchrl.vehicle import load_vehicle
+
+SPREAD = 0.5  # N, of the trim from flight to flight, as stated
+FILE = 1.0  # N, within which the file is right
+KEEN = 1e6  # 1 / N², by which each flight tells its own trim
+
+
+def shared(*trims):
+    """What flights with these trims in N share."""
+    slack = (("buoyancy", "force", 0.0, float(np.hypot(SPREAD, FILE))),)
+    nuisance = Nuisance(slack, np.array([FILE]), (np.array([[SPREAD**2]]),), np.zeros(1))
+    flights = [Told(np.array([[KEEN]]), np.array([KEEN * trim])) for trim in trims]
+    return share(flights, Centred.at(load_vehicle("paper"), nuisance))
+
+
+@pytest.mark.parametrize("trim", [0.1, 1.0, 3.0, 8.0])
+def test_one_flight_shows_no_spread(trim):
+    """However far it is from the file: what the vehicle has lies between both, by how sure each is of it."""
+    found = shared(trim)
+    assert found.sizes == (1.0,)
+    assert found.mean == pytest.approx([trim * FILE**2 / (FILE**2 + SPREAD**2)], rel=1e-3)
+
+
+def test_flights_show_how_far_they_differ():
+    """More than is stated, or less; the mean is theirs."""
+    (wide,), (narrow,) = shared(-2.0, 2.0, -1.8, 1.9).sizes, shared(0.0, 0.01, -0.01, 0.0).sizes
+    assert narrow < 1 < wide
+    assert shared(0.7, 0.71, 0.69, 0.7).mean == pytest.approx([0.7], abs=0.1)
