@@ -7,9 +7,21 @@ from contextlib import contextmanager
 from importlib import import_module
 from importlib.abc import MetaPathFinder
 from typing import Any
-from unittest.mock import patch
 
 _MARKS = ("allow_in_graph", "assume_constant_result")  # each loads torch's whole compiler when it is called
+
+
+@contextmanager
+def replaced(owner: Any, **values: Any) -> Iterator[None]:
+    """Give attributes of a class or module other values for a while, as unittest.mock would, which imports asyncio."""
+    before = {name: getattr(owner, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(owner, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(owner, name, value)
 
 
 @contextmanager
@@ -29,7 +41,7 @@ def importing() -> Iterator[None]:
         import numpy  # here, not above: a mistaken command line needs nothing of it
 
         offered, listed = ([name for name in names if name != "f2py"] for names in (numpy.__all__, dir(numpy)))
-        with patch.multiple(numpy, __all__=offered, __dir__=lambda: listed):
+        with replaced(numpy, __all__=offered, __dir__=lambda: listed):
             yield
             import_module("array_api_compat.numpy")  # which takes all of numpy too, when it is first asked for
     finally:
@@ -49,7 +61,7 @@ def importing_without_compiler() -> Iterator[None]:
     with importing():
         import torch.compiler  # here, not above: it takes a second
 
-        with patch.multiple(torch.compiler, **dict.fromkeys(_MARKS, _unmarked)):
+        with replaced(torch.compiler, **dict.fromkeys(_MARKS, _unmarked)):
             yield
 
 

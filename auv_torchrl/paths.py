@@ -1,6 +1,7 @@
-"""Where the configuration lies: in a checkout, in an installed package, and in a folder of one's own."""
+"""Where the configuration lies: in a checkout, in an installed package, and in a folder of one's own; and the cache."""
 
 import os
+import sys
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -14,6 +15,18 @@ def own_folder() -> Path | None:
     """The folder that ``AUV_CONF`` names, with groups as in ``conf``, and Python in ``effects`` ...; None for none."""
     given = os.environ.get(OWN)
     return Path(given).expanduser().absolute() if given else None
+
+
+def cache_folder() -> Path:
+    """Where programs of one user keep what they can work out again."""
+    home = Path.home()
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = home / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
+    return base / "auv_torchrl"
 
 
 def config_folders(group: str) -> list[Path]:

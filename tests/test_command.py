@@ -3,8 +3,10 @@
 import sys
 
 import pytest
+from hydra._internal.hydra import Hydra
 
 from auv_torchrl.command import BadInput, checking_input, claim_folder
+from auv_torchrl.command.entry import composing_once
 
 
 def like_another(argument: str, names: list[str]):
@@ -128,3 +130,20 @@ def test_errors_of_the_program_itself_keep_their_traceback():
         _ = 1 / 0
     with pytest.raises(BadInput, match="^a b$"), checking_input():
         raise ValueError("a\n  b")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "asks"),
+    [
+        (["vehicle=paper", "+scenario=swap", "-m"], False),
+        (["+experiment=sweep"], True),
+        (["hydra.mode=MULTIRUN"], True),
+        (["++hydra.mode=RUN"], True),
+    ],
+)
+def test_settings_are_composed_just_to_find_the_mode_only_where_something_may_set_it(arguments, asks):
+    """An experiment may, and so may an argument; physical numbers cannot."""
+    asked = Hydra.get_mode
+    with composing_once(arguments, ("scenario", "experiment")):
+        assert (Hydra.get_mode is asked) is asks
+    assert Hydra.get_mode is asked

@@ -6,12 +6,13 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 
 import hydra
+from hydra._internal.hydra import Hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -24,7 +25,8 @@ from auv_torchrl.command.errors import BAD_INPUT, BadInput, checking_input, fail
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
 from auv_torchrl.command.own_files import own_files
 from auv_torchrl.command.terminal import spell_signs
-from auv_torchrl.config_source import check_config_files
+from auv_torchrl.config_source import PLAIN, check_config_files
+from auv_torchrl.importing import replaced
 from auv_torchrl.parallel import use_cluster
 from auv_torchrl.paths import CONF
 
@@ -88,7 +90,8 @@ def command(
                     register()
                     sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
                     refuse_unknown_keys(config_name, sys.argv[1:], groups)
-                    hydra_main()
+                    with composing_once(sys.argv[1:], groups):
+                        hydra_main()
             except (HydraException, OmegaConfBaseException) as error:
                 fail(config_name, BadInput(explain(config_name, error)))
             except BadInput as error:
@@ -104,6 +107,20 @@ def command(
         return entry
 
     return decorate
+
+
+@contextmanager
+def composing_once(arguments: Sequence[str], groups: Sequence[str]) -> Iterator[None]:
+    """Keep Hydra from composing all settings a first time, 0.2 s, just to see whether ``hydra.mode`` is among them.
+
+    It may be where an argument sets it or adds what may set it, as an experiment does; physical numbers cannot.
+    """
+    keys = ("hydra", *(group for group in groups if group not in PLAIN))
+    if any(given.lstrip("+~").startswith(keys) for given in arguments):
+        yield
+        return
+    with replaced(Hydra, get_mode=lambda *_, **__: None):  # -m counts as ever
+        yield
 
 
 @contextmanager

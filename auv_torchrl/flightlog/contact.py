@@ -1,16 +1,15 @@
 """Stretches in which a vehicle stood on the bottom or hung at the surface: what pushes back is not its own."""
 
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from auv_torchrl.flightlog.excitation import SHORT_S
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Episode, Floats
 from auv_torchrl.flightlog.motion import BLOCK_S, blocks, rotations
+from auv_torchrl.flightlog.rolling import rolling_mean
 from auv_torchrl.flightlog.rows import SHORTEST_ROWS
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import matvec
@@ -74,9 +73,9 @@ class _Flown(NamedTuple):
         c = prepare(vehicle).numpy()
         push = matvec(rotations(np.nan_to_num(b.attitude)), matvec(c.allocation, c.gain * b.thrust)[:, :3])[:, 2]
         middle = episode.t[0] + np.cumsum(b.length) - b.length / 2
-        mean = partial(uniform_filter1d, size=round(SETTLING_S / BLOCK_S))
         depth = np.interp(middle, episode.t, episode.pose[:, 2])
-        return _Flown(sense * depth, np.abs(mean(b.rate[:, 2])), sense * mean(push))
+        speed, push = (rolling_mean(values, round(SETTLING_S / BLOCK_S)) for values in (b.rate[:, 2], push))
+        return _Flown(sense * depth, np.abs(speed), sense * push)
 
 
 def _level(flown: list[_Flown], pushed: float, speed: float) -> float | None:

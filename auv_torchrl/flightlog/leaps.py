@@ -5,9 +5,9 @@ what it usually changes by, and what it changes by just before and behind.
 """
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from auv_torchrl.flightlog.log import ANGLES, POSE, Floats
+from auv_torchrl.flightlog.rolling import rolling_median
 
 NEAR = 4  # changes before and behind, whose median is the motion
 AROUND = 2  # samples before and behind, whose median is the path
@@ -31,12 +31,12 @@ def find_leaps(name: str, t: Floats, v: Floats, stretch: np.ndarray, step: float
     if len(v) < 4 * NEAR or name not in POSE:  # a velocity may leap: vehicles hit things
         return none, none
     series = np.unwrap(v) if name in ANGLES else v
-    far = np.abs(series - median_filter(series, 2 * AROUND + 1, mode="nearest"))
+    far = np.abs(series - rolling_median(series, 2 * AROUND + 1))
     change, off = _changes(t, series, stretch)
     odd, moved = (float(np.quantile(np.abs(size), 0.95)) for size in (off, change))
     noise = max(LEAPS * 1.4826 * float(np.median(np.abs(off))), USUAL * odd, LEAPS * step)
     least = max(noise, USUAL * moved)
-    around = median_filter(np.abs(np.concatenate([change[:1], change])), 2 * NEAR + 1, mode="nearest")
+    around = rolling_median(np.abs(np.concatenate([change[:1], change])), 2 * NEAR + 1)
     outlier = far > np.maximum(noise, USUAL * around)
     outlier[:1] |= abs(change[0]) > least  # the median at the first value is that value
     if name in ANGLES:
@@ -62,7 +62,7 @@ def _changes(t: Floats, series: Floats, stretch: np.ndarray) -> tuple[Floats, Fl
     pause = np.maximum(np.diff(t), 1e-9)
     together = np.diff(stretch) == 0
     change = np.where(together, np.diff(series) * np.minimum(1.0, np.median(pause) / pause), 0.0)
-    return change, np.where(together, change - median_filter(change, 2 * NEAR + 1, mode="nearest"), 0.0)
+    return change, np.where(together, change - rolling_median(change, 2 * NEAR + 1), 0.0)
 
 
 def _stays(off: Floats, hit: int | np.integer) -> bool:

@@ -153,6 +153,19 @@ def test_every_verdict_on_every_vehicle_has_a_page(diagnosis, verdict, name):
         assert "None" not in page and "nan" not in Ids(page).ids
 
 
+def test_a_page_is_the_same_whether_its_template_is_kept_compiled_or_not(diagnosis, paper, tmp_path, monkeypatch):
+    """Where it is kept it is read from there the next time, and where nothing can be kept it is compiled."""
+    monkeypatch.setattr("auv_torchrl.diagnosis.report.page.cache_folder", lambda: tmp_path)
+    first = report_page(diagnosis, paper)
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "pages").iterdir()}
+    assert kept
+    assert report_page(diagnosis, paper) == first
+    assert kept == {path: path.stat().st_mtime_ns for path in (tmp_path / "pages").iterdir()}
+    (tmp_path / "file").touch()
+    monkeypatch.setattr("auv_torchrl.diagnosis.report.page.cache_folder", lambda: tmp_path / "file")
+    assert report_page(diagnosis, paper) == first
+
+
 def test_names_of_files_cannot_smuggle_markup(diagnosis, paper):
     """What stands in a log's name or summary is shown, not run."""
     evil = "<script>alert(1)</script>"

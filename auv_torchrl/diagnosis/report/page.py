@@ -1,5 +1,6 @@
 """report.html: what a diagnosis says, on one page that needs nothing else."""
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, FoundEffect, Gap, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.flightlog import POSE, VELOCITY
+from auv_torchrl.paths import cache_folder
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 _HERE = Path(__file__).parent
@@ -53,10 +55,20 @@ def templates(folder: Path) -> jinja2.Environment:
     """What turns the templates of a folder into pages, with the words that all of them use."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(folder), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, bytecode_cache=_compiled_before(),
     )  # fmt: skip
     environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
     return environment
+
+
+def _compiled_before() -> jinja2.BytecodeCache | None:
+    """Where templates are kept compiled, which takes 0.1 s; None where nothing can be kept."""
+    folder = cache_folder() / "pages"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return jinja2.FileSystemBytecodeCache(str(folder)) if os.access(folder, os.W_OK) else None
 
 
 def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.flightlog.rolling import rolling_median
 
 Columns = Mapping[str, np.ndarray]  # by field; all of one length
 AT = "at"  # column, until they are in order: where in the file a message was, as a byte, a line or a number
@@ -48,7 +49,7 @@ def in_order(types: dict[str, dict[str, np.ndarray]]) -> Messages:
     if not timed:
         return Messages(dict(types))
     clock = types[max(timed, key=lambda name: len(types[name]["t"]))]
-    at, usual = clock[AT], _running_median(clock["t"])
+    at, usual = clock[AT], rolling_median(clock["t"], _NEIGHBOURS, "reflect")
     back = np.flatnonzero(np.diff(usual) < -_JUMP_S) + 1
     shifts = np.concatenate(([0.0], np.cumsum(usual[back - 1] - usual[back] + _JUMP_S)))
     begins = at[back - 1] + 1
@@ -83,12 +84,3 @@ def _said(restarts: int, lost: int) -> Iterator[Finding]:
     if lost:
         sentence = f"{lost} messages bear a time that none of their neighbours has and are left out"
         yield Finding(Severity.WARNING, "odd_times", sentence)
-
-
-def _running_median(t: np.ndarray) -> np.ndarray:
-    if len(t) < _NEIGHBOURS:
-        return t
-    half = _NEIGHBOURS // 2
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(t, half, mode="reflect"), _NEIGHBOURS)
-    parts = np.array_split(windows, 1 + (len(t) >> 20))  # each is copied
-    return np.concatenate([np.partition(part, half, axis=-1)[:, half] for part in parts])

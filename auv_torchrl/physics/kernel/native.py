@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_torchrl.files import locked, write_whole
+from auv_torchrl.paths import cache_folder
 from auv_torchrl.physics.kernel.assembly import CALLBACK, ENTRY, KEPT, TABLE
 
 log = logging.getLogger(__name__)
@@ -69,18 +70,6 @@ def load(name: str, assembled: Callable[[], str]) -> Code | None:
 @cache
 def _say_once(text: str) -> None:
     log.warning(text)
-
-
-def cache_folder() -> Path:
-    """Where programs of one user keep what they can work out again."""
-    home = Path.home()
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = home / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
-    return base / "auv_torchrl"
 
 
 def _machine_code(name: str, assembled: Callable[[], str]) -> bytes:
