@@ -19,6 +19,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_setting
 from auv_torchrl.diagnosis.identify.judged import log_likelihood, slack_now
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.refine import grow
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search, tidied
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -215,6 +216,20 @@ def test_an_effect_is_fitted_though_slack_is_at_its_limit():
         stretch = np.abs(slack_now(problem, judged.explanation)) / widths
         assert stretch.max() == pytest.approx(SLACK_LIMIT)
         assert judged.explanation.knobs[0].value == pytest.approx(0.2, rel=0.25)
+
+
+def test_a_value_is_said_that_slack_is_stretched_for():
+    """Of a current, both numbers: beside slack that has nearly all of one, a sketch promises nothing of it."""
+    problem = problem_of(HELD, {"current": {"north": 0.15, "east": -0.1}}, seed=3, settings=FEW)
+    slack = (*problem.slack, *(("current", axis, 0.0, 0.02) for axis in ("north", "east")))
+    covariance = np.diag([width**2 for *_, width in slack])
+    problem = replace(problem, slack=slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance))
+    problem, follow = follow_windows(problem)
+    north = fit_by_simulation(problem, Explanation((Knob("current", ("north",), 0.15),)), follow)
+    assert north.explanation.slack["current", "east"] == pytest.approx(-0.02 * SLACK_LIMIT)
+    found = grow(problem, north, [], set(), lambda *_: None)
+    assert found.explanation.values(HELD)["current"] == pytest.approx({"north": 0.15, "east": -0.1}, abs=0.01)
+    assert found.explanation.effects == ("current",) and len(found.explanation.knobs) == 2
 
 
 def test_a_thrust_curve_is_fitted_together_with_the_dead_band():

@@ -39,6 +39,11 @@ class Explanation:
         """The knobs with a continuous value."""
         return tuple(knob for knob in self.knobs if not knob.discrete)
 
+    @property
+    def members(self) -> set[tuple[str, str]]:
+        """What knobs set, as (effect, parameter)."""
+        return {(knob.effect, member) for knob in self.knobs for member in knob.members}
+
     def values(self, vehicle: Vehicle, slack: bool = True) -> Values:
         """Parameter values by effect, slack added unless told otherwise."""
         values: Values = {}
@@ -54,7 +59,7 @@ class Explanation:
                     both = row[member] + knob.value - nominal[member]
                     row[member] = min(max(both, parameters[member].low), parameters[member].high)
         if slack:
-            told = {(knob.effect, member) for knob in self.knobs for member in knob.members}
+            told = self.members
             for (effect, member), deviation in self.slack.items():
                 row, (parameters, nominal, _) = values.setdefault(effect, {}), known[effect]
                 p = parameters[member]

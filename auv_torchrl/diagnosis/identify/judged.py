@@ -86,8 +86,13 @@ def spread(judged: Judged) -> float:
 
 def is_strained(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation stretches its slack further than calibration is likely to be off."""
-    widths = np.array([width for *_, width in problem.slack])
-    return bool((np.abs(slack_now(problem, judged.explanation)) > STRAINED * widths).any())
+    return bool(strained(problem, judged))
+
+
+def strained(problem: Problem, judged: Judged) -> set[tuple[str, str]]:
+    """The numbers, as (effect, parameter), that an explanation stretches further than that."""
+    each = zip(problem.slack, slack_now(problem, judged.explanation), strict=True)
+    return {(effect, member) for (effect, member, _, width), at in each if abs(at) > STRAINED * width}
 
 
 def slack_does(problem: Problem, judged: Judged) -> bool:

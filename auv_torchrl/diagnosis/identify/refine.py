@@ -8,6 +8,7 @@ from auv_torchrl.diagnosis.identify.judged import (
     is_strained,
     leaves_much,
     spread,
+    strained,
 )
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
@@ -60,7 +61,8 @@ def grow(
 ) -> Judged:
     """Add effects while the log pays; those that are the same by another name (``twins``) stay out.
 
-    Further values of effects that are there are tried whatever else promises more: they are no further effect.
+    Further values of effects that are there are tried whatever else promises more: they are no further effect. One that
+    slack is stretched for is tried whatever a sketch promises, in which slack keeps what it has of it.
     """
     while len(best.explanation.effects) < MOST_EFFECTS:
         progress("looking for further effects", 0.7 + 0.05 * len(best.explanation.effects))
@@ -76,6 +78,8 @@ def grow(
         likely = [s for s in ahead if s.evidence > least]
         likely += [s for s in within if s.evidence > here + WORTH_AN_EFFECT]
         trials = [s for s in likely if field.constant - s.chi2 > closes]
+        stretched = strained(problem, best) - best.explanation.members
+        trials += [s for s, new in added if not new and s not in trials and s.explanation.members & stretched]
         fresh = [fit_by_simulation(problem, s.explanation, best.base) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
