@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,7 @@ def test_ctrl_c_ends_with_one_line_and_the_exit_code_of_an_interrupt(tmp_path):
     )  # fmt: skip
     checkpoint = None
     while checkpoint is None and process.poll() is None:
+        time.sleep(0.05)  # leaves the processor to it
         checkpoint = next(Path(tmp_path).glob("*.training/checkpoint.pt"), None)
     os.kill(process.pid, signal.SIGINT)
     _, error = process.communicate()
