@@ -1,11 +1,18 @@
 """What flights share, and by how much each of them differs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from auv_torchrl.diagnosis.calibrate import together
+from auv_torchrl.diagnosis.calibrate.draft import draft
 from auv_torchrl.diagnosis.calibrate.flights import Told, share
-from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, stated
+from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
+from tests.diagnosis.flown_logs import fly, hold
 
 SPREAD = 0.5  # N, of the trim from flight to flight, as stated
 FILE = 1.0  # N, within which the file is right
@@ -33,3 +40,22 @@ def test_flights_show_how_far_they_differ():
     (wide,), (narrow,) = shared(-2.0, 2.0, -1.8, 1.9).sizes, shared(0.0, 0.01, -0.01, 0.0).sizes
     assert narrow < 1 < wide
     assert shared(0.7, 0.71, 0.69, 0.7).mean == pytest.approx([0.7], abs=0.1)
+
+
+def test_a_vehicle_that_loses_its_flights_is_not_kept(monkeypatch):
+    """Where the last pass follows them no more, that of the pass before stands, with the disturbance that it shows."""
+    held, settings = hold(load_vehicle("paper")), load_settings()
+    drafted = draft([fly(held, {}, seed=seed, episodes=2, seconds=10.0) for seed in (1, 2)], held, settings)
+    begin = Centred.at(held, stated(held, settings, drafted.flights[0].channels))
+    followed = []
+
+    def losing(windows, own, *given):
+        followed.append(own)
+        problem, judged = follow_flight(windows, own, *given)
+        return problem, replace(judged, chi2=1e9) if len(followed) > 2 else judged
+
+    monkeypatch.setattr(together, "follow_flight", losing)
+    stood = together.follow_all(drafted.flights, begin, drafted.known, settings)
+    assert len(followed) == 4 and not (followed[2] == followed[0]).all()
+    assert stood.centred is begin and stood.excess < settings.excess
+    assert (stood.known.floor != np.array(settings.floor_force)).any()
