@@ -12,6 +12,7 @@ from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.streams import tabulate
 from auv_torchrl.flightlog.streams.stream import ReadOptions
 from tests.flightlog.dataflash_writer import ALL
+from tests.flightlog.shared_data import EXCERPTS
 from tests.flightlog.vehicle_log import streams_of
 
 LEVEL_NORTH_ENU = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # w x y z of a body that looks north: 90 degrees from east
@@ -125,6 +126,51 @@ def test_mavlink_in_mcap_is_read_as_blueos_writes_it(tmp_path):
     columns = tabulate(streams).columns
     assert columns["cmd_2"] == pytest.approx(0.25) and columns["x"] == pytest.approx(1.0)
     assert columns["r"] == pytest.approx(0.5)
+
+
+def as_blueos(dialect, message) -> dict:
+    """A message of pymavlink as the recorder writes it: signs one by one, what is one of several by its name."""
+    fields = {}
+    for name in message.fieldnames:
+        value, enum = getattr(message, name), dialect.enums.get(message.fieldenums_by_name.get(name, ""), {})
+        if isinstance(value, str):
+            value = [*value, "\0"]
+        elif name == "base_mode":
+            value = {"bits": value}
+        elif message.fielddisplays_by_name.get(name) == "bitmask":
+            value = " | ".join(flag.name for bit, flag in enum.items() if bit and value & bit == bit)
+        elif value in enum:
+            value = {"type": enum[value].name}
+        fields["mavtype" if name == "type" else name] = value
+    return {"type": message.get_type(), **fields}
+
+
+def test_what_firmware_sent_is_the_same_log_in_mcap_as_in_telemetry(tmp_path):
+    """Fourteen seconds of what ArduSub 4.7 sent, carried as the recorder of BlueOS carries it."""
+    mavutil, writer = pytest.importorskip("pymavlink.mavutil"), pytest.importorskip("mcap.writer")
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link, channels = mavutil.mavlink_connection(str(EXCERPTS / "ardusub.tlog"), dialect="ardupilotmega"), {}
+    with (tmp_path / "recorder.mcap").open("wb") as file:
+        out = writer.Writer(file)
+        out.start()
+        while (message := link.recv_msg()) is not None:
+            header = {"system_id": message.get_srcSystem(), "component_id": message.get_srcComponent()}
+            topic = "mavlink/{system_id}/{component_id}/{name}".format(**header, name=message.get_type())
+            if topic not in channels:
+                schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
+                channels[topic] = out.register_channel(topic, "json", schema)
+            body = json.dumps({"header": header, "message": as_blueos(dialect, message)})
+            received = round(message._timestamp * 1e9)
+            out.add_message(channels[topic], received, body.encode(), received)
+        out.finish()
+    carried, sent = streams_of(tmp_path / "recorder.mcap"), streams_of(EXCERPTS / "ardusub.tlog")
+    assert carried.armed and sent.armed and carried.armed[0] == pytest.approx(sent.armed[0], abs=1e-5)
+    assert [mode[-1] for mode in carried.modes] == [mode[-1] for mode in sent.modes]
+    assert carried.vehicle == sent.vehicle and carried.streams.keys() == sent.streams.keys()
+    assert {"outputs", "attitude", "depth", "accelerometer"} <= sent.streams.keys()
+    for name, stream in sent.streams.items():
+        assert carried.streams[name].values == pytest.approx(stream.values, nan_ok=True), name
+        assert carried.streams[name].t == pytest.approx(stream.t, abs=2e-6), name  # a receiver writes microseconds
 
 
 @pytest.mark.parametrize(
