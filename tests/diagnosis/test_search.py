@@ -232,6 +232,18 @@ def test_a_value_is_said_that_slack_is_stretched_for():
     assert found.explanation.effects == ("current",) and len(found.explanation.knobs) == 2
 
 
+def test_an_effect_that_does_nothing_is_none_though_no_effect_was_fitted_badly():
+    """A fit of the sound vehicle that has lost its windows is done again from where the slack of a slack tether is."""
+    problem, follow = follow_windows(problem_of(HELD, {}, seed=2, settings=FEW))
+    found = search(problem, follow, lambda *_: None)
+    assert found.best is found.none
+    idle = fit_by_simulation(problem, Explanation((Knob("tether", ("slack",), 3.9),)), follow)
+    lost = replace(found.none, chi2=50 * found.none.chi2, evidence=found.none.evidence - 1e4)
+    told = tidied(replace(found, none=lost, best=idle, polished=[idle, lost]))
+    assert told.best is told.none and told.best in told.polished
+    assert told.best.explanation.effects == () and told.best.chi2 == pytest.approx(found.none.chi2, rel=0.01)
+
+
 def test_a_thrust_curve_is_fitted_together_with_the_dead_band():
     """A flatter curve with a wider dead band lets the same commands through; fits that begin there come back."""
     problem = problem_of(HELD, {"thrust_curve": {"exponent": 1.56}, "buoyancy": {"force": -9.5}}, seed=4)

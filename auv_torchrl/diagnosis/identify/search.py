@@ -70,9 +70,15 @@ def tidied(found: Found, rival: float = -np.inf) -> Found:
     left = max(1.0, best.chi2 / best.quadratic.numbers)
     if log_likelihood(problem, best) > rival - CONTENDS * left:
         best = tidy(problem, best, polished)
+    none = _nothing(problem, best)
+    if none is None or not none.evidence > found.none.evidence:
+        none = found.none
+    elif not best.evidence > none.evidence + WORTH_AN_EFFECT:  # what is left of effects does nothing
+        best, polished = none, list(found.polished)
+    polished = [none, *(judged for judged in polished if judged is not found.none and judged is not none)]
     problem.freedoms.clear()
-    kept = (judged if judged is best or judged is found.none else _set_aside(judged) for judged in polished)
-    return replace(found, best=best, polished=sorted(kept, key=lambda judged: -judged.evidence))
+    kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
+    return replace(found, none=none, best=best, polished=sorted(kept, key=lambda judged: -judged.evidence))
 
 
 def _refit(problem: Problem, follow: Base, found: Found, progress: Progress) -> Found:
@@ -213,11 +219,16 @@ def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: se
 
 def _without_effects(problem: Problem, best: Judged, polished: list[Judged]) -> tuple[Problem, list[Judged]]:
     """What was simulated, "no effect" first, fitted anew where it may do as well as the best."""
-    knobs = best.explanation.knobs
-    nothing = left_to_slack(problem, best, range(len(knobs)), LITTLE) if knobs else None
+    nothing = _nothing(problem, best)
     if nothing is None or not nothing.evidence > polished[0].evidence:
         return problem, polished
     return replace(problem, slack_suffices=slack_does(problem, nothing)), [nothing, *polished[1:]]
+
+
+def _nothing(problem: Problem, best: Judged) -> Judged | None:
+    """No effect, fitted from where the best explanation is; None where that has none, or the log forbids it."""
+    knobs = best.explanation.knobs
+    return left_to_slack(problem, best, range(len(knobs)), LITTLE) if knobs else None
 
 
 def _best(problem: Problem, polished: list[Judged]) -> Judged:
