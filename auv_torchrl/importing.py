@@ -1,6 +1,7 @@
 """Imports of large libraries in less time; each is for a command alone, which knows what its process will do."""
 
 import gc
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -56,13 +57,28 @@ def importing_without_compiler() -> Iterator[None]:
     """The same, and let functions be marked for ``torch.compile`` without loading it, 1.2 of 3.6 CPU seconds.
 
     tensordict does so with two functions of its own when it is imported. They do the same without the mark; a process
-    that compiled what calls them would need it, and neither a diagnosis nor a reader does.
+    that compiled what calls them would need it, and neither a diagnosis nor a reader does. Nor does either draw with
+    MuJoCo, so that dm_control is told to load nothing of OpenGL.
     """
-    with importing():
+    with importing(), _environment(MUJOCO_GL="disabled"):
         import torch.compiler  # here, not above: it takes a second
 
         with replaced(torch.compiler, **dict.fromkeys(_MARKS, _unmarked)):
             yield
+
+
+@contextmanager
+def _environment(**values: str) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def spare_pandas() -> None:

@@ -107,7 +107,8 @@ print(json.dumps(sorted(sys.modules)))
 """
     modules = set(printed(code))
     assert "auv_torchrl.diagnosis.pipeline" in modules
-    assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib"}
+    assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib", "OpenGL"}
+    assert "scipy.ndimage" not in modules
 
 
 def test_lists_become_columns_and_chi_squares_are_looked_up_without_pandas_and_fortran():

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import pyarrow.parquet
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.header import check_number, first_bytes, read_header
@@ -109,7 +108,9 @@ def _read_csv(path: Path) -> Table:
 
 
 def _read_parquet(path: Path) -> Table:
-    with pyarrow.parquet.ParquetFile(path) as file:
+    from pyarrow.parquet import ParquetFile  # here, not above: few logs are
+
+    with ParquetFile(path) as file:
         check_number(path.name, len(file.schema_arrow.names))
         columns, texts = _collect(path.name, file.schema_arrow.names, file.iter_batches(batch_size=_BATCH_ROWS))
     row = np.arange(1, len(next(iter(columns.values()), ())) + 1)

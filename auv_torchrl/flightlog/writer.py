@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import pyarrow.parquet
 
 from auv_torchrl.flightlog.log import AXES, FlightLog
 
@@ -35,7 +34,9 @@ def write_columns(columns: Mapping[str, np.ndarray], path: str | os.PathLike[str
     table = pa.table(dict(columns))
     partial = path.with_name(f".{path.name}.partial")
     if path.suffix.lower() in (".parquet", ".pq"):
-        pyarrow.parquet.write_table(table, partial)
+        from pyarrow.parquet import write_table  # here, not above: few logs are
+
+        write_table(table, partial)
     else:
         rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
         pyarrow.csv.write_csv(pa.table(rounded), partial)
