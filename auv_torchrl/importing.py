@@ -60,7 +60,7 @@ def importing_without_compiler() -> Iterator[None]:
     that compiled what calls them would need it, and neither a diagnosis nor a reader does. Nor does either draw with
     MuJoCo, so that dm_control is told to load nothing of OpenGL.
     """
-    with importing(), _environment(MUJOCO_GL="disabled"):
+    with importing(), environment(MUJOCO_GL="disabled"):
         import torch.compiler  # here, not above: it takes a second
 
         with replaced(torch.compiler, **dict.fromkeys(_MARKS, _unmarked)):
@@ -68,7 +68,8 @@ def importing_without_compiler() -> Iterator[None]:
 
 
 @contextmanager
-def _environment(**values: str) -> Iterator[None]:
+def environment(**values: str) -> Iterator[None]:
+    """Set variables of the environment for a while."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:

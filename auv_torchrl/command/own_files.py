@@ -1,12 +1,12 @@
 """A folder of one's own: vehicles, scenarios, effects and so on that are in no package."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 
 from auv_torchrl.command.errors import checking_input
+from auv_torchrl.importing import environment
 from auv_torchrl.paths import CONF, OWN, config_path, own_folder
 from auv_torchrl.registry import PYTHON_FOLDERS, read_all
 
@@ -18,19 +18,12 @@ def own_files(folder: str | None) -> Iterator[None]:
     Raises:
         BadInput: if it is none, holds a name that the package has, or Python that cannot be read.
     """
-    before = os.environ.get(OWN)
-    try:
-        if folder is not None:
-            os.environ[OWN] = folder  # processes of a sweep read it there
+    with environment(**{} if folder is None else {OWN: folder}):  # processes of a sweep read it there
         with checking_input():
             if (own := own_folder()) is not None or folder is not None:
                 _check(own, folder)
             read_all()
         yield
-    finally:
-        if folder is not None:
-            os.environ.pop(OWN)
-            os.environ |= {OWN: before} if before is not None else {}
 
 
 def _check(own: Path | None, given: str | None) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -78,26 +79,35 @@ def test_no_damage_of_a_px4_log_ends_in_a_traceback(tmp_path, data):
         assert "\n" not in str(error)
 
 
-def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0", systems=(1,)):
-    """MAVLink as BlueOS records it: JSON by topic, enumerations by name."""
+@contextmanager
+def recording(path):
+    """What puts a text under a topic of an MCAP file, received and sent at times in ns."""
     writer = pytest.importorskip("mcap.writer")
     channels = {}
     with path.open("wb") as file:
         out = writer.Writer(file)
         out.start()
 
+        def record(topic, text, received, sent):
+            if topic not in channels:
+                schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
+                channels[topic] = out.register_channel(topic, "json", schema)
+            out.add_message(channels[topic], received, text.encode(), sent)
+
+        yield record
+        out.finish()
+
+
+def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0", systems=(1,)):
+    """MAVLink as BlueOS records it: JSON by topic, enumerations by name."""
+    with recording(path) as record:
+
         def put(t, name, **fields):
             for system in systems:
                 body = {"header": {"system_id": system, "component_id": 1}, "message": {"type": name, **fields}}
-                text = json.dumps(body).replace("\\u0000", zero).encode()
-                record(t, text, [form.format(system=system, name=name) for form in topics])
-
-        def record(t, text, names):
-            for topic in names:
-                if topic not in channels:
-                    schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
-                    channels[topic] = out.register_channel(topic, "json", schema)
-                out.add_message(channels[topic], round((1.7e9 + t) * 1e9), text, round(t * 1e9))
+                text = json.dumps(body).replace("\\u0000", zero)
+                for form in topics:
+                    record(form.format(system=system, name=name), text, round((1.7e9 + t) * 1e9), round(t * 1e9))
 
         put(0, "STATUSTEXT", text=[*"ArduSub V4.5.0", "\0", "x"], severity={"type": "MAV_SEVERITY_INFO"})
         for name, value in ALL.items():
@@ -114,7 +124,6 @@ def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0",
             put(t, "ATTITUDE", time_boot_ms=round((t + 50) * 1e3), roll=0.1, pitch=0.0, yaw=0.2, **rates)
             place = {"x": 1.0, "y": 2.0, "z": 3.0, "vx": 0.0, "vy": 0.0, "vz": 0.0}
             put(t, "LOCAL_POSITION_NED", time_boot_ms=round((t + 50) * 1e3), **place)
-        out.finish()
     return path
 
 
@@ -147,22 +156,15 @@ def as_blueos(dialect, message) -> dict:
 
 def test_what_firmware_sent_is_the_same_log_in_mcap_as_in_telemetry(tmp_path):
     """Fourteen seconds of what ArduSub 4.7 sent, carried as the recorder of BlueOS carries it."""
-    mavutil, writer = pytest.importorskip("pymavlink.mavutil"), pytest.importorskip("mcap.writer")
+    mavutil = pytest.importorskip("pymavlink.mavutil")
     dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
-    link, channels = mavutil.mavlink_connection(str(EXCERPTS / "ardusub.tlog"), dialect="ardupilotmega"), {}
-    with (tmp_path / "recorder.mcap").open("wb") as file:
-        out = writer.Writer(file)
-        out.start()
+    link = mavutil.mavlink_connection(str(EXCERPTS / "ardusub.tlog"), dialect="ardupilotmega")
+    with recording(tmp_path / "recorder.mcap") as record:
         while (message := link.recv_msg()) is not None:
             header = {"system_id": message.get_srcSystem(), "component_id": message.get_srcComponent()}
             topic = "mavlink/{system_id}/{component_id}/{name}".format(**header, name=message.get_type())
-            if topic not in channels:
-                schema = out.register_schema(topic.replace("/", "."), "jsonschema", b"{}")
-                channels[topic] = out.register_channel(topic, "json", schema)
-            body = json.dumps({"header": header, "message": as_blueos(dialect, message)})
             received = round(message._timestamp * 1e9)
-            out.add_message(channels[topic], received, body.encode(), received)
-        out.finish()
+            record(topic, json.dumps({"header": header, "message": as_blueos(dialect, message)}), received, received)
     carried, sent = streams_of(tmp_path / "recorder.mcap"), streams_of(EXCERPTS / "ardusub.tlog")
     assert carried.armed and sent.armed and carried.armed[0] == pytest.approx(sent.armed[0], abs=1e-5)
     assert [mode[-1] for mode in carried.modes] == [mode[-1] for mode in sent.modes]

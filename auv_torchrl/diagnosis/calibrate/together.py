@@ -75,8 +75,7 @@ def follow_all(
     differ in their trims tell of it.
     """
     misfits, about, whole, fits, told, is_last, at_once = (), centred, centred, (), (), False, np.inf
-    known = replace(known, shrinks=None)  # what was learnt of a vehicle with other numbers
-    stood = centred, known
+    known = knew = replace(known, shrinks=None)  # what was learnt of a vehicle with other numbers
     for turn in range(passes):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         followed = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
@@ -89,11 +88,10 @@ def follow_all(
         if excess > most or are_lost:  # what lost flights tell is not of the vehicle, and may be no number
             return Together(centred, known, centred, centred, misfits)
         if is_last and _per_number(left) > max(NEAR, excess):  # windows were lost: the vehicle before did better
-            (centred, before), whole = stood, about
-            known = replace(before, floor=known.floor)
+            centred = whole = about
+            known = replace(knew, floor=known.floor)
             break
-        stood = centred, known
-        about, fits, floor = centred, followed, _floor(known.floor, followed)
+        about, knew, fits, floor = centred, known, followed, _floor(known.floor, followed)
         told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
         hides = fits[0][0].layout.moves_unseen
         centred, sizes, moved = _shown(about, known, told, hides)
