@@ -125,10 +125,3 @@ def test_a_cycle_passes_commands_on():
     routing = effect.apply(vehicle, effect.read(vehicle, {"cycle": [1, 2, 3]})).routing
     commands = torch.arange(1.0, 7.0, dtype=torch.float64)
     assert (routing @ commands).tolist() == [3.0, 1.0, 2.0, 4.0, 5.0, 6.0]
-
-
-def test_forces_and_masses_are_told_from_shares_and_from_what_a_vehicle_has():
-    """An overall scale of the vehicle is one of buoyancy and payload, none of a gain, a limit or a place."""
-    absolute = {(name, p.name) for name, effect in EFFECTS.items() for p in effect.parameters if p.is_absolute}
-    assert {("buoyancy", "force"), ("payload", "mass"), ("payload", "weight")} <= absolute
-    assert not absolute & {("thruster_gain", "gain"), ("thrust_limit", "limit"), ("payload", "x"), ("current", "north")}

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.axes import unseen
-from auv_torchrl.diagnosis.identify.assess import as_sure
 from auv_torchrl.diagnosis.identify.detectable import Member
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
@@ -94,8 +94,7 @@ def _found_effect(
     for member, value in values.items():
         p = declared[member]
         moving = [i for i, k in enumerate(explanation.fitted) if k.effect == name and member in k.members]
-        scale = problem.known.scale if problem.known and p.is_absolute else 0.0
-        model = (MODEL_ERROR + scale) * abs(value - nominal[member]) if moving else 0.0  # a discrete value has no error
+        model = MODEL_ERROR * abs(value - nominal[member]) if moving else 0.0  # a discrete value has no error
         half = Z95 * float(np.hypot(np.sqrt(covariance[np.ix_(moving, moving)].sum()), model))
         low, high = max(p.low, value - half), min(p.high, value + half)
         parameters[member] = Estimate(value, low, high, nominal[member], p.unit)

@@ -38,7 +38,6 @@ Z95 = 1.96  # standard deviations, 97.5 % quantile of a normal distribution: hal
 NOTICED = 0.15  # relative difference of speed or time that a pilot would notice
 NOTICED_DRIFT = 0.01  # m/s, likewise
 NOTICED_TURN = 0.05  # rad/s, likewise
-COMMON_SCALE = 0.3  # relative, by which a guessed file may be off in all forces and masses together: no motion tells
 # Of the variance of what a file has wrong about each thruster, the part that all share: volts and the scale of commands
 # make 0.35, the wake on the frame 0.2 for each by itself.
 SHARED_BY_THRUSTERS = 0.75
@@ -113,6 +112,9 @@ SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicl
 SLACK_STEP = 0.05  # relative step of slack derivatives
 TELLS = 1.0  # chi-square of one standard deviation of slack, below which a log does not tell it; it then keeps ...
 UNTOLD = 0.03  # ... this share of its width
+# Log evidence by which a log must tell the scales of a vehicle that healthy flights leave open: of two scales, chance
+# gains that in one log of a thousand. It is drawn to small scales a little, because a disturbance is in newtons.
+TELLS_SCALES = float(chdtri(2, 0.001)) / 2
 NOISE_MATTERS = 0.02  # relative change of the sensor noise from which explanations are weighed again
 RELINEARISED = 3  # times at most that windows are linearised again
 GAINS_AGAIN = 0.02  # of chi-square, below which that is not worth it

@@ -78,11 +78,6 @@ class Parameter:
         """Whether it multiplies what the vehicle has, and counts from the vehicle that it changes."""
         return not callable(self.nominal) and self.nominal != 0
 
-    @property
-    def is_absolute(self) -> bool:
-        """Whether it is a force or a mass by itself, and no share of what the vehicle has."""
-        return not callable(self.nominal) and any(unit in self.unit.split("/")[0] for unit in ("N", "kg"))
-
     def guessed_within(self, vehicle: Vehicle, member: str) -> float:
         """Standard deviation of a member where the vehicle's file is a guess; 0 if it is none of its coefficients."""
         return float(self.guessed(vehicle, member) if callable(self.guessed) else self.guessed)

@@ -8,13 +8,15 @@ from flown_logs import fly, hold, with_slack
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.identify.assess import as_sure
+from auv_torchrl.diagnosis.calibrate.gauge import scales_left_open
+from auv_torchrl.diagnosis.calibrate.nuisance import Centred, guessed
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.identify.steps import joint_precision
+from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
@@ -56,6 +58,28 @@ def test_intervals_are_as_wide_as_the_slack_that_a_log_shows():
     assert shown < 0.6 * assumed
     assumed, shown = widths(with_slack(HELD, np.random.default_rng(2)))
     assert shown > 0.8 * assumed
+
+
+def test_forces_are_as_unsure_as_the_scale_of_the_vehicle_and_shares_are_not():
+    """Whether a vehicle is light or heavy, half of a thrust is half, and nobody can say how many newtons a push has."""
+    log = fly(HELD, {GAIN[0]: {GAIN[1]: 0.6}, "buoyancy": {"force": 6.0}}, seed=3, **SHORT)
+    windows = cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
+    centred = Centred.at(HELD, guessed(HELD, SETTINGS, (), windows))
+    covariance = 1e-4 * centred.covariance
+    first = Problem.of(windows, HELD, SETTINGS)
+    known = Known(np.array(SETTINGS.floor_force), first.sigma, first.rough_noise, centred.nuisance.slack, covariance)
+    problem, follow = follow_windows(Problem.of(windows, HELD, SETTINGS, known))
+    knobs = Knob(GAIN[0], (GAIN[1],), 0.6), Knob("buoyancy", ("force",), 6.0)
+    judged = fit_by_simulation(problem, Explanation(knobs), follow)
+    open_still = replace(known, scales=scales_left_open(centred))
+    (held, before), (said, after) = (
+        as_sure(replace(problem, known=one.beside(problem.slack)), judged) for one in (known, open_still)
+    )
+    assert said.knobs == held.knobs
+    share, force = np.sqrt(np.diag(after) / np.diag(before))
+    assert share == pytest.approx(1.0, abs=0.05)
+    assert force > 5
+    assert np.sqrt(after[1, 1]) == pytest.approx(0.14 * 6.0, rel=0.5)
 
 
 @settings(max_examples=20, deadline=None)

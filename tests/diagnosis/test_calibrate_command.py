@@ -12,6 +12,7 @@ from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.kept import read_kept
 from auv_torchrl.diagnosis.calibrate.manoeuvres import respond
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.thresholds import Z95
 from auv_torchrl.flightlog import read_flightlog, write_flightlog
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
@@ -132,9 +133,10 @@ def test_the_round_trip_keeps_what_the_logs_tell_together(mine):
     assert kept is not None
     places = [i for i, entry in enumerate(kept.slack) if entry[1] in ("gain_1", "gain_2")]
     inside = kept.known.slack_covariance[np.ix_(places, places)]
-    assert kept.scale > 0
-    assert kept.known.scale == kept.scale
-    assert inside[0, 0] + inside[1, 1] - 2 * inside[0, 1] < 0.1 * (inside[0, 0] + kept.scale**2)
+    assert kept.known.scales is not None
+    by_scale = kept.known.scales[places]
+    np.testing.assert_allclose(by_scale[0], by_scale[1], rtol=1e-3)
+    assert inside[0, 0] + inside[1, 1] - 2 * inside[0, 1] < 0.2 * (inside[0, 0] + (by_scale[0] ** 2).sum())
     assert np.linalg.eigvalsh(kept.known.slack_covariance).min() > 0
 
 
@@ -146,6 +148,17 @@ def test_no_healthy_logs_are_needed_any_more(mine):
     assert sound.verdict is Verdict.NO_GAP
     assert "calibration_kept" in {finding.code for finding in sound.findings}
     assert not {"floor_assumed"} & {finding.code for finding in sound.findings}
+
+
+def test_a_place_is_as_unsure_as_the_scales_that_no_flight_tells(mine):
+    """Where what pulls in heave and sway leads is said within three deviations, of a file that is far off in one."""
+    values = {"north": 2.5, "east": -3.0, "down": 0.3, "stiffness": 9.0, "slack": 3.0}
+    vehicle = hold(load_vehicle(mine))
+    (effect,) = diagnose(flown("tied", {"tether": values}, seed=9), vehicle, kept=load_kept(mine, vehicle)).effects
+    assert effect.name == "tether"
+    for name, told in effect.parameters.items():
+        assert abs(told.value - values[name]) < 3 / Z95 * (told.high - told.low) / 2
+    assert effect.parameters["slack"].low > 1.0
 
 
 @pytest.mark.thorough
@@ -187,8 +200,8 @@ HOSTILE = {
     "too few rows": (["calibration", "together"], [[1.0]], "one row for each"),
     "more than all": (["calibration", "shrinks"], [[2.0]], "shrinks"),
     "level of nothing": (["calibration", "level"], "yes", "level"),
-    "scale of less than nothing": (["calibration", "scale"], -0.1, "from 0 to below 1"),
-    "scale of everything": (["calibration", "scale"], float("nan"), "from 0 to below 1"),
+    "too few scales": (["calibration", "scales"], [[0.1, 0.2]], "scales has not"),
+    "scale of everything": (["calibration", "scales", 0, 0], float("nan"), "no numbers"),
     "another length": (["uncertainty", "added_mass"], None, "one row for each"),
 }
 

@@ -1,13 +1,18 @@
 """What a healthy log teaches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flown_logs import fly, hold, with_slack
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.draft import draft
+from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate
+from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 
 HELD = hold(load_vehicle("paper"))
@@ -22,8 +27,9 @@ def healthy():
     return fly(OWN, {}, seed=11, **SHORT)
 
 
-def test_a_disturbance_and_the_coefficients_are_recovered():
-    """The floor of a vehicle in a gusty tank, its sensor noise and the gains of its horizontal thrusters are found."""
+@pytest.fixture(scope="module")
+def gusty():
+    """The same vehicle in a tank with gusts of ``FORCE``."""
     rng, gust, keep = np.random.default_rng(0), {}, np.exp(-0.05)
 
     def push(commands, position, velocity, t):
@@ -31,7 +37,24 @@ def test_a_disturbance_and_the_coefficients_are_recovered():
         gust["now"] = fresh if t == 0 else keep * gust["now"] + np.sqrt(1 - keep**2) * fresh
         return commands, gust["now"]
 
-    found = calibrate([fly(OWN, {}, seed=11, push=push, **SHORT)], HELD, load_settings())
+    return fly(OWN, {}, seed=11, push=push, **SHORT)
+
+
+def test_flights_with_bins_of_their_own_show_one_floor(gusty):
+    """A flight that needs shorter bins than the other shows the same disturbance, and so do the two together."""
+    usual = load_settings()
+    windows = cut_windows(gusty, usual.window_s, usual.lead_s, usual.bin_s)
+    known = draft([gusty], HELD, usual).known
+    each = [replace(usual, bin_s=share * usual.bin_s) for share in (1, 0.5)]
+    fits = [follow_flight(windows, OWN, settings, known) for settings in each]
+    alone, both = [disturbance_floor([fit]) for fit in fits], disturbance_floor(fits)
+    np.testing.assert_allclose(alone[0][:3], alone[1][:3], rtol=0.1)
+    np.testing.assert_allclose(both[:3], np.mean(alone, axis=0)[:3], rtol=0.1)
+
+
+def test_a_disturbance_and_the_coefficients_are_recovered(gusty):
+    """The floor of a vehicle in a gusty tank, its sensor noise and the gains of its horizontal thrusters are found."""
+    found = calibrate([gusty], HELD, load_settings())
     np.testing.assert_allclose(found.known.floor[:3], FORCE, rtol=0.25)
     assert found.known.noise["x"] == pytest.approx(0.002, rel=0.1)
     assert found.known.noise["yaw"] == pytest.approx(0.004, rel=0.1)

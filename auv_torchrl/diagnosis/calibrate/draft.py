@@ -22,7 +22,7 @@ from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, COMMON_SCALE, STRAYS
+from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, STRAYS
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import FlightLog, join
 from auv_torchrl.vehicle import Vehicle
@@ -79,7 +79,7 @@ def draft(
         moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), guess)
         centred = scaled_as_the_file(guess.moved(*moved))
         strays = _strays(settled(centred), settings)
-        known = replace(known, noise=problem.sigma, scale=COMMON_SCALE)
+        known = replace(known, noise=problem.sigma)
     return Draft(log, flights, centred, known, strays, as_stated, None, vehicle, coefficients)
 
 

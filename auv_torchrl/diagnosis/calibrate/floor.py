@@ -8,7 +8,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Judged
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.reduce import disturbance_precision, local_precision
-from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
+from auv_torchrl.diagnosis.motion.smooth import Layout, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import PRIOR_NUMBERS
 from auv_torchrl.flightlog import Finding, Severity
@@ -23,23 +23,35 @@ def disturbance_floor(flights: Sequence[tuple[Problem, Judged]]) -> Floats:
     The size that makes the samples of all windows most likely (MacKay 1992, fixed point of the evidence). The stated
     floor counts as a few forces more, so that a log which determines none of them cannot claim a floor of zero.
     """
-    layout, dt = flights[0][0].layout, flights[0][0].windows.dt
-    gathered = [_numbers(problem, judged) for problem, judged in flights]
-    gram, pull, away = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
-    count, starts, (bins, dofs) = len(gram), len(layout.start), (layout.bins, len(layout.dof))
-    unit = disturbance_precision(layout, dt, np.ones(1))  # (B, B)
-    stated = np.array(flights[0][0].settings.floor_force)[layout.dof]
-    floor = stated.copy()
+    problem, _ = flights[0]
+    stated = np.array(problem.settings.floor_force)[problem.layout.dof]
+    floor, each = stated.copy(), [_numbers(*flight) for flight in flights]
     for _ in range(ROUNDS):
-        precision = local_precision(layout, dt, floor)
-        covariance = np.linalg.inv(gram + precision)
-        mean = away + np.einsum("wlm,wm->wl", covariance, pull - away @ precision)
-        force = mean[:, starts:].reshape(count, bins, dofs)
-        spread = covariance[:, starts:, starts:].reshape(count, bins, dofs, bins, dofs)
-        squares = np.einsum("wbd,bc,wcd->d", force, unit, force)
-        seen = count * bins - np.einsum("bc,wbdcd->d", unit, spread) / floor**2  # numbers that the samples determine
+        counted = [
+            _counted(flight.layout, flight.windows.dt, floor, *told)
+            for (flight, _), told in zip(flights, each, strict=True)
+        ]
+        squares, seen = np.sum(counted, axis=0)
         floor = np.sqrt((squares + PRIOR_NUMBERS * stated**2) / (seen + PRIOR_NUMBERS))
     return floor
+
+
+def _counted(
+    layout: Layout, dt: float, floor: Floats, gram: Floats, pull: Floats, away: Floats
+) -> tuple[Floats, Floats]:
+    """Of one flight under a floor (D,): squares (D,) of the forces that its samples show, and how many these are.
+
+    A flight that moves faster than another has shorter bins, and more of them.
+    """
+    count, starts, (bins, dofs) = len(gram), len(layout.start), (layout.bins, len(layout.dof))
+    unit = disturbance_precision(layout, dt, np.ones(1))  # (B, B)
+    precision = local_precision(layout, dt, floor)
+    covariance = np.linalg.inv(gram + precision)
+    mean = away + np.einsum("wlm,wm->wl", covariance, pull - away @ precision)
+    force = mean[:, starts:].reshape(count, bins, dofs)
+    spread = covariance[:, starts:, starts:].reshape(count, bins, dofs, bins, dofs)
+    squares: Floats = np.einsum("wbd,bc,wcd->d", force, unit, force)
+    return squares, count * bins - np.einsum("bc,wbdcd->d", unit, spread) / floor**2
 
 
 def _numbers(problem: Problem, judged: Judged) -> tuple[Floats, Floats, Floats]:

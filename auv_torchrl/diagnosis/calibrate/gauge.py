@@ -53,12 +53,24 @@ def hold_scale(covariance: Floats, centred: Centred, hides: bool = False) -> Flo
     """The covariance (k, k) of deviations that leave the overall scale where it is, but for ``LOOSE`` of its variance.
 
     A search that may scale everything does so to spare a little elsewhere, and a dead thruster comes to life on the
-    way. What the scale leaves unsure of forces and masses is said beside (``Known.scale``).
+    way. What it owes to the scale a value is unsure of all the same (:func:`scales_left_open`).
     """
     along = centred.prior[1] @ unseen_directions(_seen(centred.vehicle, hides), centred.nuisance.slack)
     goes = covariance @ along
     held: Floats = covariance - (1 - LOOSE) * goes @ np.linalg.pinv(along.T @ goes, hermitian=True) @ goes.T
     return 0.5 * (held + held.T)
+
+
+def scales_left_open(centred: Centred, hides: bool = False) -> Floats:
+    """By how much (k, g) each number of a vehicle may be off with each scale that no flight tells, one deviation of it.
+
+    A vehicle whose heave has thrusters of its own has two scales, and what acts on heave and sway alike, as a tether
+    does, is as unsure as what one of them is to the other.
+    """
+    along = unseen_directions(_seen(centred.vehicle, hides), centred.nuisance.slack)
+    size, mixed = np.linalg.eigh(along.T @ centred.prior[1] @ along)
+    found: Floats = along @ mixed / np.sqrt(size)
+    return found
 
 
 def _seen(vehicle: Vehicle, hides: bool) -> Vehicle:

@@ -14,6 +14,7 @@ from torch import Tensor
 from auv_torchrl.diagnosis.calibrate.by_prediction import predicts_better
 from auv_torchrl.diagnosis.calibrate.draft import Draft, draft, parted
 from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
+from auv_torchrl.diagnosis.calibrate.gauge import scales_left_open
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.calibrate.together import PASSES, Together, follow_all
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -145,7 +146,10 @@ def _told(
     """With the findings about flights that are joined to a log."""
     excess = together.excess
     has_gap = excess > settings.excess
-    found = Calibration(together.centred, together.known, strays, as_stated, excess, has_gap, (), together)
+    known, centred = together.known, together.centred
+    if centred.nuisance.is_guess:
+        known = replace(known, scales=scales_left_open(centred, together.hides))
+    found = Calibration(centred, known, strays, as_stated, excess, has_gap, (), together)
     return replace(found, findings=tuple(_findings(log, found, settings)))
 
 

@@ -18,8 +18,8 @@ from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 KEYS = (
-    "logs", "seconds", "vehicle", "made", "version", "excess", "level", "scale", "floor", "noise", "rough_noise",
-    "together", "shrinks",
+    "logs", "seconds", "vehicle", "made", "version", "excess", "level", "floor", "noise", "rough_noise",
+    "together", "shrinks", "scales",
 )  # fmt: skip
 ROUNDED = 1e-3  # by which the length of a row may be off 1
 REMEDY = "calibrate it again with auv-calibrate, or take the section calibration out"
@@ -36,20 +36,21 @@ class Kept:
     version: str  # of this package
     excess: float  # chi-square per number of the healthy logs under the calibrated vehicle
     level: bool  # whether roll and pitch were held
-    scale: float  # relative, what all forces and masses may be off by together; 0 where the file was right about it
     floor: Floats  # (6,) N, N m
     noise: dict[str, float]  # by channel
     rough_noise: dict[str, float]  # by channel, from third differences
     slack: tuple[Slack, ...]
     together: Floats  # (k, k) lower triangle whose product with its transpose is their correlation
     shrinks: Floats | None  # (k, k) likewise, of the part that falls with more flights; None in files without it
+    scales: Floats | None  # (k, g) in widths, what scales that no log tells leave unsure; None where a file was right
 
     @property
     def known(self) -> Known:
         """What a diagnosis takes from healthy logs."""
         width = np.array([width for *_, width in self.slack])[:, None]
         factor = width * self.together
-        known = Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T, self.scale)
+        known = Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T)
+        known = known if self.scales is None else replace(known, scales=width * self.scales)
         if self.shrinks is None:
             return known
         factor = width * self.shrinks
@@ -99,7 +100,7 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
         raise ValueError(f"calibration is no mapping: {REMEDY}")
     if odd := set(content) - set(KEYS):
         raise ValueError(f"calibration: unknown entries {sorted(map(str, odd))}: {choices(odd, KEYS)}")
-    if missing := set(KEYS) - set(content) - {"shrinks"}:
+    if missing := set(KEYS) - set(content) - {"shrinks", "scales"}:
         raise ValueError(f"calibration: {', '.join(sorted(missing))} missing: {REMEDY}")
     floor = _positive(content["floor"], "floor", 6)
     together = _correlation(_triangle(content["together"], "together", len(coefficients)))
@@ -109,9 +110,7 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
     logs = content["logs"]
     if not isinstance(logs, list | tuple) or not isinstance(content["level"], bool):
         raise ValueError(f"calibration: logs is no list, or level neither true nor false: {REMEDY}")
-    scale = content["scale"]
-    if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 <= scale < 1:
-        raise ValueError(f"calibration: scale is no number from 0 to below 1: {REMEDY}")
+    scales = _columns(content["scales"], "scales", len(coefficients)) if "scales" in content else None
     slack = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients)
     return Kept(
         logs=tuple(map(str, logs)),
@@ -121,13 +120,13 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
         version=str(content["version"]),
         excess=excess,
         level=content["level"],
-        scale=float(scale),
         floor=floor,
         noise=noise,
         rough_noise=rough,
         slack=slack,
         together=together,
         shrinks=shrinks,
+        scales=scales,
     )
 
 
@@ -159,6 +158,17 @@ def _triangle(rows: Any, key: str, count: int) -> Floats:
             raise ValueError(f"calibration: row {i + 1} of {key} is not {i + 1} numbers: {REMEDY}") from error
     if not np.linalg.norm(found, axis=1).max() <= 1 + ROUNDED or not (np.diag(found) > 0).all():
         raise ValueError(f"calibration: {key} is no part of a correlation: {REMEDY}")
+    return found
+
+
+def _columns(rows: Any, key: str, count: int) -> Floats:
+    """Rows of as many numbers each as an array (k, g)."""
+    try:
+        found = np.array(rows, float).reshape(count, -1)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"calibration: {key} has not {count} rows of as many numbers each: {REMEDY}") from error
+    if not np.isfinite(found).all():
+        raise ValueError(f"calibration: {key} has entries that are no numbers: {REMEDY}")
     return found
 
 

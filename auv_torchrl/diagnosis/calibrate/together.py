@@ -46,6 +46,11 @@ class Together:
         """Log evidence of all flights, to compare vehicles that have other degrees of freedom."""
         return sum(log_likelihood(*one) for one in self.fits) if self.fits else -np.inf
 
+    @property
+    def hides(self) -> bool:
+        """Whether the vehicle tilts and nobody measured that."""
+        return bool(self.fits) and self.fits[0][0].layout.moves_unseen
+
     def without(self, place: int) -> "Together":
         """As all flights but one show it, linearised about what all of them show.
 
@@ -54,7 +59,7 @@ class Together:
         """
         first, behind = slice(place), slice(place + 1, None)
         fits, told = self.fits[first] + self.fits[behind], self.told[first] + self.told[behind]
-        centred, sizes, _ = _shown(self.about, self.known, told, fits[0][0].layout.moves_unseen)
+        centred, sizes, _ = _shown(self.about, told, self.hides)
         known = _knows(replace(self.known, floor=_floor(self.known.floor, fits)), centred, sizes, len(told))
         misfits = self.misfits[first] + self.misfits[behind]
         return Together(centred, known, self.about, self.whole, misfits, fits, told, self.at_once)
@@ -94,8 +99,8 @@ def follow_all(
         about, knew, fits, floor = centred, known, followed, _floor(known.floor, followed)
         told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
         hides = fits[0][0].layout.moves_unseen
-        centred, sizes, moved = _shown(about, known, told, hides)
-        stands = not known.scale and _per_number(left) <= 1 or moved < STANDS or turn == passes - 2
+        centred, sizes, moved = _shown(about, told, hides)
+        stands = not centred.nuisance.is_guess and _per_number(left) <= 1 or moved < STANDS or turn == passes - 2
         whole = whole if is_last else centred
         if stands and not is_last:
             centred = settled(centred)
@@ -107,7 +112,7 @@ def follow_all(
     return Together(centred, known, about, whole, misfits, fits, told, at_once)
 
 
-def _shown(about: Centred, known: Known, told: Sequence[Told], hides: bool) -> tuple[Centred, tuple[float, ...], float]:
+def _shown(about: Centred, told: Sequence[Told], hides: bool) -> tuple[Centred, tuple[float, ...], float]:
     """The vehicle that flights show, of what each tells of numbers ``about`` one, and how far they differ.
 
     ``hides`` is whether it tilts and nobody measures that.
@@ -115,7 +120,7 @@ def _shown(about: Centred, known: Known, told: Sequence[Told], hides: bool) -> t
     Also by how many of its standard deviations the number moved that moved most.
     """
     shared = share(told, about)
-    open_still = hold_scale(shared.covariance, about, hides) if known.scale else shared.covariance
+    open_still = hold_scale(shared.covariance, about, hides) if about.nuisance.is_guess else shared.covariance
     moved = float(np.max(np.abs(shared.mean) / np.sqrt(np.diag(open_still)), initial=0.0))
     return about.moved(shared.mean, open_still, shared.sizes), shared.sizes, moved
 

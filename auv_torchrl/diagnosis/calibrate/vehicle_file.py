@@ -40,8 +40,8 @@ def vehicle_yaml(
         lines += section_lines(key, value)
     lines += [
         "# Standard deviations, each with all others unknown. No log tells the overall scale, of all masses, thrusts",
-        "# and drags alike: it is where the vehicle that was calibrated had it, and calibration.scale is how far all",
-        "# may be off. What the logs tell of them together is in calibration.together. The words compare them with",
+        "# and drags alike: it is where the vehicle that was calibrated had it, and calibration.scales is how far each",
+        "# is off with it. What the logs tell of them together is in calibration.together. The words compare them with",
         f"# the vehicle that was calibrated, {one_line(str(about['vehicle']))}.",
         "uncertainty:",
     ]
@@ -56,7 +56,6 @@ def vehicle_yaml(
         **about,
         "excess": _round(sound.excess),
         "level": not bool((sound.vehicle.free[3:5] > 0).any()),
-        "scale": _round(sound.known.scale),
         "floor": [_round(size) for size in sound.known.floor.tolist()],
         "noise": {channel: _round(size) for channel, size in sound.known.noise.items()},
         "rough_noise": {channel: _round(size) for channel, size in sound.known.rough_noise.items()},
@@ -71,6 +70,10 @@ def vehicle_yaml(
     if sound.known.shrinks is not None:
         lines.append("  shrinks:  # likewise, in the same units, the part of it that falls with more flights")
         lines += _rows(_root(sound, sound.known.shrinks, order))
+    if sound.known.scales is not None:
+        lines.append("  scales:  # in the same units, how far each is off with each scale that no log tells")
+        size = np.sqrt(np.diag(sound.known.slack_covariance))[:, None]
+        lines += [f"    - {flow(row)}" for row in (sound.known.scales / size)[order].tolist()]
     return "\n".join([*lines, ""])
 
 

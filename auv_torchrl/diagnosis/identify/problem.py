@@ -32,7 +32,7 @@ class Known:
     rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
     slack: tuple[Slack, ...]
     slack_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
-    scale: float = 0.0  # relative, what all forces and masses of the vehicle may be off by together, which no log tells
+    scales: Floats | None = None  # (k, g) what the g scales that no log tells leave unsure of these numbers, beside
     flights: int = 0  # from which it was learnt, where they are here
     shrinks: Floats | None = None  # (k, k) part of the covariance that falls with the number of these flights
     of_itself: bool = False  # whether the log that is explained has shown it, with a fault if it has one
@@ -49,6 +49,7 @@ class Known:
             slack=(*self.slack, *new),
             slack_covariance=_corners(self.slack_covariance, wide),
             shrinks=None if self.shrinks is None else _corners(self.shrinks, still),
+            scales=None if self.scales is None else np.pad(self.scales, ((0, len(new)), (0, 0))),
         )
 
 

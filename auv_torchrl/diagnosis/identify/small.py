@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import likeliest
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.judged import Judged, sizes
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.sure import likeliest
 from auv_torchrl.diagnosis.thresholds import MINOR
 
 

@@ -83,7 +83,7 @@ def _suffices(problem: Problem, judged: Judged, fuller: Judged) -> bool:
     """
     if problem.known is None:
         return judged.nothing_left and judged.chi2 < fuller.chi2 + spread(judged)
-    return judged.nothing_left or (problem.known.scale > 0 and not leaves_much(problem, judged))
+    return judged.nothing_left or (problem.known.scales is not None and not leaves_much(problem, judged))
 
 
 def _without(problem: Problem, best: Judged, effect: str) -> Judged:

@@ -15,7 +15,7 @@ def hold_unseen(problem: Problem, follow: Base) -> Problem:
 
     Healthy flights leave open what moves nothing, as twice the inertia with twice the thrust and drag. To first order
     that costs a fit nothing either, so that it would go there as far as it may for the least of reasons. What is said
-    of the values that were found takes the whole width (:func:`auv_torchrl.diagnosis.identify.assess.as_sure`).
+    of the values that were found takes the whole width (:func:`auv_torchrl.diagnosis.identify.sure.as_sure`).
     """
     A = quadratic(problem, follow, [], chosen=problem.followed).A
     if not np.isfinite(A).all():

@@ -1,0 +1,138 @@
+"""Values as a log tells them, and how sure they are: beside slack, and beside scales of the vehicle that none tells."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.steps import (
+    joint_precision,
+    parted_from_slack,
+    shared_with_slack,
+    take_step,
+    value_steps,
+)
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import SLACK_SHARES, TELLS_SCALES
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Of a quadratic under a prior."""
+
+    likelihood: float  # natural logarithm, all numbers integrated out
+    step: Floats  # (n,) to it
+    curvature: Floats  # (n, n) there
+
+
+def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
+    """The explanation with its values, and their covariance (m, m), where slack is as wide as this log shows it.
+
+    Its share of the width that slack may have is the likeliest one (type II maximum likelihood): of a vehicle that
+    is as its file says, the log shows that, and tells the values of an effect better. What healthy flights leave open
+    of the vehicle has been measured, and is as wide as it is, also where a fit held it because its log tells nothing of
+    it: a value may hang on it. Values move by what the other width does to them: where an explanation is not at the
+    minimum of its quadratic, its fit has found that the minimum is no better.
+
+    A scale of the vehicle that no healthy flight tells is held by all fits. A log may tell it after all, as a tether
+    does, whose direction shows what heave is to sway: then values go with it. Else they are as unsure as what they owe
+    to it (Schmidt 1966, consider covariance).
+    """
+    explanation, known = parted_from_slack(problem, judged.explanation), problem.known
+    k, n = len(problem.slack), len(judged.quadratic.b)
+    scales = np.empty((k, 0)) if known is None or known.scales is None else known.scales
+    numbers = np.concatenate([_as_one_number(problem, judged), np.pad(scales, ((0, n - k), (0, 0)))], axis=1)
+    A, b = numbers.T @ judged.quadratic.A @ numbers, numbers.T @ judged.quadratic.b
+    width, measured = (known.slack_covariance, known.shrinks) if known else (problem.slack_covariance, None)
+    given = problem, explanation, judged.steps
+    at_fit = next(_by_share(*given, A[:n, :n], b[:n], problem.slack_covariance)).step
+    held, told = (_likeliest(*given, A[:count, :count], b[:count], width, measured) for count in (n, len(b)))
+    if told.likelihood > held.likelihood + TELLS_SCALES:
+        step, covariance = told.step, np.linalg.inv(told.curvature)
+    else:
+        owed = np.concatenate([-np.linalg.solve(held.curvature, A[:n, n:]), np.eye(len(b) - n)])
+        step = np.pad(held.step, (0, len(b) - n))
+        covariance = np.pad(np.linalg.inv(held.curvature), (0, len(b) - n)) + owed @ owed.T
+    of_scales, by = _of_a_share(problem, explanation) @ scales, step[:n] - at_fit
+    said = take_step(problem, explanation, by[k:] * judged.steps + of_scales @ step[n:], by[:k])
+    to_values = np.concatenate([np.diag(judged.steps), of_scales], axis=1)
+    return said, to_values @ covariance[k:, k:] @ to_values.T
+
+
+def likeliest(problem: Problem, judged: Judged) -> Explanation:
+    """The explanation at the minimum of its quadratic, all slack as wide as this log shows it.
+
+    A fit that stopped short may have slack undo half of a value that is as good as nothing.
+    """
+    q, k = judged.quadratic, len(problem.slack)
+    step = _likeliest(problem, judged.explanation, judged.steps, q.A, q.b, problem.slack_covariance).step
+    return parted_from_slack(problem, take_step(problem, judged.explanation, step[k:] * judged.steps, step[:k]))
+
+
+def _likeliest(
+    problem: Problem,
+    explanation: Explanation,
+    steps: Floats,
+    A: Floats,
+    b: Floats,
+    whole: Floats,
+    measured: Floats | None = None,
+) -> Minimum:
+    """The minimum at the likeliest share; arguments as of :func:`_by_share`."""
+    return max(_by_share(problem, explanation, steps, A, b, whole, measured), key=lambda one: one.likelihood)
+
+
+def _by_share(
+    problem: Problem,
+    explanation: Explanation,
+    steps: Floats,
+    A: Floats,
+    b: Floats,
+    whole: Floats,
+    measured: Floats | None = None,
+) -> Iterator[Minimum]:
+    """The minimum by share of the width of slack, the whole first, of slack, values and numbers of width 1 behind.
+
+    ``whole`` (k, k) is the covariance of slack, and ``measured`` (k, k) the part of it that is as wide as it is.
+    """
+    at = np.zeros(len(b))
+    at[: len(problem.slack)] = slack_now(problem, explanation)
+    stiffness = np.ones(len(b) - len(problem.slack))
+    stiffness[: len(steps)] = value_steps(problem, explanation, steps)[0]
+    fixed = np.zeros_like(whole) if measured is None else measured
+    for share in SLACK_SHARES:
+        width = fixed + share**2 * (whole - fixed)
+        pull = joint_precision(np.linalg.inv(width), stiffness)
+        curvature, slope = A + pull, b - pull @ at
+        step = np.linalg.solve(curvature, slope)
+        volumes = np.linalg.slogdet(curvature)[1] + np.linalg.slogdet(width)[1]
+        yield Minimum(float(0.5 * (slope @ step - at @ pull @ at - volumes)), step, curvature)
+
+
+def _as_one_number(problem: Problem, judged: Judged) -> Floats:
+    """What slack and fitted knobs do (k + m, k + m), where slack of a number that a knob has does what the knob does.
+
+    Their slopes differ by rounding alone, and a log that tells the number well would part them by that.
+    """
+    shared = shared_with_slack(problem, judged.explanation)
+    k, m = shared.shape
+    as_one = np.eye(k + m)
+    for order in np.flatnonzero(shared.sum(0) == 1):
+        column = int(shared[:, order].argmax())
+        as_one[column, column], as_one[k + order, column] = 0.0, 1 / judged.steps[order]
+    return as_one
+
+
+def _of_a_share(problem: Problem, explanation: Explanation) -> Floats:
+    """What (m, k) values of factors gain where slack moves the vehicle that they are factors of: half stays half."""
+    own = shared_with_slack(problem, explanation).T
+    gained = np.zeros_like(own)
+    for row, knob in enumerate(explanation.fitted):
+        parameters, nominal, _ = declared(knob.effect, problem.vehicle)
+        if own[row].any() and parameters[knob.members[0]].is_factor:
+            gained[row] = (1 - knob.value / nominal[knob.members[0]]) * own[row] / own[row].sum()
+    return gained
