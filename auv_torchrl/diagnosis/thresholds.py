@@ -112,9 +112,9 @@ SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicl
 SLACK_STEP = 0.05  # relative step of slack derivatives
 TELLS = 1.0  # chi-square of one standard deviation of slack, below which a log does not tell it; it then keeps ...
 UNTOLD = 0.03  # ... this share of its width
-# Log evidence by which a log must tell the scales of a vehicle that healthy flights leave open: of two scales, chance
-# gains that in one log of a thousand. It is drawn to small scales a little, because a disturbance is in newtons.
-TELLS_SCALES = float(chdtri(2, 0.001)) / 2
+# Of the deviation that healthy flights leave of a scale of the vehicle, what a log that tells it leaves at most: a fit
+# is drawn to small scales by up to one deviation, because a disturbance is in newtons.
+TELLS_SCALES = 0.5
 NOISE_MATTERS = 0.02  # relative change of the sensor noise from which explanations are weighed again
 RELINEARISED = 3  # times at most that windows are linearised again
 GAINS_AGAIN = 0.02  # of chi-square, below which that is not worth it

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from auv_torchrl.diagnosis.identify.steps import (
 )
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import SLACK_SHARES, TELLS_SCALES
+
+LIKELIHOOD = attrgetter("likelihood")
 
 
 @dataclass(frozen=True)
@@ -50,10 +53,11 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     width, measured = (known.slack_covariance, known.shrinks) if known else (problem.slack_covariance, None)
     given = problem, explanation, judged.steps
     at_fit = next(_by_share(*given, A[:n, :n], b[:n], problem.slack_covariance)).step
-    held, told = (_likeliest(*given, A[:count, :count], b[:count], width, measured) for count in (n, len(b)))
-    if told.likelihood > held.likelihood + TELLS_SCALES:
-        step, covariance = told.step, np.linalg.inv(told.curvature)
-    else:
+    held, free = (
+        max(_by_share(*given, A[:count, :count], b[:count], width, measured), key=LIKELIHOOD) for count in (n, len(b))
+    )
+    step, covariance = free.step, np.linalg.inv(free.curvature)
+    if not (np.linalg.eigvalsh(covariance[n:, n:]) < TELLS_SCALES**2).any():
         owed = np.concatenate([-np.linalg.solve(held.curvature, A[:n, n:]), np.eye(len(b) - n)])
         step = np.pad(held.step, (0, len(b) - n))
         covariance = np.pad(np.linalg.inv(held.curvature), (0, len(b) - n)) + owed @ owed.T
@@ -69,21 +73,9 @@ def likeliest(problem: Problem, judged: Judged) -> Explanation:
     A fit that stopped short may have slack undo half of a value that is as good as nothing.
     """
     q, k = judged.quadratic, len(problem.slack)
-    step = _likeliest(problem, judged.explanation, judged.steps, q.A, q.b, problem.slack_covariance).step
+    shares = _by_share(problem, judged.explanation, judged.steps, q.A, q.b, problem.slack_covariance)
+    step = max(shares, key=LIKELIHOOD).step
     return parted_from_slack(problem, take_step(problem, judged.explanation, step[k:] * judged.steps, step[:k]))
-
-
-def _likeliest(
-    problem: Problem,
-    explanation: Explanation,
-    steps: Floats,
-    A: Floats,
-    b: Floats,
-    whole: Floats,
-    measured: Floats | None = None,
-) -> Minimum:
-    """The minimum at the likeliest share; arguments as of :func:`_by_share`."""
-    return max(_by_share(problem, explanation, steps, A, b, whole, measured), key=lambda one: one.likelihood)
 
 
 def _by_share(
