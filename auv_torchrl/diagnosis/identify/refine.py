@@ -61,7 +61,7 @@ def grow(
 ) -> Judged:
     """Add effects while the log pays; those that are the same by another name (``twins``) stay out.
 
-    Further values of effects that are there are tried whatever else promises more: they are no further effect. One that
+    Further values of effects that are there are tried whatever else promises more: they are no further effect. What
     slack is stretched for is tried whatever a sketch promises, in which slack keeps what it has of it.
     """
     while len(best.explanation.effects) < MOST_EFFECTS:
@@ -79,7 +79,8 @@ def grow(
         likely += [s for s in within if s.evidence > here + WORTH_AN_EFFECT]
         trials = [s for s in likely if field.constant - s.chi2 > closes]
         stretched = strained(problem, best) - best.explanation.members
-        trials += [s for s, new in added if not new and s not in trials and s.explanation.members & stretched]
+        by_stretch = [s for s, new in added if not new & twins_of and s.explanation.members & stretched]
+        trials += [s for s in by_stretch if s not in trials]
         fresh = [fit_by_simulation(problem, s.explanation, best.base) for s in trials]
         polished += fresh
         better = max((j for j in fresh if not is_minor(problem, j)), key=lambda judged: judged.evidence, default=best)
