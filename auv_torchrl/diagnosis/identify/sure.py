@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
@@ -53,14 +54,15 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     width, measured = (known.slack_covariance, known.shrinks) if known else (problem.slack_covariance, None)
     given = problem, explanation, judged.steps
     at_fit = next(_by_share(*given, A[:n, :n], b[:n], problem.slack_covariance)).step
-    held, free = (
-        max(_by_share(*given, A[:count, :count], b[:count], width, measured), key=LIKELIHOOD) for count in (n, len(b))
-    )
-    step, covariance = free.step, np.linalg.inv(free.curvature)
-    if not (np.linalg.eigvalsh(covariance[n:, n:]) < TELLS_SCALES**2).any():
-        owed = np.concatenate([-np.linalg.solve(held.curvature, A[:n, n:]), np.eye(len(b) - n)])
-        step = np.pad(held.step, (0, len(b) - n))
-        covariance = np.pad(np.linalg.inv(held.curvature), (0, len(b) - n)) + owed @ owed.T
+    left = np.linalg.inv(max(_by_share(*given, A, b, width, measured), key=LIKELIHOOD).curvature)[n:, n:]
+    size, directions = np.linalg.eigh(left)
+    turn = block_diag(np.eye(n), directions)  # what the log tells of the scales first
+    A, b, scales = turn.T @ A @ turn, turn.T @ b, scales @ directions
+    free = n + int((size < TELLS_SCALES**2).sum())
+    best = max(_by_share(*given, A[:free, :free], b[:free], width, measured), key=LIKELIHOOD)
+    step, held = np.pad(best.step, (0, len(b) - free)), np.eye(len(b) - free)
+    owed = np.concatenate([-np.linalg.solve(best.curvature, A[:free, free:]), held])
+    covariance = np.pad(np.linalg.inv(best.curvature), (0, len(held))) + owed @ owed.T
     of_scales, by = _of_a_share(problem, explanation) @ scales, step[:n] - at_fit
     said = take_step(problem, explanation, by[k:] * judged.steps + of_scales @ step[n:], by[:k])
     to_values = np.concatenate([np.diag(judged.steps), of_scales], axis=1)
