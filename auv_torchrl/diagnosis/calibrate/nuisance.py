@@ -166,8 +166,9 @@ class Centred:
         by = np.where(is_factor, nominal, 1.0)
         times = np.where(is_factor, np.maximum(1 + self.file / by, SMALLEST_FACTOR), 1.0)  # the file, of what it is
         away = np.where(is_factor, nominal * np.log(times), self.file)
-        # A number that the file has too small was given a width that grew with it (`approach`).
-        return away, self.nuisance.precision(width / np.maximum(times, 1.0))
+        return away, self.nuisance.precision(
+            width / times
+        )  # a factor's, of its logarithm: of the file, not of what it is
 
     @property
     def _is_factor(self) -> np.ndarray:
