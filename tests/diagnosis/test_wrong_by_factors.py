@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis.calibrate.gauge import _accelerations, scaled_as_the_file
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate
@@ -56,6 +58,29 @@ def test_an_overall_scale_is_found_and_changes_no_motion(factor):
     np.testing.assert_allclose(after, before, atol=2e-3 * np.abs(before).max())
     ratio = float(back.vehicle.mass / file.mass)
     assert abs(np.log(ratio)) < 0.2 * abs(np.log(factor))
+
+
+@pytest.fixture(scope="module")
+def guess():
+    """The file of the paper's vehicle as a guess."""
+    file = hold(load_vehicle("paper"))
+    windows = cut_windows(fly(file, {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
+    return Centred.at(file, guessed(file, SETTINGS, (), windows))
+
+
+@settings(max_examples=25, deadline=None)
+@given(factor=st.floats(1.05, 5.0), member=st.sampled_from(["scale_surge", "scale_sway", "scale_heave", "scale_yaw"]))
+def test_a_file_is_as_likely_to_have_a_half_as_twice_of_a_factor(guess, factor, member):
+    """No scale of the vehicle is preferred because its file has more numbers too small than too large, or fewer."""
+    place = [entry[:2] for entry in guess.nuisance.slack].index(("linear_drag", member))
+
+    def unlikely(times):
+        by = np.zeros(len(guess.nuisance.slack))
+        by[place] = times - 1
+        away, precision = guess.shifted(by).prior
+        return away @ precision @ away
+
+    assert unlikely(factor) == pytest.approx(unlikely(1 / factor), rel=1e-6)
 
 
 def test_a_factor_that_a_fit_takes_to_nothing_can_come_back():
