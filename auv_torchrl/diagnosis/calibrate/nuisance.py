@@ -166,9 +166,8 @@ class Centred:
         by = np.where(is_factor, nominal, 1.0)
         times = np.where(is_factor, np.maximum(1 + self.file / by, SMALLEST_FACTOR), 1.0)  # the file, of what it is
         away = np.where(is_factor, nominal * np.log(times), self.file)
-        return away, self.nuisance.precision(
-            width / times
-        )  # a factor's, of its logarithm: of the file, not of what it is
+        # The width of a factor is that of its logarithm: of what the file says, not of what the vehicle is.
+        return away, self.nuisance.precision(width / times)
 
     @property
     def _is_factor(self) -> np.ndarray:
