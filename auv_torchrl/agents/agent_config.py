@@ -1,6 +1,6 @@
 """What the settings of every agent have in common, and those with which a policy is trained on."""
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -10,7 +10,6 @@ from auv_torchrl.settings import Entries, In, check_fields
 if TYPE_CHECKING:  # the command line needs the settings alone
     import torch
 
-    from auv_torchrl.agents.learner import Learner
     from auv_torchrl.envs import FleetEnv
     from auv_torchrl.tasks import Task
     from auv_torchrl.vehicle import Vehicle
@@ -89,10 +88,6 @@ class AgentConfig(ABC):
         from auv_torchrl.envs import make_fleet
 
         return make_fleet(backend, vehicle, task, self.num_envs, seed=seed, device=device)
-
-    @abstractmethod
-    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
-        """What learns with these settings."""
 
 
 @dataclass(frozen=True)

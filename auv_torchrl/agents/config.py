@@ -15,7 +15,6 @@ if TYPE_CHECKING:  # the command line needs the settings alone
     import torch
     from torchrl.objectives import SACLoss
 
-    from auv_torchrl.agents.learner import Learner
     from auv_torchrl.agents.updater import Updater
     from auv_torchrl.envs import FleetEnv
     from auv_torchrl.tasks import Task
@@ -45,12 +44,6 @@ class OffPolicyConfig(AgentConfig):
     @abstractmethod
     def make_updater(self, observations: int, actions: int, device: "torch.device") -> "Updater":
         """Networks, losses, and what steps them."""
-
-    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
-        """That and a replay buffer."""
-        from auv_torchrl.agents.off_policy import OffPolicyLearner
-
-        return OffPolicyLearner(observations, actions, self, device)
 
 
 @dataclass(frozen=True)
@@ -131,12 +124,6 @@ class PPOConfig(AgentConfig):
     batch_size: Annotated[int, In("[1, 100000]")]
     gradient_norm: Annotated[float, In("(0, inf)")]
 
-    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
-        """Actor, value and what was flown last."""
-        from auv_torchrl.agents.on_policy import OnPolicyLearner
-
-        return OnPolicyLearner(observations, actions, self, device)
-
 
 @dataclass(frozen=True)
 class GradientConfig(AgentConfig):
@@ -170,12 +157,6 @@ class GradientConfig(AgentConfig):
         from auv_torchrl.envs import make_fleet
 
         return make_fleet("torch", vehicle, task, self.num_envs, seed=seed, device=device, straight_through=True)
-
-    def make_learner(self, observations: int, actions: int, device: "torch.device") -> "Learner":
-        """A policy that climbs the gradient of the reward."""
-        from auv_torchrl.agents.gradient import GradientLearner
-
-        return GradientLearner(observations, actions, self, device)
 
 
 AGENTS: Registry[type[AgentConfig]] = Registry("agents", AgentConfig, (SACConfig, TD3Config, PPOConfig, GradientConfig))

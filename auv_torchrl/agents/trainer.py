@@ -50,6 +50,8 @@ class Trainer:
         folder: Path,
         fingerprint: str,
     ):
+        from auv_torchrl.agents.learners import make_learner  # a policy that was kept is read without all of them
+
         self.config, self.seed, self.folder, self.fingerprint = config, seed, folder, fingerprint
         self.examine = examine
         self.make_fleet = make_fleet
@@ -59,7 +61,7 @@ class Trainer:
         self.device = fleet.device
         self._generator = None if self.device.type == "cpu" else torch.get_device_module(self.device)
         observations, actions = fleet.observation_spec["observation"].shape[-1], fleet.action_spec.shape[-1]
-        self.learner = config.make_learner(observations, actions, self.device)
+        self.learner = make_learner(config, observations, actions, self.device)
         self.curve: list[CurvePoint] = []
         self.stretch = 0
         self.frames = 0

@@ -4,12 +4,13 @@ import pytest
 import torch
 
 from auv_torchrl.agents.config import load_agent_config
+from auv_torchrl.agents.learners import make_learner
 
 
 @pytest.mark.parametrize("updates", [30, 300, 3000])
 def test_the_average_lags_by_a_tenth_of_the_updates_at_most(updates):
     """Behind weights that grow by 1 with every update, however long its memory may become."""
-    learner = load_agent_config("sac", {"average": 0.999, "buffer_size": 2}).make_learner(3, 2, torch.device("cpu"))
+    learner = make_learner(load_agent_config("sac", {"average": 0.999, "buffer_size": 2}), 3, 2, torch.device("cpu"))
     for weight in learner._actor:
         weight.zero_()
     for _ in range(updates):
