@@ -99,7 +99,7 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
     if not isinstance(content, Mapping):
         raise ValueError(f"calibration is no mapping: {REMEDY}")
     if odd := set(content) - set(KEYS):
-        raise ValueError(f"calibration: unknown entries {sorted(map(str, odd))}: {choices(odd, KEYS)}")
+        raise ValueError(f"calibration: unknown entries {sorted(map(str, odd))}: {choices(odd, KEYS)}; or {REMEDY}")
     if missing := set(KEYS) - set(content) - {"shrinks", "scales"}:
         raise ValueError(f"calibration: {', '.join(sorted(missing))} missing: {REMEDY}")
     floor = _positive(content["floor"], "floor", 6)
