@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
@@ -56,7 +55,8 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     at_fit = next(_by_share(*given, A[:n, :n], b[:n], problem.slack_covariance)).step
     left = np.linalg.inv(max(_by_share(*given, A, b, width, measured), key=LIKELIHOOD).curvature)[n:, n:]
     size, directions = np.linalg.eigh(left)
-    turn = block_diag(np.eye(n), directions)  # what the log tells of the scales first
+    turn = np.eye(len(b))
+    turn[n:, n:] = directions  # what the log tells of the scales first
     A, b, scales = turn.T @ A @ turn, turn.T @ b, scales @ directions
     free = n + int((size < TELLS_SCALES**2).sum())
     best = max(_by_share(*given, A[:free, :free], b[:free], width, measured), key=LIKELIHOOD)
