@@ -26,7 +26,7 @@ def calibrated():
     noise = {"x": 0.002}
     section = {
         "logs": ["a.csv"], "seconds": 60.0, "vehicle": "paper", "made": "today", "version": "0", "excess": 1.0,
-        "level": True, "scale": 0.0, "floor": [0.1] * 6, "noise": noise, "rough_noise": noise, "together": together,
+        "level": True, "floor": [0.1] * 6, "noise": noise, "rough_noise": noise, "together": together,
     }  # fmt: skip
     uncertainty = {"thruster_gain": {"gain_1": 0.1, "gain_2": 0.1}, "linear_drag": {"scale_surge": 0.05}}
     return {**PAPER, "name": "mine", "uncertainty": uncertainty, "calibration": section}
