@@ -40,8 +40,8 @@ def vehicle_yaml(
         lines += section_lines(key, value)
     lines += [
         "# Standard deviations, each with all others unknown. No log tells the overall scale, of all masses, thrusts",
-        "# and drags alike: it is where the vehicle that was calibrated had it, and calibration.scales is how far each",
-        "# is off with it. What the logs tell of them together is in calibration.together. The words compare them with",
+        "# and drags alike: it is where the vehicle that was calibrated had it. calibration.scales, where it was not",
+        "# known, is how far each may be off with it, calibration.together what logs tell of them. Words compare with",
         f"# the vehicle that was calibrated, {one_line(str(about['vehicle']))}.",
         "uncertainty:",
     ]
