@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kernel import rates
-from auv_torchrl.physics.kinematics import matvec, normalise
+from auv_torchrl.physics.kinematics import least_turn, matvec, normalise
 from auv_torchrl.physics.thrusters import lag_left
 from auv_torchrl.sensors import Inverse, motion_of, read, report_alike
 
@@ -130,7 +130,7 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
 
     def beyond(c: Coefficients, some: Any) -> Floats:
         change = _readings(windows.subset(some), c, seen[some]) - now[some]
-        change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
+        change[..., windows.angular] = least_turn(change[..., windows.angular])
         return change
 
     few = np.linspace(0, len(windows) - 1, PROBED).astype(int)

@@ -7,6 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import Coefficients
+from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.sensors import ages, felt_along, motion_of, read
 
 Reading = Callable[[Floats, Floats | None], Floats]  # what is reported of a motion (..., 12), and of a load (...)
@@ -62,7 +63,7 @@ def _at_once(reading: Reading, angular: np.ndarray, motion: Floats, load: Floats
     if not (part > 1e-6).any():
         return here
     change = reports(np.minimum(low + 1, motion.shape[2] - 1)) - here
-    change[..., angular] -= 2 * np.pi * np.round(change[..., angular] / (2 * np.pi))  # not across the cut at pi
+    change[..., angular] = least_turn(change[..., angular])  # not across the cut at pi
     return here + part * change
 
 

@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.motion.samples import late_steps, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import Coefficients
-from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.physics.kinematics import least_turn, quaternion_from_euler
 from auv_torchrl.sensors import MOTION, motion_of, moving, read
 from auv_torchrl.vehicle import Vehicle
 
@@ -74,7 +74,7 @@ def linearise(
     pushed[:, :, 1 + len(entries) + np.arange(len(moves)), moves] += STEP_FORCE[moves]
     after = motion_of(run.each(_perturbed(states[:, 0, :-1, None], entries, pushed.shape[2]), pushed))
     change = after[:, :, 1:] - after[:, :, :1]
-    change[..., ANGULAR] -= 2 * np.pi * np.round(change[..., ANGULAR] / (2 * np.pi))
+    change[..., ANGULAR] = least_turn(change[..., ANGULAR])
     change = change[..., entries].swapaxes(2, 3)
     transition = change[..., : len(entries)] / STEP_STATE
     push = change[..., len(entries) :] / STEP_FORCE[moves]

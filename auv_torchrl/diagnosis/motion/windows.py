@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES, SampleErrors
+from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.sensors import MOTION, is_felt
 
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
@@ -135,7 +136,7 @@ class Windows:
         extra = predicted.ndim - self.measured.ndim
         shape = (len(self), *(1,) * extra)
         left = self.measured.reshape(*shape, *self.measured.shape[1:]) - predicted
-        left[..., self.angular] -= 2 * np.pi * np.round(left[..., self.angular] / (2 * np.pi))
+        left[..., self.angular] = least_turn(left[..., self.angular])
         return self.whitened(left * self.trust.reshape(*shape, *self.trust.shape[1:]))
 
     def whitened(self, numbers: Floats) -> Floats:
