@@ -60,9 +60,8 @@ def _numbers(problem: Problem, judged: Judged) -> tuple[Floats, Floats, Floats]:
     used = np.isfinite(state.slope).all((1, 2)) & np.isfinite(state.residual).all(1) & problem.followed
     weight = 1.0 / noise_per_sample(windows, problem.sigma)
     slope, residual = state.slope[used] * weight[:, None], state.residual[used] * weight
-    starts = (state.start - windows.guess)[:, problem.layout.start]
-    away = np.concatenate([starts, state.bins.reshape(len(windows), -1)], 1)
-    return slope.swapaxes(1, 2) @ slope, np.einsum("wkl,wk->wl", slope, residual), away[used]
+    away = problem.layout.away(windows, state.start, state.bins)[used]
+    return slope.swapaxes(1, 2) @ slope, np.einsum("wkl,wk->wl", slope, residual), away
 
 
 def stated_floor(settings: Settings, dof: np.ndarray) -> Finding:

@@ -116,11 +116,6 @@ class Freedom:
         pull = self.slope.swapaxes(1, 2) @ marks
         return Reduced(marks, pull, self.inverse @ pull)
 
-    def away(self, windows: Windows, layout: Layout, start: Floats, bins: Floats) -> Floats:
-        """Free numbers (W, R, L) of starts (W, R, 12) and bins (W, R, B, D), less what the prior expects."""
-        moved = (start - windows.guess[:, None])[..., layout.start]
-        return np.concatenate([moved, bins.reshape(*bins.shape[:2], -1)], axis=-1)
-
     def rows(self, some: slice) -> "Freedom":
         """That of some windows."""
         return replace(self, slope=self.slope[some], inverse=self.inverse[some])
@@ -168,7 +163,7 @@ def settle(
         residual, states = flown(actuation, layout, start, bins)
     for _ in range(steps):
         pull = (residual * freedom.weight) @ freedom.slope
-        pull -= freedom.away(windows, layout, start, bins) @ freedom.precision
+        pull -= layout.away(windows, start, bins) @ freedom.precision
         move = pull @ freedom.inverse  # symmetric
         start = start.copy()
         start[..., layout.start] += move[..., : len(layout.start)]
@@ -182,7 +177,7 @@ def chi_square(
     windows: Windows, layout: Layout, freedom: Freedom, start: Floats, bins: Floats, residual: Floats
 ) -> Floats:
     """Chi-square (W, R) of what :func:`settle` returned, the free numbers paid for."""
-    away = freedom.away(windows, layout, start, bins)
+    away = layout.away(windows, start, bins)
     scaled = residual * freedom.weight
     pull = scaled @ freedom.slope - away @ freedom.precision
     parts = (
@@ -210,7 +205,7 @@ def reduce(
         columns: (W, K, N) marks of the changes.
         first: marks of other changes, which come before these and are reduced already.
     """
-    away = freedom.away(windows, layout, state.start[:, None], state.bins[:, None])[:, 0]
+    away = layout.away(windows, state.start, state.bins)
     prior = away @ freedom.precision
     found = freedom.reduced(np.concatenate([state.residual[..., None], columns], axis=2))
     found.pull[..., 0] -= prior

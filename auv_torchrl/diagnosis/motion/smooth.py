@@ -66,6 +66,11 @@ class Layout:
         loose = loose_start(vehicle)[start]
         loose[len(moves) :][seen & ~followed] = USUAL_SPEED
         return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose, ~followed[seen])
+    def away(self, windows: Windows, start: Floats, bins: Floats) -> Floats:
+        """Free numbers (W, ..., L) of starts (W, ..., 12) and bins (W, ..., B, D), less what their prior expects."""
+        guess = np.expand_dims(windows.guess, tuple(range(1, start.ndim - 1)))
+        return np.concatenate([(start - guess)[..., self.start], bins.reshape(*bins.shape[:-2], -1)], axis=-1)
+
 
     def force(self, bins: Floats, steps: int) -> Floats:
         """Force (..., steps, 6) of bins (..., B, D)."""
@@ -140,12 +145,9 @@ def smooth(
     weight = 1.0 / noise_per_sample(windows, sigma)
     precision = np.concatenate([layout.loose**-2.0, np.tile(force_prior**-2, layout.bins)])
 
-    def away(state: Smoothed) -> Floats:
-        moved = (state.start - windows.guess)[:, layout.start]
-        return np.concatenate([moved, state.bins.reshape(len(windows), -1)], axis=1)
-
     def cost(state: Smoothed) -> Floats:
-        return ((state.residual * weight) ** 2).sum(1) + (precision * away(state) ** 2).sum(1)
+        away = layout.away(windows, state.start, state.bins)
+        return ((state.residual * weight) ** 2).sum(1) + (precision * away**2).sum(1)
 
     state = local_slopes(windows, vehicle, layout, *begin)
 
@@ -160,7 +162,8 @@ def smooth(
         slope = state.slope * weight[:, None]
         gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
         damped = gram + damping[:, None, None] * np.eye(layout.size) * np.einsum("wll->wl", gram)[:, None]
-        pull = (slope.swapaxes(1, 2) @ (state.residual * weight)[..., None])[..., 0] - precision * away(state)
+        pull = (slope.swapaxes(1, 2) @ (state.residual * weight)[..., None])[..., 0]
+        pull -= precision * layout.away(windows, state.start, state.bins)
         move = np.linalg.solve(damped, pull[..., None])[..., 0]
         start, bins = state.start.copy(), state.bins.copy()
         start[:, layout.start] += move[:, : len(layout.start)]
