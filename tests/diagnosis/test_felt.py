@@ -11,8 +11,8 @@ from auv_torchrl.diagnosis.axes import followable, restricted
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.rollout import fly, simulate
-from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
+from auv_torchrl.diagnosis.motion.rollout import fly
+from auv_torchrl.diagnosis.motion.smooth import Layout, flown, local_slopes
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import CONTROL_DT
@@ -44,9 +44,9 @@ def test_slopes_of_what_is_felt_are_those_of_the_simulation(values):
     move = 1e-4 * rng.normal(size=(len(windows), layout.size))
     start, n = windows.guess.copy(), len(layout.start)
     start[:, layout.start] += move[:, :n]
-    force = layout.force((bins + move[:, n:].reshape(bins.shape))[:, None], windows.steps)
-    simulated = windows.residual(simulate(windows, one, start[:, None], force))[:, 0].reshape(len(windows), -1)
-    np.testing.assert_allclose(simulated, state.residual - (state.slope @ move[..., None])[..., 0], atol=1e-5)
+    pushed = bins + move[:, n:].reshape(bins.shape)
+    simulated, _ = flown(actuate(windows, one), layout, start[:, None], pushed[:, None])
+    np.testing.assert_allclose(simulated[:, 0], state.residual - (state.slope @ move[..., None])[..., 0], atol=1e-5)
 
 
 def test_the_engine_predicts_what_a_simulator_logs():

@@ -6,9 +6,9 @@ import torch
 from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch
+from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.rollout import simulate
-from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
+from auv_torchrl.diagnosis.motion.smooth import Layout, flown, local_slopes
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.vehicle import load_vehicle
 
@@ -49,6 +49,5 @@ def test_slopes_are_those_of_the_simulation(name, held, axes):
     start, n = windows.guess.copy(), len(layout.start)
     start[:, layout.start] += move[:, :n]
     pushed = bins + move[:, n:].reshape(bins.shape)
-    force = layout.force(pushed[:, None], windows.steps)
-    simulated = windows.residual(simulate(windows, one, start[:, None], force))[:, 0].reshape(len(windows), -1)
-    np.testing.assert_allclose(simulated, state.residual - (state.slope @ move[..., None])[..., 0], atol=2e-6)
+    simulated, _ = flown(actuate(windows, one), layout, start[:, None], pushed[:, None])
+    np.testing.assert_allclose(simulated[:, 0], state.residual - (state.slope @ move[..., None])[..., 0], atol=2e-6)

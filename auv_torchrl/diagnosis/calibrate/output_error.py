@@ -11,7 +11,8 @@ import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
-from auv_torchrl.diagnosis.motion.rollout import simulate
+from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER
 from auv_torchrl.flightlog import POSE
@@ -44,7 +45,8 @@ def errors(windows: Windows, vehicle: Vehicle, rows: list[Values], starts: Float
     ``starts`` (W, R or 1, 12) are those of the windows; None for their guesses.
     """
     begin = windows.guess[:, None] if starts is None else starts
-    left = windows.residual(simulate(windows, batch(vehicle, rows), begin))
+    predicted, _ = fly(actuate(windows, batch(vehicle, rows)), begin)
+    left = windows.residual(predicted)
     return np.moveaxis(left[..., used_channels(windows)], 1, 0)
 
 

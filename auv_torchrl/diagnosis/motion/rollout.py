@@ -4,19 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate
+from auv_torchrl.diagnosis.motion.actuation import Actuation
 from auv_torchrl.diagnosis.motion.samples import late_steps, oldest, sample
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.physics.thrusters import lag_left
-from auv_torchrl.vehicle import Vehicle
 
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
 DIVERGING = np.errstate(over="ignore", invalid="ignore", divide="ignore")  # such a candidate predicts NaN and loses
-
-
-def simulate(windows: Windows, vehicle: Vehicle, start: Floats, force: Floats | None = None) -> Floats:
-    """Predicted samples (W, R, m, C) of ``R`` vehicles over all windows, see :func:`fly`."""
-    return fly(actuate(windows, vehicle), start, force)[0]
 
 
 @DIVERGING
@@ -35,7 +29,8 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
     rows = max(len(actuation.whole), start.shape[1], 1 if force is None else force.shape[1])
     samples, states = [], []
     for chunk in _chunks(len(windows), rows):
-        flown = path(actuation, chunk, start, force, steps, rows)
+        pushed = None if force is None else _lasting(force[chunk], steps)
+        flown = Run(actuation, chunk, steps).all(begin(actuation, chunk, start, rows), pushed)
         samples.append(sample(windows, chunk, actuation.c, flown, actuation.load(chunk, flown.shape[2])))
         states.append(flown[:, :, : windows.steps + 1])
     return np.concatenate(samples), np.concatenate(states)
@@ -47,22 +42,10 @@ def _chunks(windows: int, rows: int) -> Iterator[slice]:
         yield slice(first, min(windows, first + width))
 
 
-@DIVERGING
-def path(actuation: Actuation, chunk: slice, start: Floats, force: Floats | None, steps: int, rows: int) -> Floats:
-    """True states (w, R, steps + 1, 13) on the grid: position, quaternion, body velocity."""
-    body = begin(actuation, chunk, start, rows)
-    pushed = None if force is None else _lasting(force[chunk], steps)
-    return Run(actuation, chunk, steps).all(body, pushed)
-
-
 def _lasting(force: Floats, steps: int) -> Floats:
     """A force (w, R, S, 6) during as many steps; the last one goes on."""
-    missing = max(steps - force.shape[2], 0)
-    return (
-        np.concatenate([force, np.repeat(force[:, :, -1:], missing, axis=2)], axis=2)
-        if missing
-        else force[:, :, :steps]
-    )
+    missing = steps - force.shape[2]
+    return np.concatenate([force, np.repeat(force[:, :, -1:], missing, axis=2)], axis=2) if missing else force
 
 
 def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Floats:

@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.colour import colour_covariance, whiten
 from auv_torchrl.diagnosis.motion.cut import cut_windows, grid_step
-from auv_torchrl.diagnosis.motion.rollout import fly, simulate
+from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
@@ -70,7 +70,7 @@ def predict(
     root = np.linalg.cholesky(covariance[:, : len(layout.start), : len(layout.start)])
     starts = np.repeat(state.start[:, None], 1 + len(layout.start), axis=1)
     starts[:, 1:, layout.start] += SMALL * root.swapaxes(1, 2)
-    left = windows.residual(simulate(windows, batch(vehicles[-1], [{}]), starts))
+    left = windows.residual(fly(actuate(windows, best), starts)[0])
     change = left[:, 1:] - left[:, :1]
     change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
     noise = np.array([sigma[channel] for channel in windows.channels])
