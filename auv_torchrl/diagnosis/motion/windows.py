@@ -92,36 +92,30 @@ class Windows:
     def split(self, steps: int) -> "Windows":
         """Each window as ``S / steps`` shorter ones, in order; ``steps`` divides ``S``."""
         parts = self.steps // steps
-        position = self.index + self.fraction
-        rows = []
-        for w, part in np.ndindex(len(self), parts):
-            inside = self.present[w] & (self.index[w] >= part * steps) & (self.index[w] < (part + 1) * steps)
-            rows.append((w, part, inside))
-        most = max(int(inside.sum()) for _, _, inside in rows)
-        shape = (len(rows), most)
-        index, fraction, present = np.zeros(shape, int), np.zeros(shape), np.zeros(shape, bool)
-        measured, trust = (np.zeros((*shape, len(self.channels))) for _ in range(2))
-        near_times, near_values = [], []
+        owner, first = np.repeat(np.arange(len(self)), parts), np.tile(np.arange(parts) * steps, len(self))
+        whole = replace(self, whitening=None).subset(owner)
+        times = (whole.index + whole.fraction - first[:, None]) * self.dt
+        away = np.where(whole.present, np.abs(times), np.inf)
+        reach = np.maximum(0.3, np.partition(away, 3)[:, 3:4])  # a slow log has fewer than four within 0.3 s
         moved, columns = columns_of_motion(self.channels)
-        for row, (w, part, inside) in enumerate(rows):
-            k = int(inside.sum())
-            index[row, :k], fraction[row, :k] = self.index[w, inside] - part * steps, self.fraction[w, inside]
-            measured[row, :k], present[row, :k] = self.measured[w, inside], True
-            trust[row, :k] = self.trust[w, inside]
-            away = np.where(self.present[w], np.abs(position[w] - part * steps) * self.dt, np.inf)
-            near = away <= max(0.3, np.partition(away, 3)[3])  # a slow log has fewer than four within 0.3 s
-            values = np.full((int(near.sum()), 12), np.nan)
-            values[:, columns] = self.measured[w, near][:, moved]
-            near_times.append((position[w, near] - part * steps) * self.dt)
-            near_values.append(values)
-        guess = guess_starts(near_times, near_values)
-        owner = np.repeat(np.arange(len(self)), parts)
-        start = self.start[owner] + np.tile(np.arange(parts) * steps, len(self))
-        whole = replace(self.subset(owner), steps=steps, start=start)
+        values = np.full((*away.shape, 12), np.nan)
+        values[..., columns] = whole.measured[..., moved]
+        near = [(t[seen], v[seen]) for t, v, seen in zip(times, values, away <= reach, strict=True)]
+        index = whole.index - first[:, None]
+        inside = whole.present & (index >= 0) & (index < steps)
+        rows, own = np.arange(len(owner))[:, None], np.argsort(~inside, axis=1, kind="stable")[:, : inside.sum(1).max()]
+        present = inside[rows, own]
         return replace(
-            whole, index=index, fraction=fraction, measured=measured, present=present, trust=trust, guess=guess,
-            whitening=None,
-        ).without_edges()  # fmt: skip
+            whole,
+            steps=steps,
+            start=whole.start + first,
+            index=np.where(present, index[rows, own], 0),
+            fraction=np.where(present, whole.fraction[rows, own], 0.0),
+            measured=np.where(present[..., None], whole.measured[rows, own], 0.0),
+            present=present,
+            trust=np.where(present[..., None], whole.trust[rows, own], 0.0),
+            guess=guess_starts([t for t, _ in near], [v for _, v in near]),
+        ).without_edges()
 
     def without_edges(self) -> "Windows":
         """No trust in what is felt at samples so near the ends that a part of their mean is of another window."""
