@@ -11,7 +11,6 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, local_slopes, noise_per_sample
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -67,7 +66,7 @@ def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smo
     c = coefficients(vehicle)
     tangent = Tangent.of(windows, c, layout.start, state.transition, state.push, state.feel)
     nothing = np.zeros((1, len(layout.start), unit.shape[-1]))
-    return unknown * respond(windows, layout.start, tangent, nothing, unit, ahead(windows, c)[0])
+    return unknown * respond(windows, tangent, nothing, unit)
 
 
 def unknown_force(windows: Windows, vehicle: Vehicle) -> Floats:

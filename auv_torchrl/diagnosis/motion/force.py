@@ -111,7 +111,7 @@ def marks(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, fo
     pushed = forces[..., moves].transpose(0, 2, 3, 1)
     nothing = np.zeros((1, len(layout.start), forces.shape[1]))
     tangent = Tangent.of(windows, c, layout.start, state.transition, state.push, state.feel)
-    return respond(windows, layout.start, tangent, nothing, pushed, ahead(windows, c)[0])
+    return respond(windows, tangent, nothing, pushed)
 
 
 @DIVERGING

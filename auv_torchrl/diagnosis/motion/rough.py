@@ -10,7 +10,6 @@ from auv_torchrl.diagnosis.motion.force import accelerations
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Layout
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
-from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import cross, matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.sensors import FELT, MOTION, motion_of, read
@@ -24,9 +23,7 @@ def local_parabolas(windows: Windows, times: Floats) -> Floats:
     """Value, first and second derivative (W, B, 3, C) of every channel at ``times`` (B,) s into the windows."""
     at = windows.sampled
     measured = windows.measured.copy()
-    for column, channel in enumerate(windows.channels):
-        if channel in ANGLES:
-            measured[..., column] = np.unwrap(measured[..., column], axis=1)
+    measured[..., windows.angular] = np.unwrap(measured[..., windows.angular], axis=1)
     away = at[:, None] - times[:, None]  # (W, B, m)
     distance = np.where(windows.present[:, None], np.abs(away), np.inf)
     least = min(LEAST_SAMPLES, distance.shape[-1])

@@ -87,10 +87,9 @@ def felt_samples(windows: Windows, by_step: Coefficients, motion: Floats, at: Fl
 
     ``k`` are the channels that are felt, in their order.
     """
-    names = tuple(name for name, felt in zip(windows.channels, windows.felt, strict=True) if felt)
-    means = felt_along(by_step, names, motion, windows.dt)
+    means = felt_along(by_step, windows.felt_channels, motion, windows.dt)
     total = np.concatenate([np.zeros_like(means[:, :, :1]), np.cumsum(means, axis=2)], axis=2)
-    columns = (_around(windows, total[..., place], at[..., place]) for place in range(len(names)))
+    columns = (_around(windows, total[..., place], at[..., place]) for place in range(total.shape[-1]))
     return np.stack(list(columns), axis=-1)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficients
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
-from auv_torchrl.diagnosis.motion.samples import ahead
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import TILTS
@@ -66,11 +65,11 @@ class Layout:
         loose = loose_start(vehicle)[start]
         loose[len(moves) :][seen & ~followed] = USUAL_SPEED
         return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose, ~followed[seen])
+
     def away(self, windows: Windows, start: Floats, bins: Floats) -> Floats:
         """Free numbers (W, ..., L) of starts (W, ..., 12) and bins (W, ..., B, D), less what their prior expects."""
         guess = np.expand_dims(windows.guess, tuple(range(1, start.ndim - 1)))
         return np.concatenate([(start - guess)[..., self.start], bins.reshape(*bins.shape[:-2], -1)], axis=-1)
-
 
     def force(self, bins: Floats, steps: int) -> Floats:
         """Force (..., steps, 6) of bins (..., B, D)."""
@@ -122,7 +121,7 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
     for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
         forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
-    slope = respond(windows, layout.start, tangent, starts, forces, ahead(windows, actuation.c)[0])
+    slope = respond(windows, tangent, starts, forces)
     return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push, tangent.feel)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import actuate, sensors_of
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, begin
-from auv_torchrl.diagnosis.motion.samples import late_steps, sample
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.motion.samples import ahead, late_steps, sample
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import least_turn, quaternion_from_euler
@@ -31,23 +31,21 @@ class Tangent:
     transition: Floats  # (W, S, n, n) of a step in the state before it
     push: Floats  # (W, S, n, n / 2) of a step in a force on the vehicle during it, per N and N m
     feel: Floats  # (W, S + 1, k, n) of what ``k`` channels feel at grid steps in the state there, as it goes on
-    slopes: Floats  # (12, 12) what sensors report, rows, per unit of each number of the motion, columns
+    slopes: Floats  # (C, n) what sensors report per unit of each number; 0 for what is felt
     moving: Floats  # (k, n) what is felt besides of how fast each number changes, per s
+    later: Floats  # (C,) grid steps by which the reports of each channel are younger than the oldest ones
 
     @staticmethod
     def of(
         windows: Windows, c: Coefficients, entries: np.ndarray, transition: Floats, push: Floats, feel: Floats
     ) -> "Tangent":
         """The tangent of a vehicle ``c`` (1,) from what was worked out along its path."""
-        slopes = sensors_of(c, windows.channels).slopes[0]
-        names = felt_channels(windows)
+        moved, columns = columns_of_motion(windows.channels)
+        slopes = np.zeros((len(windows.channels), len(entries)))
+        slopes[moved] = sensors_of(c, windows.channels).slopes[0][columns][:, entries]
+        names = windows.felt_channels
         rates = moving(c.rows((slice(None), None)), names, np.eye(12)[None, entries])[0].T if names else np.zeros(0)
-        return Tangent(transition, push, feel, slopes, rates)
-
-
-def felt_channels(windows: Windows) -> tuple[str, ...]:
-    """The channels that are felt, in their order."""
-    return tuple(name for name, felt in zip(windows.channels, windows.felt, strict=True) if felt)
+        return Tangent(transition, push, feel, slopes, rates, ahead(windows, c)[0])
 
 
 @DIVERGING
@@ -87,7 +85,7 @@ def linearise(
 
 def _feel(windows: Windows, c: Coefficients, entries: np.ndarray, motion: Floats) -> Floats:
     """How what is felt of a motion (W, L, 12) that goes on as it is changes with each of its free numbers."""
-    names = felt_channels(windows)
+    names = windows.felt_channels
     if not names:
         return np.zeros((*motion.shape[:2], 0, len(entries)))
     beside = 0.5 * STEP_STATE * np.eye(12)[entries]
@@ -95,31 +93,25 @@ def _feel(windows: Windows, c: Coefficients, entries: np.ndarray, motion: Floats
     return (above - below).swapaxes(2, 3) / STEP_STATE
 
 
-def respond(
-    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, later: Floats
-) -> Floats:
+def respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) -> Floats:
     """Change (W, K, N) of the samples under ``N`` small changes at once.
 
     Args:
         windows: the data.
-        entries: as in :func:`linearise`.
         tangent: of these windows.
         start: (W or 1, n, N) change of the true start.
         force: (W or 1, S, n / 2, N) change of the force during each step, N and N m; the last one goes on.
-        later: (C,) grid steps by which the reports of each channel are younger than the oldest ones.
     """
     columns = max(start.shape[-1], force.shape[-1])
     pieces = []
     for first in range(0, columns, COLUMNS_AT_ONCE):
         some = slice(first, first + COLUMNS_AT_ONCE)
-        pieces.append(_respond(windows, entries, tangent, start[..., some], force[..., some], later))
+        pieces.append(_respond(windows, tangent, start[..., some], force[..., some]))
     return np.concatenate(pieces, axis=-1)
 
 
 @DIVERGING
-def _respond(
-    windows: Windows, entries: np.ndarray, tangent: Tangent, start: Floats, force: Floats, later: Floats
-) -> Floats:
+def _respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) -> Floats:
     steps = tangent.transition.shape[1]
     moved = np.broadcast_to(start, (len(windows), *start.shape[1:]))
     history = np.empty((len(windows), steps + 1, *moved.shape[1:]))
@@ -129,11 +121,8 @@ def _respond(
         moved = history[:, k + 1] = tangent.transition[:, k] @ moved + pushed
     here = np.arange(len(windows))[:, None]
     change = np.zeros((*windows.measured.shape, moved.shape[-1]))
-    for column, name in enumerate(windows.channels):
-        if name not in MOTION:
-            continue  # felt
-        slopes = tangent.slopes[MOTION.index(name), entries]
-        at = windows.index + windows.fraction + later[column]
+    for column, slopes in enumerate(tangent.slopes):
+        at = windows.index + windows.fraction + tangent.later[column]
         whole = np.minimum(np.floor(at + 1e-9).astype(int), steps)
         part = np.where(windows.present, at - whole, 0.0)[..., None]
         between = bool((part > 1e-6).any())
@@ -143,16 +132,17 @@ def _respond(
                 values = (1 - part) * values + part * history[here, np.minimum(whole + 1, steps), entry]
             change[:, :, column] += slopes[entry] * values
     if windows.felt.any():
-        change[:, :, windows.felt] = _felt(windows, tangent, history, later[windows.felt])
+        change[:, :, windows.felt] = _felt(windows, tangent, history)
     change *= windows.trust[..., None]
     return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
 
 
-def _felt(windows: Windows, tangent: Tangent, history: Floats, later: Floats) -> Floats:
+def _felt(windows: Windows, tangent: Tangent, history: Floats) -> Floats:
     """Change (W, m, k, N) of the means of what is felt, of changes (W, L, n, N) of the numbers at grid steps."""
     # means over steps, added up: halves of neighbours, and changes, of which only the last one stays
     total = np.cumsum(tangent.feel @ history, axis=1)
     total += (tangent.moving / windows.dt - 0.5 * tangent.feel) @ history
+    later = tangent.later[windows.felt]
     here, channel = np.arange(len(total))[:, None, None], np.arange(len(later))
     at = np.where(windows.present, windows.index + windows.fraction, 0.0)[..., None] + later
     ends = []

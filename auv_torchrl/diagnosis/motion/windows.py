@@ -59,6 +59,11 @@ class Windows:
         return is_felt(self.channels)
 
     @property
+    def felt_channels(self) -> tuple[str, ...]:
+        """Their names, in order."""
+        return tuple(name for name, felt in zip(self.channels, self.felt, strict=True) if felt)
+
+    @property
     def time(self) -> Floats:
         """(W,) s since the start of the episode at the start of each window."""
         return self.origin + self.start * self.dt
