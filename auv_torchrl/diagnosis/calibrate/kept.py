@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
@@ -15,12 +16,13 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
+from auv_torchrl.vehicle import Vehicle
 
 KEYS = (
     "logs", "seconds", "vehicle", "made", "version", "excess", "level", "floor", "noise", "rough_noise",
     "together", "shrinks", "scales",
 )  # fmt: skip
+LEVEL = np.array([0, 1, 2, 5])  # degrees of freedom that a finding names: all but roll and pitch
 ROUNDED = 1e-3  # by which the length of a row may be off 1
 REMEDY = "calibrate it again with auv-calibrate, or take the section calibration out"
 
@@ -31,9 +33,7 @@ class Kept:
 
     logs: tuple[str, ...]  # of the healthy flights
     seconds: float  # of flight
-    vehicle: str  # that was calibrated
     made: str  # date and time, UTC
-    version: str  # of this package
     excess: float  # chi-square per number of the healthy logs under the calibrated vehicle
     level: bool  # whether roll and pitch were held
     floor: Floats  # (6,) N, N m
@@ -66,14 +66,10 @@ class Kept:
         return sound if self.level else sound_free(sound)
 
     def _finding(self) -> Finding:
-        dof = np.flatnonzero([size > 0 for size in self.floor])
-        sizes = ", ".join(
-            f"{self.floor[d]:.2g} {'N' if d < 3 else 'N m'} in {DEGREES_OF_FREEDOM[d]}" for d in dof if d not in (3, 4)
-        )
         sentence = (
             f"the verdict rests on the calibration of this vehicle's file, made on {self.made} from "
             f"{', '.join(self.logs)} ({self.seconds:.0f} s), of which it leaves a chi-square of {self.excess:.2f} per "
-            f"number: disturbance of {sizes}"
+            f"number: disturbance of {sizes_by_axis(self.floor, LEVEL)}"
         )
         return Finding(Severity.INFO, "calibration_kept", sentence)
 
@@ -115,9 +111,7 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
     return Kept(
         logs=tuple(map(str, logs)),
         seconds=seconds,
-        vehicle=str(content["vehicle"]),
         made=str(content["made"]),
-        version=str(content["version"]),
         excess=excess,
         level=content["level"],
         floor=floor,

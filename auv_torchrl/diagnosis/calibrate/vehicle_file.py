@@ -55,7 +55,7 @@ def vehicle_yaml(
     kept = {
         **about,
         "excess": _round(sound.excess),
-        "level": not bool((sound.vehicle.free[3:5] > 0).any()),
+        "level": not sound.tilts,
         "floor": [_round(size) for size in sound.known.floor.tolist()],
         "noise": {channel: _round(size) for channel, size in sound.known.noise.items()},
         "rough_noise": {channel: _round(size) for channel, size in sound.known.rough_noise.items()},
@@ -80,13 +80,8 @@ def vehicle_yaml(
 def _as_in_file(sound: Calibration, own: Vehicle) -> tuple[list[int], list[float]]:
     """The places of the slack parameters in the order in which a file is read, and their deviations in its units."""
     slack = sound.known.slack
-    rank = {
-        (effect, member): place
-        for place, (effect, member) in enumerate(
-            (name, member) for name, effect in EFFECTS.items() for member in effect.member_parameters(own)
-        )
-    }
-    order = sorted(range(len(slack)), key=lambda place: rank[slack[place][:2]])
+    read = [(name, member) for name, effect in EFFECTS.items() for member in effect.member_parameters(own)]
+    order = sorted(range(len(slack)), key=lambda place: read.index(slack[place][:2]))
     size = np.sqrt(np.diag(sound.known.slack_covariance)).tolist()
     for place, (effect, member, nominal, _) in enumerate(slack):
         if nominal and (now := EFFECTS[effect].nominal(own)[member]):
