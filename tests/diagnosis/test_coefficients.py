@@ -14,7 +14,7 @@ from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.calibrate.left_open import left_open
+from auv_torchrl.diagnosis.calibrate.left_open import fitted_about, left_open
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted
 from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
@@ -180,7 +180,7 @@ def test_what_a_log_leaves_open_is_as_wide_as_the_fit_is_unsure():
     """A drag that was corrected may be off by its standard deviation, and a gain of which the file is sure by 3 %."""
     sure = np.diag((0.1 * np.array([c.width for c in UNCERTAIN])) ** 2)
     fitted = Fitted(np.array([c.nominal + 0.5 * c.width for c in UNCERTAIN]), sure, np.ones(1))
-    known = left_open(GIVEN, UNCERTAIN, fitted, SETTINGS, ("x", "y", "z", "yaw"))
+    known = left_open(fitted_about(GIVEN, UNCERTAIN, fitted), SETTINGS, ("x", "y", "z", "yaw"))
     width = {entry[:2]: entry[3] for entry in known.slack}
     assert width["hull", "linear_surge"] == pytest.approx(0.1 * GUESSED["hull"]["linear_surge"])
     assert width["thruster_gain", "gain_1"] == pytest.approx(0.03)

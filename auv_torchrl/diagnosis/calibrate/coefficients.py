@@ -106,8 +106,9 @@ def calibrate_coefficients(
     )
     finding = Finding(Severity.INFO, "coefficients_corrected", sentence)
     sentences = said["axes"] + said["idle"] + said["turning"]
-    known = left_open(vehicle, coefficients, whole, settings, windows.channels)
-    return Calibrated(own, effects, sentences, (finding,), known, fitted_about(vehicle, coefficients, whole))
+    about = fitted_about(vehicle, coefficients, whole)
+    known = left_open(about, settings, windows.channels)
+    return Calibrated(own, effects, sentences, (finding,), known, about)
 
 
 @dataclass(frozen=True)

@@ -25,32 +25,29 @@ PASSES = 4  # coefficients and floor in turn, at most, ...
 SETTLED = 0.1  # ... while some floor still grows by this share: windows of two minutes tell it no better
 
 
-def left_open(
-    vehicle: Vehicle,
-    coefficients: Sequence[Coefficient],
-    fitted: Fitted,
-    settings: Settings,
-    channels: Collection[str],
-) -> Known:
+def left_open(fitted: Centred, settings: Settings, channels: Collection[str]) -> Known:
     """Slack of a search on the log that coefficients were corrected on; its floor and noise are still to be measured.
+
+    Args:
+        fitted: the vehicle as the log says, see :func:`fitted_about`.
+        settings: with the floor to begin from, and slack of what was not fitted.
+        channels: of the log.
+    """
+    slack = fitted.nuisance.slack
+    effects = {effect for effect, *_ in slack}
+    said = effects | {name for effect in effects for name in EFFECTS[effect].covers}
+    others = [entry for entry in slack_parameters(fitted.vehicle, settings, channels) if entry[0] not in said]
+    return Known(np.array(settings.floor_force), {}, {}, slack, fitted.covariance, of_itself=True).beside(others)
+
+
+def fitted_about(vehicle: Vehicle, coefficients: Sequence[Coefficient], fitted: Fitted) -> Centred:
+    """The vehicle with its coefficients as a log says.
 
     Args:
         vehicle: as its file says, empty batch.
         coefficients: of it, as the file says.
         fitted: the same (k,) as the log says, and how sure log and file are of them.
-        settings: with the floor to begin from, and slack of what was not fitted.
-        channels: of the log.
     """
-    there = fitted_about(vehicle, coefficients, fitted)
-    effects = {c.effect for c in coefficients}
-    said = effects | {name for effect in effects for name in EFFECTS[effect].covers}
-    others = [entry for entry in slack_parameters(there.vehicle, settings, channels) if entry[0] not in said]
-    floor = np.array(settings.floor_force)
-    return Known(floor, {}, {}, there.nuisance.slack, there.covariance, of_itself=True).beside(others)
-
-
-def fitted_about(vehicle: Vehicle, coefficients: Sequence[Coefficient], fitted: Fitted) -> Centred:
-    """The vehicle with coefficients (k,) as a log says; other arguments as of :func:`left_open`."""
     slack, nothing = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients), np.zeros(len(coefficients))
     about = Centred(vehicle, Nuisance(slack, nothing, (), nothing), nothing, fitted.covariance)
     return about.shifted(fitted.values - np.array([c.nominal for c in coefficients]))
