@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.draft import draft
 from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate
-from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
+from auv_torchrl.diagnosis.calibrate.together import follow_flight
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle

@@ -9,7 +9,7 @@ from auv_torchrl.diagnosis.calibrate import together
 from auv_torchrl.diagnosis.calibrate.draft import draft
 from auv_torchrl.diagnosis.calibrate.flights import Told, share
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, stated
-from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
+from auv_torchrl.diagnosis.calibrate.together import follow_flight
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold

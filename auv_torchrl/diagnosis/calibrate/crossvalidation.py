@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, leave_out
-from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
+from auv_torchrl.diagnosis.calibrate.together import follow_flight
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows

@@ -10,13 +10,16 @@ from auv_torchrl.diagnosis.calibrate.flights import Told, share
 from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.gauge import hold_scale
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
-from auv_torchrl.diagnosis.calibrate.one_flight import follow_flight
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, rescued
+from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Judged, log_likelihood, slack_now
+from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likelihood, slack_now
+from auv_torchrl.diagnosis.identify.leaner import until_still
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import MOSTLY_LOST, NEAR
+from auv_torchrl.vehicle import Vehicle
 
 PASSES = 4  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
 STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or a file that is right left nothing
@@ -97,7 +100,7 @@ def follow_all(
             known = replace(knew, floor=known.floor)
             break
         about, knew, fits, floor = centred, known, followed, _floor(known.floor, followed)
-        told = tuple(_tells(*_under(one, floor[one[0].layout.dof])) for one in fits)
+        told = tuple(_tells(*one, floor) for one in fits)
         hides = fits[0][0].layout.moves_unseen
         centred, sizes, moved = _shown(about, told, hides)
         stands = not centred.nuisance.is_guess and _per_number(left) <= 1 or moved < STANDS or turn == passes - 2
@@ -110,6 +113,17 @@ def follow_all(
             break
         is_last = stands
     return Together(centred, known, about, whole, misfits, fits, told, at_once)
+
+
+def follow_flight(windows: Windows, own: Vehicle, settings: Settings, known: Known) -> Fit:
+    """One flight under a vehicle that differs in it as flights do: by the slack of ``known``.
+
+    A window that flew off under another flight's trim comes back once that of this flight is fitted. Lost windows
+    would look like a disturbance that acts on a sound vehicle.
+    """
+    problem, follow = follow_windows(Problem.of(windows, own, settings, known))
+    judged = rescued(problem, fit_by_simulation(problem, Explanation(), follow), follow)
+    return problem, until_still(problem, judged) if leaves_much(problem, judged) else judged
 
 
 def _shown(about: Centred, told: Sequence[Told], hides: bool) -> tuple[Centred, tuple[float, ...], float]:
@@ -139,14 +153,10 @@ def _floor(before: Floats, fits: Sequence[Fit]) -> Floats:
     return floor
 
 
-def _under(flight: Fit, floor: Floats) -> Fit:
-    """A flight weighed again under another disturbance (D,) where it was fitted: what it tells has its slopes there."""
-    problem, judged = flight
-    problem = replace(problem, floor=floor)
-    return problem, fit_by_simulation(problem, judged.explanation, judged.base, rounds=0)
-
-
-def _tells(problem: Problem, judged: Judged) -> Told:
+def _tells(problem: Problem, judged: Judged, floor: Floats) -> Told:
+    """What a flight tells under another disturbance (6,), weighed where it was fitted: it has its slopes there."""
+    problem = replace(problem, floor=floor[problem.layout.dof])
+    judged = fit_by_simulation(problem, judged.explanation, judged.base, rounds=0)
     return Told.of(judged.quadratic, slack_now(problem, judged.explanation))
 
 
