@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
+from auv_torchrl.diagnosis.identify.attitude import held_level
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Slack
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.motion.within import least_within
-from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import quaternion_from_euler, rotation_matrix
@@ -55,7 +55,7 @@ def hold_scale(covariance: Floats, centred: Centred, hides: bool = False) -> Flo
     A search that may scale everything does so to spare a little elsewhere, and a dead thruster comes to life on the
     way. What it owes to the scale a value is unsure of all the same (:func:`scales_left_open`).
     """
-    along = centred.prior[1] @ unseen_directions(_seen(centred.vehicle, hides), centred.nuisance.slack)
+    along = centred.prior[1] @ _unseen(centred, hides)
     goes = covariance @ along
     held: Floats = covariance - (1 - LOOSE) * goes @ np.linalg.pinv(along.T @ goes, hermitian=True) @ goes.T
     return 0.5 * (held + held.T)
@@ -67,19 +67,16 @@ def scales_left_open(centred: Centred, hides: bool = False) -> Floats:
     A vehicle whose heave has thrusters of its own has two scales, and what acts on heave and sway alike, as a tether
     does, is as unsure as what one of them is to the other.
     """
-    along = unseen_directions(_seen(centred.vehicle, hides), centred.nuisance.slack)
+    along = _unseen(centred, hides)
     size, mixed = np.linalg.eigh(along.T @ centred.prior[1] @ along)
     found: Floats = along @ mixed / np.sqrt(size)
     return found
 
 
-def _seen(vehicle: Vehicle, hides: bool) -> Vehicle:
-    """The vehicle in the motions that logs show; ``hides`` is whether these lack its tilts."""
-    if not hides:
-        return vehicle
-    free = vehicle.free.clone()
-    free[3:5] = 0.0
-    return changed(vehicle, free=free)
+def _unseen(centred: Centred, hides: bool) -> Floats:
+    """Unseen directions (k, g) in the motions that logs show; ``hides`` is whether these lack its tilts."""
+    vehicle = held_level(centred.vehicle) if hides else centred.vehicle
+    return unseen_directions(vehicle, centred.nuisance.slack)
 
 
 def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.attitude import held_level
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import NOTICED, NOTICED_DRIFT, NOTICED_TURN
-from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
@@ -33,12 +33,11 @@ class Response:
 @DIVERGING
 def respond(vehicle: Vehicle, command: float) -> Response:
     """Step commands from rest, one controlled degree of freedom at a time; roll and pitch are held level."""
-    level = changed(vehicle, free=vehicle.free * vehicle.free.new_tensor([1, 1, 1, 0, 0, 1]))
     sent = np.zeros((1 + len(CONTROLLED), vehicle.thrusters))
     sent[1:] = np.clip(command * vehicle.mixer.numpy()[:, CONTROLLED_INDEX].T, -1, 1)
     rows, times = len(sent), CONTROL_DT * np.arange(1 + round(LASTS_S / CONTROL_DT))
     held = np.repeat(sent[:, None], len(times) - 1, axis=1)
-    velocity = simulate(level, held, times).states[:, 1:, 7:].swapaxes(0, 1)  # (T, rows, 6)
+    velocity = simulate(held_level(vehicle), held, times).states[:, 1:, 7:].swapaxes(0, 1)  # (T, rows, 6)
     steady = velocity[-1]
     own = np.array([2, *CONTROLLED_INDEX])  # idle, it can only rise or sink
     along = np.abs(velocity[:, np.arange(rows), own])

@@ -1,7 +1,6 @@
 """Whether roll and pitch move: read off a log that measures them, else decided by the evidence of two vehicles."""
 
 import numpy as np
-import torch
 
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING
 from auv_torchrl.effects.effect import changed
@@ -25,8 +24,12 @@ def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
             swings += [np.nanpercentile(np.abs(episode.velocity[:, column]), USUALLY) for episode in log.episodes]
     if swings and max(swings) > SMALL_SWING:
         return vehicle
-    free = torch.tensor([1.0, 1.0, 1.0, 0.0, 0.0, 1.0], dtype=vehicle.free.dtype)
-    return changed(vehicle, free=vehicle.free * free)
+    return held_level(vehicle)
+
+
+def held_level(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with roll and pitch held."""
+    return changed(vehicle, free=vehicle.free * vehicle.free.new_tensor([1, 1, 1, 0, 0, 1]))
 
 
 def is_hidden(log: FlightLog, vehicle: Vehicle) -> bool:
