@@ -17,8 +17,7 @@ from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.left_open import fitted_about, left_open
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted
-from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
-from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty
+from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty, shared_covariance
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration, leave_out
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_attitude, leave_out
 from auv_torchrl.diagnosis.calibrate.together import follow_flight
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings

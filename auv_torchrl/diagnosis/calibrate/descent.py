@@ -20,8 +20,7 @@ from auv_torchrl.diagnosis.calibrate.output_error import (
     start_entries,
     used_channels,
 )
-from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, shared_covariance
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.motion.within import least_within
 from auv_torchrl.effects import EFFECTS

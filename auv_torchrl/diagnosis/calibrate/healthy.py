@@ -18,6 +18,7 @@ from auv_torchrl.diagnosis.calibrate.gauge import scales_left_open
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.calibrate.together import PASSES, Together, follow_all
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.identify.attitude import hold_attitude, is_hidden
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.problem import Known
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -94,6 +95,15 @@ def work_out(drafted: Draft, settings: Settings, free: Tensor | None = None) -> 
     centred, known, excess = better
     found = replace(found, centred=centred, known=known, excess=excess, together=None)
     return replace(found, findings=tuple(_findings(drafted.log, found, settings)))
+
+
+def calibrate_attitude(
+    healthy: Sequence[FlightLog], vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient] = ()
+) -> Calibration:
+    """The calibration of a vehicle that is held level or may tilt, as its flights ask for; see :func:`calibrate`."""
+    log = join(healthy)
+    free = vehicle.free if is_hidden(log, vehicle) else None
+    return calibrate(healthy, hold_attitude(log, vehicle), settings, coefficients, free)
 
 
 def _tilting_or_level(

@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input
-from auv_torchrl.diagnosis.calibrate.attitude import calibrate_attitude
 from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
 from auv_torchrl.diagnosis.calibrate.crossvalidation import (
     Unseen,
@@ -21,7 +20,7 @@ from auv_torchrl.diagnosis.calibrate.crossvalidation import (
     why_not,
     without_odd_ones,
 )
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_attitude
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
 from auv_torchrl.diagnosis.calibrate.vehicle_file import vehicle_yaml
 from auv_torchrl.diagnosis.calibrate.wording import console_lines, head_lines

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.prior import shared_covariance
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, shared_covariance
 from auv_torchrl.diagnosis.identify.hypotheses import (
     Entry,
     Settings,
