@@ -8,7 +8,7 @@ import pytest
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.force import force_changes, marks, middles, reading_changes
+from auv_torchrl.diagnosis.motion.force import Course, marks, middles, reading_changes
 from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
 from auv_torchrl.effects import EFFECTS
@@ -39,7 +39,7 @@ def simulated_and_marked(values):
     windows, layout, one, state, samples, states = flown()
     changed = batch(VEHICLE, [values])
     c, beyond = (prepare(its).numpy() for its in (one, changed))
-    marked = marks(windows, c, layout, state, force_changes(windows, c, beyond, middles(states)))
+    marked = marks(windows, c, layout, state, Course.of(windows, c, middles(states)).forces(beyond))
     read = reading_changes(windows, c, beyond, states)
     marked = (marked if read is None else marked + read)[..., 0]
     after = fly(actuate(windows, changed), windows.guess[:, None])[0][:, 0]

@@ -9,7 +9,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import coefficients
-from auv_torchrl.diagnosis.motion.force import Course, force_changes, middles
+from auv_torchrl.diagnosis.motion.force import Course, middles
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, SlackMarks, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, noise_per_sample
@@ -142,6 +142,6 @@ def sizes(problem: Problem, explanations: list[Explanation], base: Base) -> Floa
     values = [{}, *(explanation.values(problem.vehicle) for explanation in explanations)]
     c = prepare(batch(problem.vehicle, values)).numpy()
     moves = problem.layout.start[: len(problem.layout.start) // 2]  # unseen ones too: some effects act through a tilt
-    forces = force_changes(problem.windows, c.rows(slice(1)), c.rows(slice(1, None)), base.motion)[..., moves]
-    scaled = (forces / problem.reach[moves])[problem.followed]
+    course = Course.of(problem.windows, c.rows(slice(1)), base.motion)
+    scaled = (course.forces(c.rows(slice(1, None)))[..., moves] / problem.reach[moves])[problem.followed]
     return np.sqrt((scaled**2).mean((0, 2)).sum(-1))

@@ -77,11 +77,6 @@ class Course:
         return forces
 
 
-def force_changes(windows: Windows, nominal: Coefficients, changed: Coefficients, motion: Floats) -> Floats:
-    """Force (W, R, S, 6) that changed vehicles (R,) feel beyond the nominal one (1,), see :meth:`Course.forces`."""
-    return Course.of(windows, nominal, motion).forces(changed)
-
-
 def _chunks(rows: np.ndarray) -> list[np.ndarray]:
     return [rows[first : first + CANDIDATES_AT_ONCE] for first in range(0, len(rows), CANDIDATES_AT_ONCE)]
 
