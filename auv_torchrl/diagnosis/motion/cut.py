@@ -81,13 +81,11 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
 
 def _volts(log: FlightLog, dt: float, length: int) -> Floats | None:
     """Volts (E, length) at grid steps, between the samples of each episode; NaN where it has none."""
-    if all(episode.battery is None or not np.isfinite(episode.battery).any() for episode in log.episodes):
-        return None
     found = np.full((len(log.episodes), length), np.nan)
     for row, episode in zip(found, log.episodes, strict=True):
         if episode.battery is not None and (told := np.isfinite(episode.battery)).any():
             row[:] = np.interp(episode.t[0] + dt * np.arange(length), episode.t[told], episode.battery[told])
-    return found
+    return None if np.isnan(found).all() else found
 
 
 def _dense(

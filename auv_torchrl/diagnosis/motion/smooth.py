@@ -202,19 +202,11 @@ def follow(
     short = replace(layout, bins=PIECE_BINS)
     guess = Inverse.of(coefficients(vehicle), windows.channels).as_reported(pieces.guess).copy()
     guess[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
-    near = smooth(
-        pieces,
-        vehicle,
-        short,
-        sigma,
-        force_prior,
-        (guess, begin.reshape(len(pieces), PIECE_BINS, -1)),
-        rounds=2,
-        bends=False,
-    )
+    pushed = begin.reshape(len(pieces), PIECE_BINS, -1)
+    near = smooth(pieces, vehicle, short, sigma, force_prior, (guess, pushed), rounds=2, bends=False)
     start = near.start.reshape(len(windows), -1, 12)[:, 0]
     bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
-    return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins), rounds=3)
+    return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins))
 
 
 @DIVERGING
