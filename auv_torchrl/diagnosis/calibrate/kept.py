@@ -98,29 +98,22 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
         raise ValueError(f"calibration: unknown entries {sorted(map(str, odd))}: {choices(odd, KEYS)}; or {REMEDY}")
     if missing := set(KEYS) - set(content) - {"shrinks", "scales"}:
         raise ValueError(f"calibration: {', '.join(sorted(missing))} missing: {REMEDY}")
-    floor = _positive(content["floor"], "floor", 6)
-    together = _correlation(_triangle(content["together"], "together", len(coefficients)))
-    shrinks = _triangle(content["shrinks"], "shrinks", len(coefficients)) if "shrinks" in content else None
-    noise, rough = (_by_channel(content[key], key) for key in ("noise", "rough_noise"))
-    seconds, excess = (float(_positive([content[key]], key, 1)[0]) for key in ("seconds", "excess"))
-    logs = content["logs"]
-    if not isinstance(logs, list | tuple) or not isinstance(content["level"], bool):
+    logs, level, count = content["logs"], content["level"], len(coefficients)
+    if not isinstance(logs, list | tuple) or not isinstance(level, bool):
         raise ValueError(f"calibration: logs is no list, or level neither true nor false: {REMEDY}")
-    scales = _columns(content["scales"], "scales", len(coefficients)) if "scales" in content else None
-    slack = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients)
     return Kept(
         logs=tuple(map(str, logs)),
-        seconds=seconds,
+        seconds=float(_positive([content["seconds"]], "seconds", 1)[0]),
         made=str(content["made"]),
-        excess=excess,
-        level=content["level"],
-        floor=floor,
-        noise=noise,
-        rough_noise=rough,
-        slack=slack,
-        together=together,
-        shrinks=shrinks,
-        scales=scales,
+        excess=float(_positive([content["excess"]], "excess", 1)[0]),
+        level=level,
+        floor=_positive(content["floor"], "floor", 6),
+        noise=_by_channel(content["noise"], "noise"),
+        rough_noise=_by_channel(content["rough_noise"], "rough_noise"),
+        slack=tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients),
+        together=_correlation(_triangle(content["together"], "together", count)),
+        shrinks=_triangle(content["shrinks"], "shrinks", count) if "shrinks" in content else None,
+        scales=_columns(content["scales"], "scales", count) if "scales" in content else None,
     )
 
 
