@@ -1,7 +1,5 @@
 """Many vehicles over many windows in one batched rollout of the project's physics."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import Actuation
@@ -27,19 +25,14 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
     windows = actuation.windows
     steps = windows.steps + late_steps(windows, actuation.c)
     rows = max(len(actuation.whole), start.shape[1], 1 if force is None else force.shape[1])
-    samples, states = [], []
-    for chunk in _chunks(len(windows), rows):
+    width, samples, states = max(1, ROWS_AT_ONCE // rows), [], []
+    for first in range(0, len(windows), width):
+        chunk = slice(first, min(first + width, len(windows)))
         pushed = None if force is None else _lasting(force[chunk], steps)
         flown = Run(actuation, chunk, steps).all(begin(actuation, chunk, start, rows), pushed)
         samples.append(sample(windows, chunk, actuation.c, flown, actuation.load(chunk, flown.shape[2])))
         states.append(flown[:, :, : windows.steps + 1])
     return np.concatenate(samples), np.concatenate(states)
-
-
-def _chunks(windows: int, rows: int) -> Iterator[slice]:
-    width = max(1, ROWS_AT_ONCE // rows)
-    for first in range(0, windows, width):
-        yield slice(first, min(windows, first + width))
 
 
 def _lasting(force: Floats, steps: int) -> Floats:

@@ -132,11 +132,10 @@ class Windows:
 
     def residual(self, predicted: Floats) -> Floats:
         """Measured less predicted (W, ..., m, C), angles wrapped, each number times the trust in it, then whitened."""
-        extra = predicted.ndim - self.measured.ndim
-        shape = (len(self), *(1,) * extra)
-        left = self.measured.reshape(*shape, *self.measured.shape[1:]) - predicted
+        between = tuple(range(1, predicted.ndim - 2))
+        left = np.expand_dims(self.measured, between) - predicted
         left[..., self.angular] = least_turn(left[..., self.angular])
-        return self.whitened(left * self.trust.reshape(*shape, *self.trust.shape[1:]))
+        return self.whitened(left * np.expand_dims(self.trust, between))
 
     def whitened(self, numbers: Floats) -> Floats:
         """Numbers (W, ..., m, C), or (W, K, N), so that errors of all colours are as large as the white noise."""
