@@ -30,6 +30,11 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
+def write_text(path: Path, text: str) -> None:
+    """:func:`write_whole` for text in UTF-8; names of files in it that are none keep their bytes."""
+    write_whole(path, text.encode("utf-8", "surrogateescape"))
+
+
 @contextmanager
 def locked(path: Path, what: str) -> Iterator[None]:
     """Hold an exclusive lock that the system releases when the process ends, however it ends.
