@@ -10,7 +10,6 @@ from typing import Any
 import yaml
 
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.typed import check_types
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
 from auv_torchrl.diagnosis.verdict_file import from_json
 from auv_torchrl.effects import get_effect
@@ -73,7 +72,6 @@ def read_diagnosed(path: Path, nominal: Vehicle, vehicle_name: str) -> Diagnosed
         raise FileNotFoundError(f"no diagnosis {path}: give the diagnosis.json that diagnose.py wrote")
     try:
         diagnosis = from_json(_read_json(path))
-        check_types(diagnosis)
     except KeyError as error:
         raise _no_diagnosis(path, f"{error} is missing or unknown in it") from error
     except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:

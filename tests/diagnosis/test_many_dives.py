@@ -8,14 +8,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.dives.answer import OwnDiagnosis
+from auv_torchrl.diagnosis.dives.answer import ManyDives, OwnDiagnosis
 from auv_torchrl.diagnosis.dives.changes import judge
 from auv_torchrl.diagnosis.dives.compose import compose
-from auv_torchrl.diagnosis.dives.dives_file import from_json, to_json
 from auv_torchrl.diagnosis.dives.job import to_diagnose
 from auv_torchrl.diagnosis.dives.page import dives_page
 from auv_torchrl.diagnosis.dives.said import console
 from auv_torchrl.diagnosis.dives.told import Dive, number_of
+from auv_torchrl.diagnosis.plain import from_plain, plain
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.many_dives import NORMAL, NUMBERS, REFERENCE, answer, fading, told
 
@@ -140,12 +140,8 @@ def test_dives_that_show_something_are_diagnosed_by_themselves():
 
 
 def test_an_answer_survives_its_file(faded):
-    """Reading dives.json gives the answer that was written."""
-    content = json.loads(json.dumps(to_json(faded), allow_nan=False))
-    assert content["version"] == 1
-    assert from_json(content) == faded
-    with pytest.raises(ValueError, match="version 2.*version 1"):
-        from_json({**content, "version": 2})
+    """What dives.json holds is the whole answer."""
+    assert from_plain(ManyDives, json.loads(json.dumps(plain(faded), allow_nan=False))) == faded
 
 
 def test_the_page_over_many_dives_stands_alone(faded, paper):
