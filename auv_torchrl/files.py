@@ -31,8 +31,13 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """:func:`write_whole` for text in UTF-8; names of files in it that are none keep their bytes."""
-    write_whole(path, text.encode("utf-8", "surrogateescape"))
+    """:func:`write_whole` for text, in UTF-8."""
+    write_whole(path, encoded(text))
+
+
+def encoded(text: str) -> bytes:
+    """Text in UTF-8; names of files in it that are no UTF-8 keep their bytes."""
+    return text.encode("utf-8", "surrogateescape")
 
 
 @contextmanager
