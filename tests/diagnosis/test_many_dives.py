@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -19,6 +21,7 @@ from auv_torchrl.diagnosis.plain import from_plain, plain
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.many_dives import NORMAL, NUMBERS, REFERENCE, answer, fading, told
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SECTIONS = {"summary", "verdict", "facts", "vehicle", "changes", "numbers", "dives", "limits"}
 
 
@@ -167,6 +170,23 @@ def test_the_page_over_many_dives_says_what_was_found(faded, paper):
         assert text in page
     assert set(re.findall(r'<text class="thruster bad number"[^>]*>([^<]+)<', page)) == {"3"}
     assert 'class="alarm"' in page and 'class="curve shift"' in page
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+@pytest.mark.parametrize("width", [1200, 1000])
+def test_a_long_unit_cuts_off_no_column(faded, paper, tmp_path, width):
+    """In a window of a usual width the table of a change fits into its card."""
+    probe = """<script>
+      const tables = [...document.querySelectorAll("#changes .scroll")];
+      document.documentElement.dataset.cut = tables.filter(e => e.scrollWidth > e.clientWidth).length;
+    </script></body>"""
+    wordy = replace(faded, numbers=tuple(replace(number, unit="kg/s, kg m/s") for number in faded.numbers))
+    page = tmp_path / "dives.html"
+    page.write_text(dives_page(wordy, paper).replace("</body>", probe), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    command = [str(CHROMIUM), *options, f"--window-size={width},900", "--dump-dom", page.as_uri()]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert 'data-cut="0"' in shown
 
 
 def test_a_page_where_nothing_changed_says_so(paper):
