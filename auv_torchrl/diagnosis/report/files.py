@@ -81,8 +81,7 @@ def predictions(windows: tuple[Window, ...]) -> pa.Table:
         for i in range(window.commands.shape[1]):
             add(f"cmd_{i + 1}", window.commands[:, i])
         for kind in ("measured", "before", "after"):
-            trajectory = getattr(window, kind)
-            values = np.hstack((trajectory.pose, trajectory.velocity))
+            values = getattr(window, kind).values
             for i, axis in enumerate((*POSE, *VELOCITY)):
                 add(f"{kind}_{axis}", values[:, i])
     return _table({name: np.concatenate(parts) for name, parts in columns.items()})

@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from auv_torchrl.diagnosis.verdict import Diagnosis, Trajectory, Window
 from auv_torchrl.flight import Flight
 from auv_torchrl.flightlog import POSE, VELOCITY
-from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.flightlog.log import AXES, Floats
 from auv_torchrl.palette import NEUTRAL, U_S, U_T, rgb
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
@@ -66,18 +66,17 @@ def _record_windows(
         record_vehicle(recording, f"world/{name}", vehicle, flight, colour)
         paths = rr.LineStrips3D([pose[:, :3] for pose in poses], colors=[rgb(colour)], radii=0.006)
         recording.log(f"world/paths/{name}", paths, static=True)
-        values = np.concatenate([np.hstack((t.pose, t.velocity)) for t in trajectories])
+        values = np.concatenate([trajectory.values for trajectory in trajectories])
         for axis in seen:
             entity = f"axes/{axis}/{name}"
             style = rr.SeriesLines(names=[name], colors=[rgb(colour)], widths=[2.0])
             recording.log(entity, style, static=True)
-            column = values[:, (*POSE, *VELOCITY).index(axis)]
+            column = values[:, AXES.index(axis)]
             recording.send_columns(entity, [rr.TimeColumn("time", duration=time)], rr.Scalars.columns(scalars=column))
 
 
 def _measured(window: Window, axis: str) -> bool:
-    both = np.hstack((window.measured.pose, window.measured.velocity))
-    return bool(np.isfinite(both[:, (*POSE, *VELOCITY).index(axis)]).any())
+    return bool(np.isfinite(window.measured.values[:, AXES.index(axis)]).any())
 
 
 def _shown_pose(t: Floats, trajectory: Trajectory) -> Floats:
