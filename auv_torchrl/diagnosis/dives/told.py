@@ -1,7 +1,7 @@
 """What is followed from dive to dive, and what one dive tells of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -96,7 +96,7 @@ class Normal:
     numbers: tuple[Number, ...]  # (k,)
     covariance: Floats  # (k, k) of what another dive of a sound vehicle may show
     noise: Mapping[str, float]  # standard deviation by channel
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[Finding, ...] = ()
 
     @cached_property
     def width(self) -> Floats:

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
@@ -41,14 +40,6 @@ LOOKS_LIKE = {
 _FIRST_CANDIDATES = 8
 _CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are marked where no thruster is at fault
 _GLYPH = {Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○"}
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A measured stretch beside its simulations."""
-
-    title: str
-    charts: Sequence[Markup]
 
 
 def templates(folder: Path) -> jinja2.Environment:
@@ -183,8 +174,8 @@ def _where(diagnosis: Diagnosis) -> list[tuple[str, Markup]]:
     return [(title, shares(f"Share of the gap {title}", values)) for title, values in kinds if values]
 
 
-def _figures(windows: Sequence[Window]) -> list[Figure]:
-    """A typical window and the one that is explained worst."""
+def _figures(windows: Sequence[Window]) -> list[tuple[str, list[Markup]]]:
+    """A typical window and the one that is explained worst: a title, and measured curves beside simulated ones."""
     if not windows:
         return []
     order = np.argsort([_misfit(window) for window in windows])
@@ -193,7 +184,7 @@ def _figures(windows: Sequence[Window]) -> list[Figure]:
     if worst is not typical:
         shown["The held-out stretch that is explained worst"] = worst
     return [
-        Figure(f"{title}: episode {w.episode}, {w.t[0]:.1f} to {w.t[-1]:.1f} s", list(_window_charts(w)))
+        (f"{title}: episode {w.episode}, {w.t[0]:.1f} to {w.t[-1]:.1f} s", list(_window_charts(w)))
         for title, w in shown.items()
     ]
 
