@@ -84,9 +84,9 @@ class Dive:
         return self.excess is None or not self.excess > most
 
     @staticmethod
-    def unread(name: str, why: str, k: int, begun: str = "", findings: tuple[Finding, ...] = ()) -> "Dive":
+    def unread(name: str, why: str, k: int, begun: str = "") -> "Dive":
         """A log that tells nothing of k numbers."""
-        return Dive(name, np.zeros((k, k)), np.zeros(k), {}, None, 0.0, begun, findings, why)
+        return Dive(name, np.zeros((k, k)), np.zeros(k), {}, None, begun=begun, refused=why)
 
 
 @dataclass(frozen=True)

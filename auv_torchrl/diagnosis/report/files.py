@@ -51,12 +51,14 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
         commands |= {f"cmd_{i + 1}": np.round(c, 6) for i, c in enumerate(experiment.thruster_commands.T)}
         contents[experiment.commands] = _bytes(pyarrow.csv.write_csv, _table(commands))
     folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / name for name in (*contents, "diagnosis.rrd")]
+    for path in paths:
+        if path.exists() and not replace:
+            raise FileExistsError(f"{path} exists: give another output folder or delete it")
     for name, content in contents.items():
-        if (folder / name).exists() and not replace:
-            raise FileExistsError(f"{folder / name} exists: give another output folder or delete it")
         write_whole(folder / name, content)
-    record_diagnosis(diagnosis, vehicle, folder / "diagnosis.rrd", replace)
-    return [folder / name for name in (*contents, "diagnosis.rrd")]
+    record_diagnosis(diagnosis, vehicle, paths[-1])
+    return paths
 
 
 def _bytes(write: Callable[[pa.Table, pa.NativeFile], object], table: pa.Table) -> bytes:

@@ -25,20 +25,14 @@ COLOUR = {"measured": NEUTRAL, "before": U_S, "after": U_T}
 PAUSE_S = 0.5  # between windows on the common timeline
 
 
-def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path, replace: bool = False) -> None:
-    """Write a recording of the windows of a diagnosis.
+def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path) -> None:
+    """Write a recording of the windows of a diagnosis, over one that there is.
 
     Args:
         diagnosis: with its windows.
         vehicle: the nominal vehicle, no batch.
         path: of the .rrd file.
-        replace: the file if there is one; otherwise there must be none.
-
-    Raises:
-        FileExistsError: if there is such a file and it is not to be replaced.
     """
-    if path.exists() and not replace:
-        raise FileExistsError(f"the recording {path} exists already: give another output folder or delete it")
     seen = [axis for axis in (*POSE, *VELOCITY) if any(_measured(window, axis) for window in diagnosis.windows)]
     with rr.RecordingStream("auv_torchrl diagnose") as recording:
         memory = recording.memory_recording()
