@@ -21,7 +21,6 @@ log = logging.getLogger(__name__)
 Kept = TypeVar("Kept", Dive, Normal)
 
 _DIGITS = 20  # of the hash, in names of files
-_BLOCK = 1 << 20  # bytes read at once
 
 
 @cache
@@ -41,7 +40,8 @@ def key_of(settings: Mapping[str, Any], *files: Path) -> str:
     for file in files:
         for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
             if part.is_file():
-                summed.update(_digest(part))
+                with part.open("rb") as content:
+                    summed.update(hashlib.file_digest(content, "sha256").digest())
     return summed.hexdigest()[:_DIGITS]
 
 
@@ -65,11 +65,3 @@ def kept(folder: Path, key: str, kind: type[Kept]) -> Kept | None:
 
 def _file(folder: Path, key: str, kind: type[Dive | Normal]) -> Path:
     return folder / f"{'dive' if kind is Dive else 'reference'}_{key}.json"
-
-
-def _digest(path: Path) -> bytes:
-    summed = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            summed.update(block)
-    return summed.digest()
