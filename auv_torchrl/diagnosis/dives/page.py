@@ -6,7 +6,6 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from auv_torchrl import __version__
 from auv_torchrl.diagnosis.dives.answer import DiveTold, Followed, ManyDives
 from auv_torchrl.diagnosis.dives.charts import over_dives
 from auv_torchrl.diagnosis.dives.said import rate, size_of
@@ -51,11 +50,10 @@ def dives_page(told: ManyDives, vehicle: Vehicle) -> str:
     thrusters = sorted(_thrusters(told, vehicle))
     return environment.get_template("dives.html.j2").render(
         d=told,
-        version=__version__,
         style=Markup(style + (_HERE / "dives.css").read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, ()), from_behind(vehicle, thrusters, ())),
         thrusters=thrusters,
-        verdict=_verdict(told),
+        sign=_sign(told),
         facts=_facts(told),
         families=_families(told),
         rate=rate(told),
@@ -75,7 +73,7 @@ def state(dive: DiveTold, told: ManyDives) -> tuple[str, str]:
     return ("reference", "info") if dive.is_reference else ("", "info")
 
 
-def _verdict(told: ManyDives) -> tuple[str, str, str]:
+def _sign(told: ManyDives) -> tuple[str, str, str]:
     """Sign, word and class of the verdict."""
     if any(change.is_likely for change in told.changes):
         return "●", "changed", "unexplained"

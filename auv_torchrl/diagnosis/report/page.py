@@ -43,11 +43,12 @@ _GLYPH = {Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAI
 
 
 def templates(folder: Path) -> jinja2.Environment:
-    """What turns the templates of a folder into pages, with the words that all of them use."""
+    """What turns the templates of a folder into pages, with the frame and the words that all of them use."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folder), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, bytecode_cache=_compiled_before(),
+        loader=jinja2.FileSystemLoader([folder, _HERE]), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, bytecode_cache=_compiled_before(),
     )  # fmt: skip
+    environment.globals["version"] = __version__
     environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
     return environment
 
@@ -84,8 +85,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     return environment.get_template("page.html.j2").render(
         d=diagnosis,
         verdict=diagnosis.verdict,
-        glyph=_GLYPH[diagnosis.verdict],
-        version=__version__,
+        sign=(_GLYPH[diagnosis.verdict], words(diagnosis.verdict.key), diagnosis.verdict.key),
         style=Markup(STYLE.read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
