@@ -30,6 +30,16 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
+def write_text(path: Path, text: str) -> None:
+    """:func:`write_whole` for text, in UTF-8."""
+    write_whole(path, encoded(text))
+
+
+def encoded(text: str) -> bytes:
+    """Text in UTF-8; names of files in it that are no UTF-8 keep their bytes."""
+    return text.encode("utf-8", "surrogateescape")
+
+
 @contextmanager
 def locked(path: Path, what: str) -> Iterator[None]:
     """Hold an exclusive lock that the system releases when the process ends, however it ends.

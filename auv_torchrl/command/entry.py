@@ -30,8 +30,6 @@ from auv_torchrl.importing import replaced
 from auv_torchrl.parallel import use_cluster
 from auv_torchrl.paths import CONF
 
-INTERRUPTED = 128 + signal.SIGINT  # exit code, as shells have it
-
 log = logging.getLogger(__name__)
 
 
@@ -99,7 +97,7 @@ def command(
             except KeyboardInterrupt as stopped:
                 why = str(stopped) or "run the same command to go on"
                 sys.stderr.write(f"{config_name}: interrupted: {why}\n")
-                sys.exit(128 + getattr(stopped, "signum", signal.SIGINT))
+                sys.exit(128 + getattr(stopped, "signum", signal.SIGINT))  # as shells have it
             finally:
                 sys.argv = given
                 leave()

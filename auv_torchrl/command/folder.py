@@ -21,7 +21,7 @@ from yaml import YAMLError
 
 from auv_torchrl import __version__
 from auv_torchrl.command.errors import BadInput
-from auv_torchrl.files import write_whole
+from auv_torchrl.files import write_text
 
 RUN, CONFIG, LOCK = "run.json", "config.yaml", ".lock"
 RECORDED_PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "numpy", "rerun-sdk")
@@ -72,9 +72,9 @@ def claim_folder(
         before = _refuse_foreign(folder, command, ours)
         if before is not None:
             _refuse_other_settings(folder, config, overrides, before)
-        _write(folder / RUN, json.dumps(_about(command, overrides, before), indent=2) + "\n")
+        write_text(folder / RUN, json.dumps(_about(command, overrides, before), indent=2) + "\n")
         if config:
-            _write(folder / CONFIG, config)
+            write_text(folder / CONFIG, config)
     except BaseException as error:
         _unlock(folder, lock)
         if isinstance(error, OSError) and error.errno in _NOT_OURS_TO_FIX:
@@ -95,7 +95,7 @@ def finish(folder: Path) -> None:
     if folder not in _held:
         return
     about = {**(_read(folder) or {}), "finished": _now()}
-    _write(folder / RUN, json.dumps(about, indent=2) + "\n")
+    write_text(folder / RUN, json.dumps(about, indent=2) + "\n")
 
 
 def leave(folder: Path | None = None) -> None:
@@ -201,10 +201,6 @@ def _read(folder: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return about if isinstance(about, dict) else None
-
-
-def _write(path: Path, text: str) -> None:
-    write_whole(path, text.encode("utf-8", "surrogateescape"))  # names of files that are no UTF-8 keep their bytes
 
 
 def _lock(folder: Path) -> FileLock:

@@ -7,10 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.typed import check_types
+from auv_torchrl.diagnosis.scenario_file import ranges_of, scenario_of
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
 from auv_torchrl.diagnosis.verdict_file import from_json
 from auv_torchrl.effects import get_effect
@@ -37,8 +34,8 @@ class Diagnosed:
         Raises:
             ValueError: for an effect or parameter that this vehicle does not have.
         """
-        scenario = read_scenario("diagnosed", yaml.safe_load(scenario_yaml(diagnosis, nominal)), nominal)
-        return cls(nominal, scenario, yaml.safe_load(randomization_yaml(diagnosis, nominal)) or {}, diagnosis)
+        scenario = read_scenario("diagnosed", scenario_of(diagnosis, nominal), nominal)
+        return cls(nominal, scenario, ranges_of(diagnosis, nominal), diagnosis)
 
     @property
     def found(self) -> bool:
@@ -73,7 +70,6 @@ def read_diagnosed(path: Path, nominal: Vehicle, vehicle_name: str) -> Diagnosed
         raise FileNotFoundError(f"no diagnosis {path}: give the diagnosis.json that diagnose.py wrote")
     try:
         diagnosis = from_json(_read_json(path))
-        check_types(diagnosis)
     except KeyError as error:
         raise _no_diagnosis(path, f"{error} is missing or unknown in it") from error
     except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
+from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect
 from auv_torchrl.effects import Parameter, get_effect
 from auv_torchrl.vehicle import Vehicle
 
@@ -13,12 +13,7 @@ _DIGITS = 6
 
 
 def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
-    """The effects with their values, for :func:`auv_torchrl.scenario.read_scenario`; intervals in comments.
-
-    Args:
-        diagnosis: what was found.
-        vehicle: the nominal vehicle, no batch.
-    """
+    """What :func:`scenario_of` says as a file; units and intervals in comments."""
     lines = [
         f"# {_one_line(diagnosis.summary)}",
         f"# Found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.",
@@ -29,40 +24,64 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     if not diagnosis.effects:
         return "\n".join([*lines, "effects: {}", ""])
     lines.append("effects:")
-    calibrated = {found.name for found in diagnosis.effects if found.calibrates}
     for found in diagnosis.effects:
-        if found.name in calibrated and not found.calibrates:  # a fault on top of what its own file gets wrong
-            lines += [f"  {found.name}_fault:", f"    effect: {found.name}"]
-        else:
-            lines.append(f"  {found.name}:")
-        for name, value in _values(found, vehicle).items():
-            e = found.parameters[name]
-            unit = "" if e.unit == "1" else f"{e.unit}, "
-            lines.append(f"    {name}: {value!r}  # {unit}95 % in [{e.low:.4g}, {e.high:.4g}], nominal {e.nominal:.4g}")
-        if diagnosis.where.onset_in_episode_s is not None and not found.calibrates:
-            lines.append(f"    start_s: {round(diagnosis.where.onset_in_episode_s, 3)!r}")
+        label, settings = _entry(found, diagnosis, vehicle)
+        lines.append(f"  {label}:")
+        for name, value in settings.items():
+            lines.append(f"    {name}: {value}{_comment(found.parameters.get(name))}")
     return "\n".join([*lines, ""])
 
 
+def scenario_of(diagnosis: Diagnosis, vehicle: Vehicle) -> dict[str, Any]:
+    """The effects with their values, for :func:`auv_torchrl.scenario.read_scenario`.
+
+    Args:
+        diagnosis: what was found.
+        vehicle: the nominal vehicle, no batch.
+    """
+    return {"effects": dict(_entry(found, diagnosis, vehicle) for found in diagnosis.effects)}
+
+
+def _entry(found: FoundEffect, diagnosis: Diagnosis, vehicle: Vehicle) -> tuple[str, dict[str, Any]]:
+    """The label of an effect in a scenario, and what stands below it."""
+    settings: dict[str, Any] = dict(_values(found, vehicle))
+    if diagnosis.where.onset_in_episode_s is not None and not found.calibrates:
+        settings["start_s"] = round(diagnosis.where.onset_in_episode_s, 3)
+    calibrated = {other.name for other in diagnosis.effects if other.calibrates}
+    if found.name in calibrated and not found.calibrates:  # a fault on top of what its own file gets wrong
+        return f"{found.name}_fault", {"effect": found.name, **settings}
+    return found.name, settings
+
+
+def _comment(e: Estimate | None) -> str:
+    if e is None:
+        return ""
+    unit = "" if e.unit == "1" else f"{e.unit}, "
+    return f"  # {unit}95 % in [{e.low:.4g}, {e.high:.4g}], nominal {e.nominal:.4g}"
+
+
 def randomization_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
+    """What :func:`ranges_of` says as a file."""
+    head = f"# 95 % intervals of what was found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.\n"
+    return head + yaml.safe_dump(ranges_of(diagnosis, vehicle), sort_keys=False, default_flow_style=None)
+
+
+def ranges_of(diagnosis: Diagnosis, vehicle: Vehicle) -> dict[str, dict[str, list[float]]]:
     """The 95 % intervals, for :func:`auv_torchrl.envs.randomize.read_ranges`; swapped commands have none.
 
     A randomization has each effect once: a fault in what was calibrated as well is left to the scenario.
     """
-    ranges: dict[str, Any] = {}
+    ranges: dict[str, dict[str, list[float]]] = {}
     for found in diagnosis.effects:
-        if found.name in ranges:
-            continue
         declared = get_effect(found.name).member_parameters(vehicle)
-        members = {}
-        for name, estimate in found.parameters.items():
-            bounds = declared[name]
-            if not bounds.discrete:
-                members[name] = [_within(bounds, end) for end in (estimate.low, estimate.high)]
+        members = {
+            name: [_within(declared[name], end) for end in (estimate.low, estimate.high)]
+            for name, estimate in found.parameters.items()
+            if not declared[name].discrete
+        }
         if members:
-            ranges[found.name] = members
-    head = f"# 95 % intervals of what was found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.\n"
-    return head + yaml.safe_dump(ranges, sort_keys=False, default_flow_style=None)
+            ranges.setdefault(found.name, members)
+    return ranges
 
 
 def _values(found: FoundEffect, vehicle: Vehicle) -> dict[str, float]:

@@ -6,6 +6,8 @@ A field that is None could not be told from the log. Shares are of the gap, in [
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+
 from auv_torchrl.diagnosis.sure import how_sure
 from auv_torchrl.diagnosis.thresholds import LIKELY
 from auv_torchrl.effects.advice import Advice
@@ -144,6 +146,11 @@ class Trajectory:
 
     pose: Floats  # (T, 6) x y z roll pitch yaw, NED, m and rad
     velocity: Floats  # (T, 6) u v w p q r, body, m/s and rad/s
+
+    @property
+    def values(self) -> Floats:
+        """Both (T, 12) side by side."""
+        return np.hstack((self.pose, self.velocity))
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,6 @@ class Closing:
     before: Metrics  # u_s on the target
     closed: Closed | None  # None where nothing was found
     after: Metrics | None
-    flight: Flight | None
 
     @property
     def share(self) -> float | None:
@@ -119,7 +118,7 @@ def close_gap(
     nominal, before = Metrics.of(flights["nominal"]), Metrics.of(flights["u_s"])
     if not diagnosed.found:
         stages.skip(2, "Nothing to close: the diagnosis found no effect")
-        return Closing(diagnosed, flown, nominal, before, None, None, None)
+        return Closing(diagnosed, flown, nominal, before, None, None)
     with stages("Put the effects found into simulator and controller"):
         closed = close(
             diagnosed, policy, experiment.task, experiment.box_m, experiment.agent, experiment.tuning,
@@ -128,7 +127,7 @@ def close_gap(
     with stages(f"Fly the starts with it on the vehicle with {experiment.scenario.name}"):
         fleet = closed.fleet(experiment.fleet(len(experiment.starts), experiment.scenario, thruster_commands=True))
         flight = fly(fleet, closed.policy.module, experiment.starts, experiment.exam.steps)
-    return Closing(diagnosed, flown, nominal, before, closed, Metrics.of(flight), flight)
+    return Closing(diagnosed, flown, nominal, before, closed, Metrics.of(flight))
 
 
 def look(experiment: Experiment) -> tuple[FlightLog, Diagnosed]:

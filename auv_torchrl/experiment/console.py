@@ -8,12 +8,6 @@ from contextlib import contextmanager
 log = logging.getLogger(__name__)
 
 
-class Clock:
-    """Seconds that a stage took, once it is over."""
-
-    seconds = 0.0
-
-
 class Stages:
     """Counts the stages of a command and reports when each begins and ends.
 
@@ -26,15 +20,14 @@ class Stages:
         self.number = 0
 
     @contextmanager
-    def __call__(self, title: str) -> Iterator[Clock]:
-        """Report a stage; the yielded clock holds its wall time afterwards."""
+    def __call__(self, title: str) -> Iterator[None]:
+        """Report a stage, and how long it took."""
         self.number += 1
         log.info("")
         log.info("── %d/%d %s", self.number, self.total, title)
-        clock, begun = Clock(), time.perf_counter()
-        yield clock
-        clock.seconds = time.perf_counter() - begun
-        log.info("   done in %s", readable(clock.seconds))
+        begun = time.perf_counter()
+        yield
+        log.info("   done in %s", readable(time.perf_counter() - begun))
 
     def skip(self, count: int, reason: str) -> None:
         """Say why the next stages are left out."""

@@ -177,7 +177,7 @@ def distribution(flights: Flights, scenario: str) -> Figure:
     """Figure 16: mean error of each start for t >= 10 s, beside the paper's means where it has them."""
     figure = _figure(8, 1.2 + 1.0 * len(flights), f"Mean error of each start for t ≥ {STEADY_FROM_S:g} s, {scenario}")
     axes = figure.subplots()
-    names = [name for name in ("nominal", "u_s", "u_t") if name in flights]
+    names = _painted(flights)
     spread = np.random.default_rng(0)
     published = TABLE_2.get(scenario, {})
     for row, name in enumerate(names):

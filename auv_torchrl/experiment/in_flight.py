@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 from torchrl.envs import TransformedEnv
 
@@ -17,6 +16,7 @@ from auv_torchrl.adaptation.flight import AdaptedFlight, cost_per_step, fly_adap
 from auv_torchrl.adaptation.recovery import BACK_M, Moment, Recovery, moments, recoveries
 from auv_torchrl.authority import Authority, controlled_allocation
 from auv_torchrl.ddr.transform import observing
+from auv_torchrl.envs import FleetEnv
 from auv_torchrl.evaluation import Policy, fly
 from auv_torchrl.experiment.schedule import Schedule, schedule
 from auv_torchrl.experiment.setup import Experiment
@@ -178,10 +178,14 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
     task = replace(experiment.exam, episode_s=config.length_s, thruster_commands=True)
     plan = schedule(experiment.scenario, experiment.vehicle, config, count, experiment.starts_seed, task.control_dt)
     adapter = InFlightAdapter(experiment.vehicle, task, experiment.adaptation, count)
-    fleet = experiment.fleet(count, plan.scenario, thruster_commands=True, episode_s=config.length_s)
-    fleet.simulator.delay_scenario(plan.delay_s)
-    adapted = fly_adapting(TransformedEnv(fleet, observing(adapter, task)), policy, starts, task.steps)
-    alone = _fly_alone(experiment, plan, policy, starts, task.steps)
+
+    def fleet(thruster_commands: bool) -> FleetEnv:
+        made = experiment.fleet(count, plan.scenario, thruster_commands, config.length_s)
+        made.simulator.delay_scenario(plan.delay_s)
+        return made
+
+    adapted = fly_adapting(TransformedEnv(fleet(True), observing(adapter, task)), policy, starts, task.steps)
+    alone = fly(fleet(False), policy, starts, task.steps)
     nexts = [change.at_s for change in plan.changes[1:]] + [None]
     recovered = tuple(
         recoveries(adapted, change.at_s, change.before, until)
@@ -191,12 +195,6 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
     remaining, agreeing = _consensus(adapter, recovered[-1])
     cost = cost_per_step(experiment.vehicle, experiment.adaptation, TIMED_STEPS)
     return InFlight(plan, adapted, alone, recovered, remaining, agreeing, cost)
-
-
-def _fly_alone(experiment: Experiment, plan: Schedule, policy: Policy, starts: TensorDict, steps: int) -> Flight:
-    fleet = experiment.fleet(len(starts), plan.scenario, episode_s=experiment.flight.length_s)
-    fleet.simulator.delay_scenario(plan.delay_s)
-    return fly(fleet, policy, starts, steps)
 
 
 def _warn_of_early_faults(adapted: AdaptedFlight, plan: Schedule) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from auv_torchrl.compensation.command_share import command_sentence
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.experiment.console import readable
-from auv_torchrl.files import write_whole
+from auv_torchrl.files import write_text
 from auv_torchrl.tasks import StationKeeping
 
 RESULTS = "results.json"
@@ -64,12 +64,12 @@ class Results:
 
     def save(self, folder: Path) -> None:
         """Write ``results.json`` at once or not at all."""
-        write_whole(folder / RESULTS, (json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n").encode())
+        write_text(folder / RESULTS, json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
 
     def table(self) -> str:
         """Markdown: the paper's row beside ours, then what it took."""
-        flown = f"{self.scenario}, vehicle {self.vehicle}, {self.starts} starts within ±{self.box_m:g} m"
-        rows = [with_task(self.task, flown), ""]
+        what = f"{self.scenario}, vehicle {self.vehicle}, {self.starts} starts within ±{self.box_m:g} m"
+        rows = [with_task(self.task, what), ""]
         rows += ["| | " + " | ".join(COLUMNS) + " |", "|---|" + "---:|" * len(COLUMNS)]
         published = TABLE_2.get(self.scenario, {}) if (self.vehicle, self.task) == PUBLISHED else {}
         rows += [_row(f"paper, {name}", {"mean_m": published[name]}) for name in ("u_s", "u_t") if name in published]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from omegaconf import DictConfig
 
-from auv_torchrl.experiment.figures import DPI
+from auv_torchrl.experiment.figures import DPI, bare
 from auv_torchrl.experiment.results import TABLE_2, read_results, with_task
 from auv_torchrl.palette import CONTROLLER, LABEL
 from auv_torchrl.tasks import StationKeeping
@@ -96,9 +96,7 @@ def picture(runs: Runs) -> Figure:
     axes.set(xscale="log", yticks=range(len(labels)), xlabel="mean distance to the target for t ≥ 10 s in m")
     axes.set_yticklabels(labels, fontsize=8)
     axes.invert_yaxis()
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.grid(alpha=0.25, linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
+    bare(axes)
     keys = [Line2D([], [], marker=shape, linestyle="", color=CONTROLLER[name], label=LABEL[name])
             for name, shape in shapes.items()]  # fmt: skip
     keys.append(

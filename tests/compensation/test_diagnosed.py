@@ -17,6 +17,7 @@ from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.compensation.target_log import fly_target_log
+from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.envs import make_fleet
 from auv_torchrl.envs.randomize import read_ranges
@@ -55,6 +56,15 @@ def test_a_diagnosis_is_read_as_vehicle_and_ranges(tmp_path):
         for name, (low, high) in found.ranges.get(change.effect.name, {}).items():
             assert low <= change.values[name] <= high
     read_ranges(VEHICLE, found.ranges)
+
+
+def test_a_value_of_nearly_nothing_is_a_number_too():
+    """What YAML 1.1 takes for a word, 5e-05, is the value that was found."""
+    made = example()
+    place = {axis: Estimate(value, value, value, 0.0, "m") for axis, value in (("x", 0.1), ("y", 5e-05))}
+    shifted = FoundEffect("mass_offset", 0.99, place, (), 0.9, "The mass is off.")
+    found = Diagnosed.of(replace(made, effects=(shifted,)), VEHICLE)
+    assert found.scenario.changes[0].values["y"] == 5e-05
 
 
 def test_what_is_no_diagnosis_of_this_vehicle_is_refused_with_the_remedy(tmp_path):

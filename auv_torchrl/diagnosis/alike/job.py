@@ -61,16 +61,9 @@ def lines(told: Alike) -> Iterator[str]:
 
 def to_json(told: Alike) -> dict[str, Any]:
     """The content of ``alike.json``, of plain types alone."""
-    content = {name: plain(getattr(told, name)) for name in ("vehicle", "healthy", "channels", "seconds", "session")}
-    return {
-        "version": VERSION,
-        **content,
-        "runs": [_plain(answer) for answer in told.runs],
-        "together": _plain(told.together),
-        "cannot_tell": list(told.cannot_tell),
-        "left_out": list(told.left_out),
-    }
+    runs, together = [_plain(answer) for answer in told.runs], _plain(told.together)
+    return {"version": VERSION, **plain(told), "runs": runs, "together": together}
 
 
 def _plain(answer: Answer) -> dict[str, Any]:
-    return {**plain(answer), "verdict": answer.verdict.key, "sentence": answer.sentence}
+    return {**plain(answer), "sentence": answer.sentence}

@@ -7,6 +7,7 @@ from itertools import groupby
 import numpy as np
 
 from auv_torchrl.diagnosis.alike.runs import BIN_S, Runs
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, Values, batch, make_atoms
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects import EFFECTS
@@ -75,18 +76,16 @@ def mark_effects(vehicle: Vehicle, runs: Runs, settings: Settings) -> tuple[Floa
 
 def comes_about(atom: Atom, vehicle: Vehicle) -> bool:
     """Whether a sound vehicle changes so by itself: thrust is lost, not gained."""
-    effect = EFFECTS[atom.effect]
-    nominal, members = effect.nominal(vehicle), effect.member_parameters(vehicle)
-    ways = {name: effect.wears.get(members[name].name, 0) for name in atom.values}
-    return not effect.is_property and all(ways[n] * (v - nominal[n]) >= 0 for n, v in atom.values.items())
+    effect, known = EFFECTS[atom.effect], declared(atom.effect, vehicle)
+    ways = {name: effect.wears.get(known.parameters[name].name, 0) for name in atom.values}
+    return not effect.is_property and all(ways[n] * (v - known.nominal[n]) >= 0 for n, v in atom.values.items())
 
 
 def _both_ways(atom: Atom, vehicle: Vehicle) -> list[Atom]:
     """A change that may act by any amount, and its opposite: a weight off the middle tilts either way alike."""
     if atom.discrete or atom.elastic:
         return [atom]
-    effect = EFFECTS[atom.effect]
-    nominal, members = effect.nominal(vehicle), effect.member_parameters(vehicle)
+    members, nominal, _ = declared(atom.effect, vehicle)
     opposite = {name: 2 * nominal[name] - value for name, value in atom.values.items()}
     inside = all(members[name].low <= value <= members[name].high for name, value in opposite.items())
     return [atom, replace(atom, values=opposite)] if inside else [atom]
@@ -105,5 +104,5 @@ def _gentle(atom: Atom, vehicle: Vehicle) -> tuple[dict[str, float], float]:
     """The values to simulate, and which share of the atom they are."""
     if atom.discrete or atom.elastic:
         return atom.values, 1.0
-    nominal = EFFECTS[atom.effect].nominal(vehicle)
+    nominal = declared(atom.effect, vehicle).nominal
     return {name: nominal[name] + LINEAR_STEP * (v - nominal[name]) for name, v in atom.values.items()}, LINEAR_STEP

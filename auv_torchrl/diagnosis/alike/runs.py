@@ -8,7 +8,8 @@ import numpy as np
 from auv_torchrl.diagnosis.alike.beginning import beginning, known_beginnings
 from auv_torchrl.diagnosis.alike.spectrum import SHAKEN, highest_frequency, log_power
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog, FlightLogError
+from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
+from auv_torchrl.flightlog.log import AXES
 from auv_torchrl.physics import CONTROL_DT
 
 BIN_S = 1.0  # s, over which samples become one number: slow enough for spikes to drop out, fast enough for a start
@@ -102,8 +103,7 @@ def cut_runs(logs: Sequence[FlightLog], sound: Runs | None = None) -> Runs:
 
 def _medians(episode: Episode, channels: Sequence[str], bins: int) -> Floats | None:
     """Medians (C, B) of a run, None where a bin has no sample."""
-    columns = np.concatenate([episode.pose, episode.velocity], axis=1)
-    columns = columns[:, [(POSE + VELOCITY).index(name) for name in channels]]
+    columns = episode.values[:, [AXES.index(name) for name in channels]]
     place = np.floor((episode.t - episode.t[0]) / BIN_S).astype(int)
     found = np.full((len(channels), bins), np.nan)
     for at in range(bins):

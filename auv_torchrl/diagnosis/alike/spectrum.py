@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.flightlog import POSE, VELOCITY, Episode
+from auv_torchrl.flightlog.log import AXES, Episode
 
 SHAKEN = ("p", "q", "r")  # gyros feel what a propeller does once a turn; what tells speed is slower than that
 GRID_HZ = 0.05  # several values for each frequency that a run of ten seconds tells apart
@@ -37,8 +37,7 @@ def log_power(episode: Episode, channels: Sequence[str], highest: float) -> Floa
     step = _step(episode)
     if 0.5 / step < 0.99 * highest:
         return np.full((len(channels), len(frequencies)), np.nan)
-    own = np.concatenate([episode.pose, episode.velocity], axis=1)
-    columns = own[:, [(POSE + VELOCITY).index(name) for name in channels]]
+    columns = episode.values[:, [AXES.index(name) for name in channels]]
     since = episode.t - episode.t[0]
     even = np.arange(SETS_OFF_S, since[-1], step)
     return np.array([_log_power(since, column, even, frequencies) for column in columns.T]).reshape(

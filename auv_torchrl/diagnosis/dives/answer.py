@@ -1,6 +1,6 @@
 """What is said about many dives: the content of ``dives.json``, and of the page."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from auv_torchrl.diagnosis.thresholds import LIKELY
 from auv_torchrl.flightlog import Finding
@@ -106,7 +106,12 @@ class ManyDives:
     dives_per_false_alarm: float
     threshold: float  # of twice the log likelihood ratio
     cannot_tell: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = field(default=())  # of the reference
+    findings: tuple[Finding, ...] = ()  # of the reference
+
+    @property
+    def followed(self) -> dict[str, Followed]:
+        """The numbers by their keys."""
+        return {number.key: number for number in self.numbers}
 
     @property
     def changed(self) -> dict[str, ChangeTold]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -65,15 +66,17 @@ def judge(dives: Sequence[Dive], normal: Normal, reference: int, dives_per_false
     watched = np.array([number.watched for number in numbers])
     told = series_of(dives, normal, _of_the_day(normal)).told.any(1)
     limit = threshold(int((watched & told).sum()), reference, dives_per_false_alarm)
-    alarms = _watch(dives, normal, reference, limit, watched)
-    changed, free = _changed(dives, normal, reference, limit, watched)
+    look = partial(_noticed, dives, normal, reference, limit, watched)
+    alarms, _ = look(range(reference + 1, len(dives) + 1), len(numbers))
+    changed, free = look([len(dives)], MOST_CHANGED)
     series = scattered(series_of(dives, normal, free))
     odds = 1.0 / (dives_per_false_alarm * max(int(watched.sum()), 1))
     changes = []
-    for row, rivals in changed.items():
+    for alarm in changed:
+        row = alarm.number
         found = shifts(series.value[row], series.variance[row], reference, limit, numbers[row].width, odds)
         if found:
-            changes.append(Change(row, tuple(sorted(found, key=lambda shift: shift.begin)), rivals))
+            changes.append(Change(row, tuple(sorted(found, key=lambda shift: shift.begin)), alarm.rivals))
     return Judged(series, tuple(alarms), tuple(changes), limit, reference)
 
 
@@ -82,34 +85,29 @@ def _of_the_day(normal: Normal) -> np.ndarray:
     return np.array([number.is_daily for number in normal.numbers])
 
 
-def _watch(dives: Sequence[Dive], normal: Normal, reference: int, limit: float, watched: np.ndarray) -> list[Alarm]:
+def _noticed(
+    dives: Sequence[Dive],
+    normal: Normal,
+    reference: int,
+    limit: float,
+    watched: np.ndarray,
+    looks: Sequence[int],
+    most: int,
+) -> tuple[list[Alarm], np.ndarray]:
+    """The first ``most`` changes that stand out, and what is free then (k,).
+
+    At each of the ``looks`` only the first so many dives are known.
+    """
     free, quiet, found = _of_the_day(normal), watched.copy(), []
     series = series_of(dives, normal, free)
-    for n in range(reference + 1, len(dives) + 1):
-        while (best := _best(series.first(n), reference, quiet))[1] > limit:
+    for n in looks:
+        while len(found) < most and (best := _best(series.first(n), reference, quiet))[1] > limit:
             row, gain, rivals = _named(best[0], dives[:n], normal, free)
             found.append(Alarm(n - 1, row, rivals, gain))
             quiet[row] = False
             if row < len(free):
                 free[row] = True
                 series = series_of(dives, normal, free)
-    return found
-
-
-def _changed(
-    dives: Sequence[Dive], normal: Normal, reference: int, limit: float, watched: np.ndarray
-) -> tuple[dict[int, tuple[int, ...]], np.ndarray]:
-    """Numbers that changed, each with its rivals, and what is free then (k,)."""
-    free, quiet = _of_the_day(normal), watched.copy()
-    found: dict[int, tuple[int, ...]] = {}
-    while len(found) < MOST_CHANGED:
-        each, largest = _best(series_of(dives, normal, free), reference, quiet)
-        if not largest > limit:
-            break
-        row, _, found_rivals = _named(each, dives, normal, free)
-        found[row], quiet[row] = found_rivals, False
-        if row < len(free):
-            free[row] = True
     return found, free
 
 

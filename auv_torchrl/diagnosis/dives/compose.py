@@ -56,8 +56,8 @@ def compose(
             dive.begun,
             dive.seconds,
             t < judged.reference,
-            dive.excess if np.isfinite(dive.excess) else None,
-            not dive.excess > excess,
+            dive.excess,
+            dive.explained(excess),
             dive.refused,
             {
                 number.key: _value(series.value[row, t], np.sqrt(series.variance[row, t]))

@@ -2,32 +2,32 @@
 
 import logging
 from pathlib import Path
-from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input
+from auv_torchrl.diagnosis import request
 from auv_torchrl.diagnosis.calibrate.uncertainty import read_uncertainty
 from auv_torchrl.diagnosis.dives.answer import ManyDives, OwnDiagnosis
 from auv_torchrl.diagnosis.dives.changes import Judged, judge
 from auv_torchrl.diagnosis.dives.compose import compose
-from auv_torchrl.diagnosis.dives.dives_file import to_json
 from auv_torchrl.diagnosis.dives.page import dives_page
 from auv_torchrl.diagnosis.dives.plan import plan
 from auv_torchrl.diagnosis.dives.said import console
 from auv_torchrl.diagnosis.dives.told import Dive
 from auv_torchrl.diagnosis.dives.work import Work, diagnose_some, follow_all
 from auv_torchrl.diagnosis.logs import names
-from auv_torchrl.diagnosis.plain import write_json
+from auv_torchrl.diagnosis.plain import plain, write_json
 from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.settings import read_settings
-from auv_torchrl.files import write_whole
+from auv_torchrl.files import write_text
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.vehicle import load_vehicle
 
 log = logging.getLogger("diagnose")
+VERSION = 1  # of dives.json
 _SHAPING = ("vehicle", "diagnosis", "extra", "modes", "params", "system", "trust_log")  # keys that shape an answer
 
 
@@ -52,8 +52,8 @@ def answer_dives(config: DictConfig) -> None:
 
 def write_answer(told: ManyDives, work: Work, folder: Path) -> None:
     """Write the page and the file for programs."""
-    write_json(folder / "dives.json", to_json(told))
-    write_whole(folder / "dives.html", dives_page(told, work.vehicle).encode("utf-8", "surrogateescape"))
+    write_json(folder / "dives.json", {"version": VERSION, **plain(told)})
+    write_text(folder / "dives.html", dives_page(told, work.vehicle))
 
 
 def to_diagnose(each: str, dives: list[Dive], judged: Judged, excess: float) -> list[int]:
@@ -68,30 +68,26 @@ def to_diagnose(each: str, dives: list[Dive], judged: Judged, excess: float) -> 
     if each == "all":
         return usable
     noticed = {alarm.dive for alarm in judged.alarms} | ({usable[-1]} if judged.changes else set())
-    odd = {i for i in usable if i >= judged.reference and dives[i].excess > excess}
+    odd = {i for i in usable if i >= judged.reference and not dives[i].explained(excess)}
     return sorted((noticed | odd) & set(usable))
 
 
 def _work(config: DictConfig) -> Work:
-    vehicle = load_vehicle(_plain(config.vehicle))
+    vehicle = load_vehicle(request.plain(config.vehicle))
     if config.each not in ("all", "changed", "none"):
         raise ValueError(f"each is {config.each!r}: give changed, all or none")
     if not config.dives_per_false_alarm >= 1:
         raise ValueError(f"dives_per_false_alarm is {config.dives_per_false_alarm}: give 1 or more")
-    options = read_options(names(config, "modes"), _plain(config.params), config.system)
+    options = read_options(names(config, "modes"), request.plain(config.params), config.system)
     return Work(
         vehicle=vehicle,
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
-        settings=read_settings(_plain(config.diagnosis), vehicle),
-        uncertainty=read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle),
+        settings=read_settings(request.plain(config.diagnosis), vehicle),
+        uncertainty=read_uncertainty(request.plain(config.vehicle).get("uncertainty"), vehicle),
         extra=names(config, "extra"),
         options=options,
         trust_log=config.trust_log,
-        shaped_by={key: _plain(config[key]) for key in _SHAPING} | {"parameters": dict(options.parameters)},
+        shaped_by={key: request.plain(config[key]) for key in _SHAPING} | {"parameters": dict(options.parameters)},
         store=Path(config.store).absolute(),
         jobs=int(config.jobs),
     )
-
-
-def _plain(config: Any) -> Any:
-    return OmegaConf.to_container(config, resolve=True) if OmegaConf.is_config(config) else config

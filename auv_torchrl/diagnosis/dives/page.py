@@ -6,7 +6,6 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from auv_torchrl import __version__
 from auv_torchrl.diagnosis.dives.answer import DiveTold, Followed, ManyDives
 from auv_torchrl.diagnosis.dives.charts import over_dives
 from auv_torchrl.diagnosis.dives.said import rate, size_of
@@ -41,19 +40,20 @@ def dives_page(told: ManyDives, vehicle: Vehicle) -> str:
         vehicle: the nominal vehicle, no batch, for the drawing.
     """
     environment = templates(_HERE)
-    labels = {number.key: number.label for number in told.numbers}
-    units = {number.key: number.unit for number in told.numbers}
-    environment.filters |= {"label": labels.__getitem__, "size": lambda value, key: size_of(value, units[key])}
+    followed = told.followed
+    environment.filters |= {
+        "label": lambda key: followed[key].label,
+        "size": lambda value, key: size_of(value, followed[key].unit),
+    }
     environment.globals["state"] = state
     style = STYLE.read_text(encoding="utf-8")
     thrusters = sorted(_thrusters(told, vehicle))
     return environment.get_template("dives.html.j2").render(
         d=told,
-        version=__version__,
         style=Markup(style + (_HERE / "dives.css").read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, ()), from_behind(vehicle, thrusters, ())),
         thrusters=thrusters,
-        verdict=_verdict(told),
+        sign=_sign(told),
         facts=_facts(told),
         families=_families(told),
         rate=rate(told),
@@ -73,7 +73,7 @@ def state(dive: DiveTold, told: ManyDives) -> tuple[str, str]:
     return ("reference", "info") if dive.is_reference else ("", "info")
 
 
-def _verdict(told: ManyDives) -> tuple[str, str, str]:
+def _sign(told: ManyDives) -> tuple[str, str, str]:
     """Sign, word and class of the verdict."""
     if any(change.is_likely for change in told.changes):
         return "●", "changed", "unexplained"
@@ -85,25 +85,26 @@ def _verdict(told: ManyDives) -> tuple[str, str, str]:
 def _facts(told: ManyDives) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
     used = [dive for dive in told.dives if not dive.refused]
-    facts, labels = [("dives", str(len(used)))], {number.key: number.label for number in told.numbers}
+    facts = [("dives", str(len(used)))]
     if told.alarms:
         facts.append(("the first alarm", f"dive {told.alarms[0].dive}"))
     if told.changes:
-        facts.append((f"probability that it changed: {labels[told.changes[0].number]}",
-                      percent(told.changes[0].probability)))  # fmt: skip
+        first = told.changes[0]
+        label = told.followed[first.number].label
+        facts.append((f"probability that it changed: {label}", percent(first.probability)))
     facts.append(("of a sound vehicle pass for one false alarm", f"{told.dives_per_false_alarm:g} dives"))
     return facts
 
 
 def _thrusters(told: ManyDives, vehicle: Vehicle) -> set[int]:
     """Those of which a number changed, likelier than not."""
-    found = set()
-    effects = {number.key: number.effect for number in told.numbers}
+    found, followed = set(), told.followed
     for change in filter(lambda change: change.is_likely, told.changes):
         for key in (change.number, *change.rivals):
-            if effects[key] == NOISE:
+            effect = followed[key].effect
+            if effect == NOISE:
                 continue
-            declared = EFFECTS[effects[key]].member_parameters(vehicle)[key.split(".", 1)[1]]
+            declared = EFFECTS[effect].member_parameters(vehicle)[key.split(".", 1)[1]]
             if declared.over == "thruster":
                 found.add(int(key.rsplit("_", 1)[1]))
     return found

@@ -1,7 +1,6 @@
 """Which logs are dives, which of them are the reference, and in which order they were flown."""
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -34,7 +33,8 @@ def plan(config: DictConfig) -> Planned:
     healthy = found["healthy"]
     own = {path.resolve() for path in healthy}
     dives = [path for path in found["log"] if path.resolve() not in own]
-    dives = _by_date(dives)
+    if all(begun(path) for path in dives):
+        dives.sort(key=begun)
     reference = len(healthy) or int(config.reference)
     if not healthy and reference < 1:
         raise ValueError(f"reference is {reference}: give 1 dive or more that is known to be sound, or healthy=[...]")
@@ -57,10 +57,3 @@ def begun(path: Path) -> str:
     except ValueError:
         return ""
     return moment.isoformat(sep=" ", timespec="minutes") if len(numbers) > 3 else moment.date().isoformat()
-
-
-def _by_date(dives: Sequence[Path]) -> list[Path]:
-    """By the dates in their names where all have one, else as they were given."""
-    if all(begun(path) for path in dives):
-        return sorted(dives, key=begun)
-    return list(dives)

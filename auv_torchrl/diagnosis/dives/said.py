@@ -81,8 +81,7 @@ def console(told: ManyDives) -> str:
     if told.changes:
         lines += ["", f"{'what changed':<28} {'since dive':>12} {'prob.':>7}  sentence"]
     for change in told.changes:
-        label = next(number.label for number in told.numbers if number.key == change.number)
-        first = change.shifts[0]
+        label, first = told.followed[change.number].label, change.shifts[0]
         since = f"{first.dive} ({first.dive_low} to {first.dive_high})"
         lines.append(f"{label:<28} {since:>12} {percent(change.probability):>7}  {change.sentence}")
     lines += ["", *(f"alarm at dive {alarm.dive}: {alarm.sentence}" for alarm in told.alarms)] if told.alarms else []

@@ -7,23 +7,20 @@ import hashlib
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import Any, TypeVar
 
 from auv_torchrl import __version__
-from auv_torchrl.diagnosis.dives.dives_file import finding_from, plain
-from auv_torchrl.diagnosis.dives.told import Dive, Normal, Number
-from auv_torchrl.files import write_whole
+from auv_torchrl.diagnosis.dives.told import Dive, Normal
+from auv_torchrl.diagnosis.plain import from_plain, plain
+from auv_torchrl.files import write_text
 from auv_torchrl.paths import own_folder
 
 log = logging.getLogger(__name__)
+Kept = TypeVar("Kept", Dive, Normal)
 
 _DIGITS = 20  # of the hash, in names of files
-_BLOCK = 1 << 20  # bytes read at once
 
 
 @cache
@@ -43,60 +40,28 @@ def key_of(settings: Mapping[str, Any], *files: Path) -> str:
     for file in files:
         for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
             if part.is_file():
-                summed.update(_digest(part))
+                with part.open("rb") as content:
+                    summed.update(hashlib.file_digest(content, "sha256").digest())
     return summed.hexdigest()[:_DIGITS]
 
 
-def keep_dive(folder: Path, key: str, dive: Dive) -> None:
-    """Keep what one dive tells."""
-    _write(folder, f"dive_{key}.json", {**asdict(dive), "noise": dict(dive.noise)})
-
-
-def kept_dive(folder: Path, key: str) -> Dive | None:
-    """The dive that was kept; None where there is none that can be read."""
-    content = _read(folder / f"dive_{key}.json")
-    if content is None:
-        return None
-    findings = tuple(finding_from(entry) for entry in content["findings"])
-    excess = np.nan if content["excess"] is None else content["excess"]
-    return Dive(**{**content, "A": np.array(content["A"]), "h": np.array(content["h"]), "findings": findings,
-                   "excess": excess})  # fmt: skip
-
-
-def keep_normal(folder: Path, key: str, normal: Normal) -> None:
-    """Keep how the sound vehicle is."""
-    _write(folder, f"reference_{key}.json", {**asdict(normal), "noise": dict(normal.noise)})
-
-
-def kept_normal(folder: Path, key: str) -> Normal | None:
-    """The sound vehicle that was kept; None where there is none that can be read."""
-    content = _read(folder / f"reference_{key}.json")
-    if content is None:
-        return None
-    numbers = tuple(Number(**entry) for entry in content["numbers"])
-    findings = tuple(finding_from(entry) for entry in content["findings"])
-    return Normal(numbers, np.array(content["covariance"]), content["noise"], findings)
-
-
-def _digest(path: Path) -> bytes:
-    summed = hashlib.sha256()
-    with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            summed.update(block)
-    return summed.digest()
-
-
-def _write(folder: Path, name: str, content: Mapping[str, Any]) -> None:
+def keep(folder: Path, key: str, told: Dive | Normal) -> None:
+    """Keep what one dive tells, or how the sound vehicle is."""
     folder.mkdir(parents=True, exist_ok=True)
-    arrays = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in content.items()}
-    write_whole(folder / name, json.dumps(plain(arrays), allow_nan=False).encode("utf-8", "surrogateescape"))
+    write_text(_file(folder, key, type(told)), json.dumps(plain(told), allow_nan=False))
 
 
-def _read(path: Path) -> dict[str, Any] | None:
+def kept(folder: Path, key: str, kind: type[Kept]) -> Kept | None:
+    """What was kept; None where there is none that can be read."""
+    path = _file(folder, key, kind)
     try:
-        return json.loads(path.read_bytes())
+        return from_plain(kind, json.loads(path.read_bytes()))
     except FileNotFoundError:
         return None
-    except ValueError:
+    except (KeyError, ValueError):
         log.warning("%s cannot be read: it is worked out again", path)
         return None
+
+
+def _file(folder: Path, key: str, kind: type[Dive | Normal]) -> Path:
+    return folder / f"{'dive' if kind is Dive else 'reference'}_{key}.json"

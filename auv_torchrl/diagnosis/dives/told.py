@@ -1,7 +1,7 @@
 """What is followed from dive to dive, and what one dive tells of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -73,16 +73,20 @@ class Dive:
     A: Floats  # (k, k)
     h: Floats  # (k,)
     noise: Mapping[str, float]  # standard deviation by channel
-    excess: float  # chi-square per measured number that is left with all numbers free
+    excess: float | None  # chi-square per measured number, left with all numbers free; None where nothing was read
     seconds: float = 0.0
     begun: str = ""  # date and time, where the name of its file has one
     findings: tuple[Finding, ...] = ()
     refused: str = ""  # why nothing was read from it; then the rest says nothing
 
+    def explained(self, most: float) -> bool:
+        """Whether no more than ``most`` is left; of a log that was not read nothing is."""
+        return self.excess is None or not self.excess > most
+
     @staticmethod
-    def unread(name: str, why: str, k: int, begun: str = "", findings: tuple[Finding, ...] = ()) -> "Dive":
+    def unread(name: str, why: str, k: int, begun: str = "") -> "Dive":
         """A log that tells nothing of k numbers."""
-        return Dive(name, np.zeros((k, k)), np.zeros(k), {}, np.nan, 0.0, begun, findings, why)
+        return Dive(name, np.zeros((k, k)), np.zeros(k), {}, None, begun=begun, refused=why)
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ class Normal:
     numbers: tuple[Number, ...]  # (k,)
     covariance: Floats  # (k, k) of what another dive of a sound vehicle may show
     noise: Mapping[str, float]  # standard deviation by channel
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[Finding, ...] = ()
 
     @cached_property
     def width(self) -> Floats:

@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.dives.answer import OwnDiagnosis
 from auv_torchrl.diagnosis.dives.follow import Reference, refer, tell
 from auv_torchrl.diagnosis.dives.plan import Planned
-from auv_torchrl.diagnosis.dives.store import keep_dive, keep_normal, kept_dive, kept_normal, key_of
+from auv_torchrl.diagnosis.dives.store import keep, kept, key_of
 from auv_torchrl.diagnosis.dives.told import Dive, Normal
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.files import write_whole
@@ -64,8 +64,8 @@ def follow_all(work: Work, planned: Planned, progress: Callable[[str, float], No
     """
     key = work.key(planned)
     keys = [work.key(planned, path) for path in planned.paths]
-    normal = kept_normal(work.store, key)
-    dives = {i: dive for i, own in enumerate(keys) if normal and (dive := kept_dive(work.store, own)) is not None}
+    normal = kept(work.store, key, Normal)
+    dives = {i: dive for i, own in enumerate(keys) if normal and (dive := kept(work.store, own, Dive)) is not None}
     if dives:
         log.info("%d of %d dives were worked out before", len(dives), len(keys))
     waiting = [i for i in range(len(keys)) if i not in dives]
@@ -75,7 +75,7 @@ def follow_all(work: Work, planned: Planned, progress: Callable[[str, float], No
         reference = refer(healthy, work.vehicle, work.settings, work.uncertainty)
         if normal is None:
             normal = reference.normal
-            keep_normal(work.store, key, normal)
+            keep(work.store, key, normal)
         tasks = [(work, reference, planned.paths[i], planned.begun[i], keys[i]) for i in waiting]
         for i, dive in zip(waiting, each(_follow_one, tasks, work.jobs), strict=True):
             dives[i] = dive
@@ -90,7 +90,7 @@ def _follow_one(task: tuple[Work, Reference, Path, str, str]) -> Dive:
         dive = tell(work.read(path), reference, begun)
     except FlightLogError as error:
         dive = Dive.unread(path.name, str(error), len(reference.normal.numbers), begun)
-    keep_dive(work.store, key, dive)
+    keep(work.store, key, dive)
     return dive
 
 
@@ -98,10 +98,10 @@ def diagnose_some(work: Work, planned: Planned, which: Sequence[int], folder: Pa
     """Dives diagnosed by themselves, each against the reference, and their reports in folders of their own."""
     tasks = [(work, planned, i) for i in which]
     found = {}
-    for i, (kept, said) in zip(which, each(_diagnose_one, tasks, work.jobs), strict=True):
-        if kept is not None:
+    for i, (where, said) in zip(which, each(_diagnose_one, tasks, work.jobs), strict=True):
+        if where is not None:
             own = f"dives/{i + 1:03d}_{planned.paths[i].stem}"
-            shutil.copytree(kept, folder / own, dirs_exist_ok=True)
+            shutil.copytree(where, folder / own, dirs_exist_ok=True)
             found[i] = OwnDiagnosis(*said, own)
         log.info("dive %d by itself: %s", i + 1, said[1])
     return found
@@ -111,20 +111,18 @@ def _diagnose_one(task: tuple[Work, Planned, int]) -> tuple[Path | None, tuple[s
     """Where the files of its diagnosis are kept, and its verdict and summary."""
     from auv_torchrl.diagnosis.pipeline import diagnose  # here: it loads MuJoCo, which following does not need
     from auv_torchrl.diagnosis.report.files import write_files
-    from auv_torchrl.diagnosis.verdict_file import from_json
 
     work, planned, i = task
     path, reference = planned.paths[i], [p for p in planned.paths[: planned.reference] if p != planned.paths[i]]
-    kept = work.store / f"diagnosis_{work.key(planned, path)}"
-    done = kept / "diagnosis.json"
-    if not (kept / "complete").is_file():
+    where = work.store / f"diagnosis_{work.key(planned, path)}"
+    if not (where / "complete").is_file():
         try:
             healthy = [work.read(p) for p in reference]
             found = diagnose(work.read(path), work.vehicle, healthy, vehicle_name=work.vehicle_name,
                              settings=work.settings, uncertainty=work.uncertainty)  # fmt: skip
         except FlightLogError as error:
             return None, ("", str(error))
-        write_files(found, work.vehicle, kept, replace=True)
-        write_whole(kept / "complete", b"")
-    diagnosis = from_json(json.loads(done.read_bytes()))
-    return kept, (diagnosis.verdict.key, diagnosis.summary)
+        write_files(found, work.vehicle, where, replace=True)
+        write_whole(where / "complete", b"")
+    told = json.loads((where / "diagnosis.json").read_bytes())
+    return where, (told["verdict"], told["summary"])

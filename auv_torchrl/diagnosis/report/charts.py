@@ -81,14 +81,14 @@ def horizons(title: str, unit: str, horizon_s: Sequence[float], errors: Errors) 
     return svg(_WIDTH, _HEIGHT, label, parts, "chart")
 
 
-def shares(label: str, values: Mapping[str, float], css: str = "share") -> Markup:
+def shares(label: str, values: Mapping[str, float]) -> Markup:
     """Horizontal bars of shares in [0, 1], in the order given."""
     parts = []
     for i, (name, value) in enumerate(values.items()):
         y = i * (_BAR + 6)
         parts.append(text(138, y + 12, name, "name", "end"))
         parts.append(rect(144, y, 130, _BAR, "track"))
-        parts.append(rect(144, y, 130 * min(max(value, 0.0), 1.0), _BAR, f"bar {css}"))
+        parts.append(rect(144, y, 130 * min(max(value, 0.0), 1.0), _BAR, "bar share"))
         parts.append(text(280, y + 12, percent(value), "value"))
     return svg(330, max(len(values), 1) * (_BAR + 6), label, parts, "shares")
 

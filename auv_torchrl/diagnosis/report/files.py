@@ -1,7 +1,6 @@
 """The files that a diagnosis leaves in its folder."""
 
 import json
-import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -16,10 +15,9 @@ from auv_torchrl.diagnosis.report.recording import record_diagnosis
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Window
 from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.files import encoded, write_whole
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import Vehicle
-
-log = logging.getLogger(__name__)
 
 
 def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: bool = False) -> list[Path]:
@@ -37,43 +35,37 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
     Raises:
         FileExistsError: if one is there already and is not to be replaced.
     """
-    content = json.dumps(to_json(diagnosis), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    writers: dict[str, Callable[[Path], object]] = {
-        "report.html": lambda path: _write_text(path, report_page(diagnosis, vehicle)),
-        "diagnosis.json": lambda path: _write_text(path, content),
-        "scenario.yaml": lambda path: _write_text(path, scenario_yaml(diagnosis, vehicle)),
-        "randomization.yaml": lambda path: _write_text(path, randomization_yaml(diagnosis, vehicle)),
-        "predictions.parquet": lambda path: pyarrow.parquet.write_table(predictions(diagnosis.windows), path),
+    answer = json.dumps(to_json(diagnosis), indent=2, ensure_ascii=False, allow_nan=False)
+    contents = {
+        "report.html": encoded(report_page(diagnosis, vehicle)),
+        "diagnosis.json": encoded(answer + "\n"),
+        "scenario.yaml": encoded(scenario_yaml(diagnosis, vehicle)),
+        "randomization.yaml": encoded(randomization_yaml(diagnosis, vehicle)),
+        "predictions.parquet": _bytes(pyarrow.parquet.write_table, predictions(diagnosis.windows)),
     }
     if change := to_change(diagnosis):
-        writers["advice.param"] = lambda path: _write_text(path, "".join(f"{n},{v:g}\n" for n, v in change.items()))
+        contents["advice.param"] = encoded("".join(f"{name},{value:g}\n" for name, value in change.items()))
     experiment = diagnosis.next_experiment
     if experiment is not None and experiment.t is not None and experiment.thruster_commands is not None:
         commands = {"t": np.round(experiment.t, 6)}
         commands |= {f"cmd_{i + 1}": np.round(c, 6) for i, c in enumerate(experiment.thruster_commands.T)}
-        writers[experiment.commands] = lambda path: pyarrow.csv.write_csv(_table(commands), path)
+        contents[experiment.commands] = _bytes(pyarrow.csv.write_csv, _table(commands))
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name, write in writers.items():
-        target = folder / name
-        if target.exists() and not replace:
-            raise FileExistsError(f"{target} exists: give another output folder or delete it")
-        partial = folder / f".{name}.partial"
-        try:
-            write(partial)
-        except BaseException:
-            partial.unlink(missing_ok=True)  # on a full disk half a file takes the room of the next attempt
-            raise
-        partial.replace(target)
-        written.append(target)
-    record_diagnosis(diagnosis, vehicle, folder / "diagnosis.rrd", replace)
-    return [*written, folder / "diagnosis.rrd"]
+    paths = [folder / name for name in (*contents, "diagnosis.rrd")]
+    for path in paths:
+        if path.exists() and not replace:
+            raise FileExistsError(f"{path} exists: give another output folder or delete it")
+    for name, content in contents.items():
+        write_whole(folder / name, content)
+    record_diagnosis(diagnosis, vehicle, paths[-1])
+    return paths
 
 
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(
-        text, encoding="utf-8", errors="surrogateescape"
-    )  # names of logs that are no UTF-8 keep their bytes
+def _bytes(write: Callable[[pa.Table, pa.NativeFile], object], table: pa.Table) -> bytes:
+    """What ``write`` makes of a table."""
+    stream = pa.BufferOutputStream()
+    write(table, stream)
+    return stream.getvalue().to_pybytes()
 
 
 def predictions(windows: tuple[Window, ...]) -> pa.Table:
@@ -91,8 +83,7 @@ def predictions(windows: tuple[Window, ...]) -> pa.Table:
         for i in range(window.commands.shape[1]):
             add(f"cmd_{i + 1}", window.commands[:, i])
         for kind in ("measured", "before", "after"):
-            trajectory = getattr(window, kind)
-            values = np.hstack((trajectory.pose, trajectory.velocity))
+            values = getattr(window, kind).values
             for i, axis in enumerate((*POSE, *VELOCITY)):
                 add(f"{kind}_{axis}", values[:, i])
     return _table({name: np.concatenate(parts) for name, parts in columns.items()})

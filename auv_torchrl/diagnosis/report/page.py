@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
@@ -14,9 +13,9 @@ from auv_torchrl.diagnosis.configured import set_wrong, to_change
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.svg import between, estimated, number
-from auv_torchrl.diagnosis.report.wording import sentence, words
+from auv_torchrl.diagnosis.report.wording import measured_errors, sentence, words
 from auv_torchrl.diagnosis.summary import suspects
-from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, FoundEffect, Gap, Verdict, Where, Window
+from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.paths import cache_folder
@@ -43,20 +42,13 @@ _CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are mark
 _GLYPH = {Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○"}
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A measured stretch beside its simulations."""
-
-    title: str
-    charts: Sequence[Markup]
-
-
 def templates(folder: Path) -> jinja2.Environment:
-    """What turns the templates of a folder into pages, with the words that all of them use."""
+    """What turns the templates of a folder into pages, with the frame and the words that all of them use."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folder), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, bytecode_cache=_compiled_before(),
+        loader=jinja2.FileSystemLoader([folder, _HERE]), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, bytecode_cache=_compiled_before(),
     )  # fmt: skip
+    environment.globals["version"] = __version__
     environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
     return environment
 
@@ -93,8 +85,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     return environment.get_template("page.html.j2").render(
         d=diagnosis,
         verdict=diagnosis.verdict,
-        glyph=_GLYPH[diagnosis.verdict],
-        version=__version__,
+        sign=(_GLYPH[diagnosis.verdict], words(diagnosis.verdict.key), diagnosis.verdict.key),
         style=Markup(STYLE.read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
@@ -104,7 +95,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         after=_after(diagnosis),
         figures=_figures(diagnosis.windows),
         gap_charts=_gap_charts(diagnosis),
-        confirmed=_kinds(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],
+        confirmed=measured_errors(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],
         facts=_facts(diagnosis),
         where=_where(diagnosis),
         ranking=shares(
@@ -145,17 +136,11 @@ def _clear_axes(where: Where, effects: Iterable[FoundEffect]) -> list[str]:
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
     facts = [("of the gap closed", percent(diagnosis.gap.closed))] if diagnosis.gap.closed is not None else []
-    for errors, unit, name in (
-        (diagnosis.gap.position_m, "m", "position error"),
-        (diagnosis.gap.velocity, "m/s", "velocity error"),
-    ):
-        if errors is not None and errors.before:
-            horizon = diagnosis.gap.horizon_s[-1]
-            change = f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)} {unit}"
-            facts.append(
-                (f"{name} after {horizon:g} s, before and after (floor {number(errors.floor[-1], 2)})", change)
-            )
-            break
+    told = [kind for kind in measured_errors(diagnosis.gap) if kind[0] != "heading" and kind[2].before]
+    for name, unit, errors in told[:1]:
+        change = f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)} {unit}"
+        when = f"after {diagnosis.gap.horizon_s[-1]:g} s, before and after (floor {number(errors.floor[-1], 2)})"
+        facts.append((f"{name} error {when}", change))
     if diagnosis.effects:
         first = diagnosis.effects[0]
         facts.append((f"probability of {words(first.name)}", percent(first.probability)))
@@ -164,16 +149,9 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return facts
 
 
-def _kinds(gap: Gap | Confirmation) -> list[tuple[str, str, Errors]]:
-    """What was measured, with its unit and errors."""
-    kinds = (("position error", "m", gap.position_m), ("heading error", "rad", gap.yaw_rad),
-             ("velocity error", "m/s", gap.velocity))  # fmt: skip
-    return [(name, unit, errors) for name, unit, errors in kinds if errors is not None]
-
-
 def _gap_charts(diagnosis: Diagnosis) -> list[Markup]:
     gap = diagnosis.gap
-    return [horizons(name.capitalize(), unit, gap.horizon_s, errors) for name, unit, errors in _kinds(gap)]
+    return [horizons(f"{name.capitalize()} error", unit, gap.horizon_s, e) for name, unit, e in measured_errors(gap)]
 
 
 def _where(diagnosis: Diagnosis) -> list[tuple[str, Markup]]:
@@ -183,8 +161,8 @@ def _where(diagnosis: Diagnosis) -> list[tuple[str, Markup]]:
     return [(title, shares(f"Share of the gap {title}", values)) for title, values in kinds if values]
 
 
-def _figures(windows: Sequence[Window]) -> list[Figure]:
-    """A typical window and the one that is explained worst."""
+def _figures(windows: Sequence[Window]) -> list[tuple[str, list[Markup]]]:
+    """A typical window and the one that is explained worst: a title, and measured curves beside simulated ones."""
     if not windows:
         return []
     order = np.argsort([_misfit(window) for window in windows])
@@ -193,7 +171,7 @@ def _figures(windows: Sequence[Window]) -> list[Figure]:
     if worst is not typical:
         shown["The held-out stretch that is explained worst"] = worst
     return [
-        Figure(f"{title}: episode {w.episode}, {w.t[0]:.1f} to {w.t[-1]:.1f} s", list(_window_charts(w)))
+        (f"{title}: episode {w.episode}, {w.t[0]:.1f} to {w.t[-1]:.1f} s", list(_window_charts(w)))
         for title, w in shown.items()
     ]
 

@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from auv_torchrl.diagnosis.verdict import Diagnosis, Trajectory, Window
 from auv_torchrl.flight import Flight
 from auv_torchrl.flightlog import POSE, VELOCITY
-from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.flightlog.log import AXES, Floats
 from auv_torchrl.palette import NEUTRAL, U_S, U_T, rgb
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
@@ -25,20 +25,14 @@ COLOUR = {"measured": NEUTRAL, "before": U_S, "after": U_T}
 PAUSE_S = 0.5  # between windows on the common timeline
 
 
-def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path, replace: bool = False) -> None:
-    """Write a recording of the windows of a diagnosis.
+def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path) -> None:
+    """Write a recording of the windows of a diagnosis, over one that there is.
 
     Args:
         diagnosis: with its windows.
         vehicle: the nominal vehicle, no batch.
         path: of the .rrd file.
-        replace: the file if there is one; otherwise there must be none.
-
-    Raises:
-        FileExistsError: if there is such a file and it is not to be replaced.
     """
-    if path.exists() and not replace:
-        raise FileExistsError(f"the recording {path} exists already: give another output folder or delete it")
     seen = [axis for axis in (*POSE, *VELOCITY) if any(_measured(window, axis) for window in diagnosis.windows)]
     with rr.RecordingStream("auv_torchrl diagnose") as recording:
         memory = recording.memory_recording()
@@ -66,18 +60,17 @@ def _record_windows(
         record_vehicle(recording, f"world/{name}", vehicle, flight, colour)
         paths = rr.LineStrips3D([pose[:, :3] for pose in poses], colors=[rgb(colour)], radii=0.006)
         recording.log(f"world/paths/{name}", paths, static=True)
-        values = np.concatenate([np.hstack((t.pose, t.velocity)) for t in trajectories])
+        values = np.concatenate([trajectory.values for trajectory in trajectories])
         for axis in seen:
             entity = f"axes/{axis}/{name}"
             style = rr.SeriesLines(names=[name], colors=[rgb(colour)], widths=[2.0])
             recording.log(entity, style, static=True)
-            column = values[:, (*POSE, *VELOCITY).index(axis)]
+            column = values[:, AXES.index(axis)]
             recording.send_columns(entity, [rr.TimeColumn("time", duration=time)], rr.Scalars.columns(scalars=column))
 
 
 def _measured(window: Window, axis: str) -> bool:
-    both = np.hstack((window.measured.pose, window.measured.velocity))
-    return bool(np.isfinite(both[:, (*POSE, *VELOCITY).index(axis)]).any())
+    return bool(np.isfinite(window.measured.values[:, AXES.index(axis)]).any())
 
 
 def _shown_pose(t: Floats, trajectory: Trajectory) -> Floats:

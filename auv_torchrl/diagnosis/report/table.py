@@ -2,7 +2,7 @@
 
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.svg import between, estimated, number
-from auv_torchrl.diagnosis.report.wording import to_do
+from auv_torchrl.diagnosis.report.wording import measured_errors, to_do
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Gap
 
 _CANDIDATES = 3
@@ -44,11 +44,9 @@ def _errors(diagnosis: Diagnosis) -> list[str]:
 
 def _rows(gap: Gap | Confirmation) -> list[str]:
     """Errors before, after and floor at each horizon, a line per kind."""
-    kinds = {"position, m": gap.position_m, "heading, rad": gap.yaw_rad, "velocity, m/s": gap.velocity}
     lines = []
-    for name, errors in kinds.items():
-        if errors is not None:
-            triples = zip(errors.before, errors.after, errors.floor, strict=True)
-            cells = (f"{number(b, 2)} → {number(a, 2)} ({number(f, 2)})" for b, a, f in triples)
-            lines.append(f"{name:<16}" + "".join(f"{cell:>26}" for cell in cells))
+    for name, unit, errors in measured_errors(gap):
+        triples = zip(errors.before, errors.after, errors.floor, strict=True)
+        cells = (f"{number(b, 2)} → {number(a, 2)} ({number(f, 2)})" for b, a, f in triples)
+        lines.append(f"{f'{name}, {unit}':<16}" + "".join(f"{cell:>26}" for cell in cells))
     return lines

@@ -1,7 +1,7 @@
 """Names and clauses as people write them."""
 
 from auv_torchrl.diagnosis.configured import set_wrong
-from auv_torchrl.diagnosis.verdict import Diagnosis
+from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Gap
 
 
 def words(name: str) -> str:
@@ -12,6 +12,12 @@ def words(name: str) -> str:
 def sentence(text: str) -> str:
     """A clause with a capital and a full stop."""
     return text[:1].upper() + text[1:].rstrip(".") + "." if text else ""
+
+
+def measured_errors(gap: Gap | Confirmation) -> list[tuple[str, str, Errors]]:
+    """What was measured, with its unit and errors."""
+    kinds = (("position", "m", gap.position_m), ("heading", "rad", gap.yaw_rad), ("velocity", "m/s", gap.velocity))
+    return [(name, unit, errors) for name, unit, errors in kinds if errors is not None]
 
 
 def to_do(diagnosis: Diagnosis) -> list[str]:
