@@ -34,11 +34,6 @@ class Atom:
     discrete: bool = False
     elastic: bool = True
 
-    @property
-    def label(self) -> str:
-        """For people and logs."""
-        return f"{self.effect}({', '.join(f'{name}={value:g}' for name, value in self.values.items())})"
-
 
 @dataclass(frozen=True)
 class Settings:
