@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.motion.smooth import Layout
 from auv_torchrl.diagnosis.motion.white_noise import first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
-from auv_torchrl.effects import EFFECTS, Effect
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
@@ -109,7 +109,8 @@ class Problem:
             known = known.beside(sensor_slack(vehicle, settings, windows.channels))
             slack, covariance = known.slack, known.slack_covariance
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
-        shown = {name: effect for name, effect in EFFECTS.items() if _is_looked_for(effect, windows)}
+        asked = {name: effect for name, effect in EFFECTS.items() if effect.is_asked(windows.channels)}
+        shown = {name: effect for name, effect in asked.items() if effect.shows_in(windows.errors.drift)}
         atoms = tuple(make_atoms(vehicle, settings, shown))
         return Problem(
             given=windows,
@@ -161,10 +162,6 @@ class Problem:
         """What the free numbers of windows with these slopes (W, K, L) absorb, the disturbance held by ``prior``."""
         given = slope, self.sigma, self.floor if prior is None else prior
         return self.freedoms.of(lambda: Freedom.of(self.windows, self.layout, *given), given)
-
-
-def _is_looked_for(effect: Effect, windows: Windows) -> bool:
-    return effect.shows_in(windows.errors.drift) and effect.is_asked(windows.channels)
 
 
 def believed_noise(known: Known | None, noisier: dict[str, float], measured: dict[str, float]) -> dict[str, float]:
