@@ -2,10 +2,9 @@
 
 import logging
 from pathlib import Path
-from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input
 from auv_torchrl.diagnosis.calibrate.uncertainty import read_uncertainty
@@ -21,6 +20,7 @@ from auv_torchrl.diagnosis.dives.work import Work, diagnose_some, follow_all
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.plain import write_json
 from auv_torchrl.diagnosis.report.progress import ProgressBar
+from auv_torchrl.diagnosis.request import plain_config
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLogError
@@ -73,25 +73,21 @@ def to_diagnose(each: str, dives: list[Dive], judged: Judged, excess: float) -> 
 
 
 def _work(config: DictConfig) -> Work:
-    vehicle = load_vehicle(_plain(config.vehicle))
+    vehicle = load_vehicle(plain_config(config.vehicle))
     if config.each not in ("all", "changed", "none"):
         raise ValueError(f"each is {config.each!r}: give changed, all or none")
     if not config.dives_per_false_alarm >= 1:
         raise ValueError(f"dives_per_false_alarm is {config.dives_per_false_alarm}: give 1 or more")
-    options = read_options(names(config, "modes"), _plain(config.params), config.system)
+    options = read_options(names(config, "modes"), plain_config(config.params), config.system)
     return Work(
         vehicle=vehicle,
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
-        settings=read_settings(_plain(config.diagnosis), vehicle),
-        uncertainty=read_uncertainty(_plain(config.vehicle).get("uncertainty"), vehicle),
+        settings=read_settings(plain_config(config.diagnosis), vehicle),
+        uncertainty=read_uncertainty(plain_config(config.vehicle).get("uncertainty"), vehicle),
         extra=names(config, "extra"),
         options=options,
         trust_log=config.trust_log,
-        shaped_by={key: _plain(config[key]) for key in _SHAPING} | {"parameters": dict(options.parameters)},
+        shaped_by={key: plain_config(config[key]) for key in _SHAPING} | {"parameters": dict(options.parameters)},
         store=Path(config.store).absolute(),
         jobs=int(config.jobs),
     )
-
-
-def _plain(config: Any) -> Any:
-    return OmegaConf.to_container(config, resolve=True) if OmegaConf.is_config(config) else config
