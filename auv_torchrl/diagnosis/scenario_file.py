@@ -22,8 +22,8 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     lines = [
         f"# {_one_line(diagnosis.summary)}",
         f"# Found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.",
+        "# Train with it: +scenario=path/to/this/file.yaml.",
     ]
-    lines.append("# Train with it: +scenario=path/to/this/file.yaml.")
     if diagnosis.where.onset_s is not None:
         lines.append(f"# The vehicle changed {diagnosis.where.onset_s:.1f} s into the log; start_s is in its episode.")
     if not diagnosis.effects:
@@ -54,11 +54,11 @@ def randomization_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         if found.name in ranges:
             continue
         declared = get_effect(found.name).member_parameters(vehicle)
-        members = {}
-        for name, estimate in found.parameters.items():
-            bounds = declared[name]
-            if not bounds.discrete:
-                members[name] = [_within(bounds, end) for end in (estimate.low, estimate.high)]
+        members = {
+            name: [_within(declared[name], end) for end in (estimate.low, estimate.high)]
+            for name, estimate in found.parameters.items()
+            if not declared[name].discrete
+        }
         if members:
             ranges[found.name] = members
     head = f"# 95 % intervals of what was found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.\n"

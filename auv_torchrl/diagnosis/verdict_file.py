@@ -104,8 +104,6 @@ def _errors(content: Mapping[str, Any] | None) -> Errors | None:
 
 
 def _found_effect(content: Mapping[str, Any]) -> FoundEffect:
-    parameters = {name: _estimate(estimate) for name, estimate in content["parameters"].items()}
+    parameters, thrusters = _estimates(content["parameters"]), tuple(content["thrusters"])
     advice = tuple(Advice(**entry) for entry in content.get("advice", ()))
-    return FoundEffect(
-        **{**content, "parameters": parameters, "thrusters": tuple(content["thrusters"]), "advice": advice}
-    )
+    return FoundEffect(**{**content, "parameters": parameters, "thrusters": thrusters, "advice": advice})
