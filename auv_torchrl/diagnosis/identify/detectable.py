@@ -18,7 +18,7 @@ Member = tuple[str, str]  # effect, parameter
 MORE_FLIGHTS = (3, 10)  # times as many as there were: an afternoon more, and all that is worth to be flown
 
 
-def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> dict[str, Estimate]:
+def detectable_sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
     """By effect, the parameter that shows best; ``low`` and ``high`` are the sizes in either direction.
 
     Parameters that are ``hidden`` do not count.
@@ -53,7 +53,7 @@ def _sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
     return {effect: estimate for effect, (_, estimate) in found.items()}
 
 
-def with_more_flights(field: Field, hidden: frozenset[Member] = frozenset()) -> dict[int, dict[str, Estimate]]:
+def with_more_flights(field: Field, hidden: frozenset[Member]) -> dict[int, dict[str, Estimate]]:
     """The same sizes by number of healthy flights, had there been more; none where nothing was learnt from flights.
 
     More flights tell better what the sound vehicle is. By how much it differs from flight to flight stays, and so does

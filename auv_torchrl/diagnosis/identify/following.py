@@ -8,6 +8,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import rows_of
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.colour import whiten
@@ -189,8 +190,8 @@ def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) 
     if not better.any():
         return base
     fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
-    found = Smoothed(*(field[better] for field in fields(fresh)))
-    return settle_base(problem, base.explanation, base.vehicle, _replaced(state, rows[better], found))
+    state = _replaced(state, rows[better], rows_of(fresh, better))
+    return settle_base(problem, base.explanation, base.vehicle, state)
 
 
 def nudge(problem: Problem, explanation: Explanation, start: Base) -> Base:

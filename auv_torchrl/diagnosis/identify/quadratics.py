@@ -107,8 +107,6 @@ def in_pieces(windows: int, changes: int) -> Iterator[slice]:
     return (slice(first, behind) for first, behind in zip(edges, edges[1:], strict=False))
 
 
-def rows_of(state: Smoothed, some: slice) -> Smoothed:
+def rows_of(state: Smoothed, some: slice | np.ndarray) -> Smoothed:
     """The state of some windows."""
-    if some == slice(0, len(state.start)):
-        return state
     return Smoothed(*(field[some] for field in fields(state)))

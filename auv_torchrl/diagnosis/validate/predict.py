@@ -71,7 +71,7 @@ def predict(
     root = np.linalg.cholesky(covariance[:, : len(layout.start), : len(layout.start)])
     starts = np.repeat(state.start[:, None], 1 + len(layout.start), axis=1)
     starts[:, 1:, layout.start] += SMALL * root.swapaxes(1, 2)
-    left = windows.residual(simulate(windows, batch(vehicles[-1], [{}]), starts))
+    left = windows.residual(simulate(windows, best, starts))
     change = left[:, 1:] - left[:, :1]
     change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
     noise = np.array([sigma[channel] for channel in windows.channels])
