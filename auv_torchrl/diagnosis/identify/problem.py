@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from auv_torchrl.diagnosis.identify.evidence import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, sensor_slack, slack_parameters
@@ -43,22 +44,13 @@ class Known:
         new = [entry for entry in own if entry[:2] not in there]
         if not new:
             return self
-        wide, still = np.diag([width**2 for *_, width in new]), np.zeros((len(new), len(new)))
         return replace(
             self,
             slack=(*self.slack, *new),
-            slack_covariance=_corners(self.slack_covariance, wide),
-            shrinks=None if self.shrinks is None else _corners(self.shrinks, still),
+            slack_covariance=block_diag(self.slack_covariance, np.diag([width**2 for *_, width in new])),
+            shrinks=None if self.shrinks is None else np.pad(self.shrinks, (0, len(new))),
             scales=None if self.scales is None else np.pad(self.scales, ((0, len(new)), (0, 0))),
         )
-
-
-def _corners(first: Floats, second: Floats) -> Floats:
-    """Two square matrices along the diagonal of one."""
-    k = len(first)
-    whole = np.zeros((k + len(second),) * 2)
-    whole[:k, :k], whole[k:, k:] = first, second
-    return whole
 
 
 @dataclass(frozen=True)
