@@ -18,37 +18,33 @@ REMEDY = {"surge": "x, y and yaw, or u", "sway": "x, y and yaw, or v", "heave": 
 
 
 def followable(log: FlightLog) -> FlightLog:
-    """The log without horizontal positions whose partner or heading is missing; a finding says so.
+    """The log without horizontal positions whose partner or heading is missing, and accelerations without an attitude.
+
+    Findings say so. A degree of tilt is 0.17 m/s^2 of what is felt.
 
     Raises:
         FlightLogError: if no axis is left.
     """
-    log = _with_felt_upright(log)
-    lost = tuple(axis for axis in ("x", "y") if axis in log.axes and not set(TOGETHER) <= set(log.axes))
+    felt = tuple(axis for axis in ACCELERATION if axis in log.axes)
+    if not {"roll", "pitch"} <= set(log.axes):
+        why = "without roll and pitch: nothing tells along which of them the weight is"
+        log = _without(log, felt, f"{', '.join(felt)} cannot be used {why}", "Log roll and pitch too")
+    placed = tuple(axis for axis in ("x", "y") if axis in log.axes)
+    if missing := ", ".join(axis for axis in TOGETHER if axis not in log.axes):
+        why = f"without {missing}: forces act along the body, wherever it points"
+        remedy = f"Log {missing} too, or body velocities u, v, r"
+        log = _without(log, placed, f"{' and '.join(placed)} cannot be used {why}", remedy)
+    return log
+
+
+def _without(log: FlightLog, lost: tuple[str, ...], sentence: str, remedy: str) -> FlightLog:
+    """The log without some axes, of which a finding says why they cannot be used."""
     if not lost:
         return log
-    missing = ", ".join(axis for axis in TOGETHER if axis not in log.axes)
     axes = tuple(axis for axis in log.axes if axis not in lost)
-    remedy = f"Log {missing} too, or body velocities u, v, r"
-    sentence = f"{' and '.join(lost)} cannot be used without {missing}: forces act along the body, wherever it points"
     if not axes:
         raise FlightLogError(f"{log.name}: {sentence}, and nothing else is measured. {remedy}")
     finding = Finding(Severity.WARNING, "axes_not_followed", f"{sentence}; left out", remedy, lost)
-    return restricted(replace(log, findings=(*log.findings, finding)), axes)
-
-
-def _with_felt_upright(log: FlightLog) -> FlightLog:
-    """The log without accelerations where roll and pitch are missing: a degree of tilt is 0.17 m/s^2."""
-    felt = tuple(axis for axis in ACCELERATION if axis in log.axes)
-    if not felt or {"roll", "pitch"} <= set(log.axes):
-        return log
-    axes = tuple(axis for axis in log.axes if axis not in felt)
-    sentence = (
-        f"{', '.join(felt)} cannot be used without roll and pitch: nothing tells along which of them the weight is"
-    )
-    if not axes:
-        raise FlightLogError(f"{log.name}: {sentence}, and nothing else is measured. Log roll and pitch too")
-    finding = Finding(Severity.WARNING, "axes_not_followed", f"{sentence}; left out", "Log roll and pitch too", felt)
     return restricted(replace(log, findings=(*log.findings, finding)), axes)
 
 

@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_free,
 from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
 from auv_torchrl.diagnosis.calibrate.left_open import under_own_floor
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
-from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
+from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
 from auv_torchrl.diagnosis.identify.attitude import (
     attitude_finding,
     hold_attitude,

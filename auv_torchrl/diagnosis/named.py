@@ -61,7 +61,7 @@ def leave_one_out(found: Found) -> dict[str, float]:
     return shares
 
 
-def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member] = frozenset()) -> tuple[str, ...]:
+def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tuple[str, ...]:
     """What this log is silent about: effects and ``hidden`` parameters without a mark, and values at a bound."""
     seen = {problem.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
     blind = sorted({atom.effect for atom in problem.atoms} - seen)

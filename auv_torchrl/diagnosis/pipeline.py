@@ -20,8 +20,8 @@ from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
 from auv_torchrl.diagnosis.lengths import check_lengths, split
+from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
-from auv_torchrl.diagnosis.localize.mappable import input_mappable
 from auv_torchrl.diagnosis.look import Looked, judge, look_both_ways
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -30,8 +30,8 @@ class Request:
     settings: Settings
     logs: tuple[FlightLog, ...]
     kept: Kept | None = None  # what the vehicle's file keeps of healthy logs
-    healthy: tuple[FlightLog, ...] = field(default=())
-    test: tuple[FlightLog, ...] = field(default=())
+    healthy: tuple[FlightLog, ...] = ()
+    test: tuple[FlightLog, ...] = ()
 
     @cached_property
     def log(self) -> FlightLog:
@@ -46,13 +46,13 @@ def read_request(config: DictConfig) -> Request:
         ValueError: for a vehicle, setting or log that cannot be used, naming it and what to do.
     """
     paths = find_logs(config)
-    vehicle = load_vehicle(plain(config.vehicle))
-    settings = read_settings(plain(config.diagnosis), vehicle)
-    content = plain(config.vehicle)
+    content = plain_config(config.vehicle)
+    vehicle = load_vehicle(content)
+    settings = read_settings(plain_config(config.diagnosis), vehicle)
     uncertainty = read_uncertainty(content.get("uncertainty"), vehicle)
     kept = read_kept(content.get("calibration"), uncertainty)
     extra = names(config, "extra")
-    options = read_options(names(config, "modes"), plain(config.params), config.system)
+    options = read_options(names(config, "modes"), plain_config(config.params), config.system)
     kinds = {kind: tuple(read_flightlog(path, vehicle, extra, options) for path in paths[kind]) for kind in KINDS}
     logs = [flight for group in kinds.values() for flight in group]
     report_findings(logs)
@@ -91,6 +91,6 @@ def refuse_errors(logs: Sequence[FlightLog]) -> None:
         raise FlightLogError(f"{'; '.join(errors)} Or give trust_log=true to diagnose it as it is")
 
 
-def plain(config: Any) -> Any:
+def plain_config(config: Any) -> Any:
     """A part of a config as lists and mappings."""
     return OmegaConf.to_container(config, resolve=True) if OmegaConf.is_config(config) else config

@@ -17,8 +17,8 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     lines = [
         f"# {_one_line(diagnosis.summary)}",
         f"# Found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.",
+        "# Train with it: +scenario=path/to/this/file.yaml.",
     ]
-    lines.append("# Train with it: +scenario=path/to/this/file.yaml.")
     if diagnosis.where.onset_s is not None:
         lines.append(f"# The vehicle changed {diagnosis.where.onset_s:.1f} s into the log; start_s is in its episode.")
     if not diagnosis.effects:

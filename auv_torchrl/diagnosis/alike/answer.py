@@ -8,9 +8,8 @@ import numpy as np
 from auv_torchrl.diagnosis.alike.evidence import NONE, VIBRATION, Weighed
 from auv_torchrl.diagnosis.alike.marks import Marks
 from auv_torchrl.diagnosis.alike.shakes import BAND_HZ, Line
-from auv_torchrl.diagnosis.sure import how_sure
 from auv_torchrl.diagnosis.thresholds import Z95
-from auv_torchrl.diagnosis.verdict import Estimate, Verdict
+from auv_torchrl.diagnosis.verdict import Estimate, Verdict, how_sure
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 

@@ -28,7 +28,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.report.progress import ProgressBar
-from auv_torchrl.diagnosis.request import plain, refuse_errors, report_findings
+from auv_torchrl.diagnosis.request import plain_config, refuse_errors, report_findings
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join, read_flightlog
@@ -94,10 +94,10 @@ def read_asked(config: DictConfig, paths: Sequence[Path]) -> Asked:
     Raises:
         ValueError: for a vehicle, setting or log that cannot be used, naming it and what to do.
     """
-    content = plain(config.vehicle)
+    content = plain_config(config.vehicle)
     vehicle = load_vehicle(content)
-    settings = read_settings(plain(config.diagnosis), vehicle)
-    options = read_options(names(config, "modes"), plain(config.params), config.system)
+    settings = read_settings(plain_config(config.diagnosis), vehicle)
+    options = read_options(names(config, "modes"), plain_config(config.params), config.system)
     extra = names(config, "extra")
     healthy = tuple(healthy_flight(read_flightlog(path, vehicle, extra, options)) for path in paths)
     report_findings(healthy)

@@ -19,8 +19,8 @@ from auv_torchrl.diagnosis.dives.said import change_sentence, label_of, summary_
 from auv_torchrl.diagnosis.dives.series import Series
 from auv_torchrl.diagnosis.dives.shifts import Shift
 from auv_torchrl.diagnosis.dives.told import NOISE, Dive, Normal, Number
-from auv_torchrl.diagnosis.sure import how_sure
 from auv_torchrl.diagnosis.thresholds import LIKELY, Z95
+from auv_torchrl.diagnosis.verdict import how_sure
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
 

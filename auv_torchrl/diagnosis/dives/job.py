@@ -7,7 +7,6 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input
-from auv_torchrl.diagnosis import request
 from auv_torchrl.diagnosis.calibrate.uncertainty import read_uncertainty
 from auv_torchrl.diagnosis.dives.answer import ManyDives, OwnDiagnosis
 from auv_torchrl.diagnosis.dives.changes import Judged, judge
@@ -20,6 +19,7 @@ from auv_torchrl.diagnosis.dives.work import Work, diagnose_some, follow_all
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.plain import plain, write_json
 from auv_torchrl.diagnosis.report.progress import ProgressBar
+from auv_torchrl.diagnosis.request import plain_config
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.files import write_text
 from auv_torchrl.flightlog import FlightLogError
@@ -73,21 +73,21 @@ def to_diagnose(each: str, dives: list[Dive], judged: Judged, excess: float) -> 
 
 
 def _work(config: DictConfig) -> Work:
-    vehicle = load_vehicle(request.plain(config.vehicle))
+    vehicle = load_vehicle(plain_config(config.vehicle))
     if config.each not in ("all", "changed", "none"):
         raise ValueError(f"each is {config.each!r}: give changed, all or none")
     if not config.dives_per_false_alarm >= 1:
         raise ValueError(f"dives_per_false_alarm is {config.dives_per_false_alarm}: give 1 or more")
-    options = read_options(names(config, "modes"), request.plain(config.params), config.system)
+    options = read_options(names(config, "modes"), plain_config(config.params), config.system)
     return Work(
         vehicle=vehicle,
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
-        settings=read_settings(request.plain(config.diagnosis), vehicle),
-        uncertainty=read_uncertainty(request.plain(config.vehicle).get("uncertainty"), vehicle),
+        settings=read_settings(plain_config(config.diagnosis), vehicle),
+        uncertainty=read_uncertainty(plain_config(config.vehicle).get("uncertainty"), vehicle),
         extra=names(config, "extra"),
         options=options,
         trust_log=config.trust_log,
-        shaped_by={key: request.plain(config[key]) for key in _SHAPING} | {"parameters": dict(options.parameters)},
+        shaped_by={key: plain_config(config[key]) for key in _SHAPING} | {"parameters": dict(options.parameters)},
         store=Path(config.store).absolute(),
         jobs=int(config.jobs),
     )

@@ -7,7 +7,7 @@ from auv_torchrl.diagnosis.dives.told import NOISE, Number
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.svg import number as written
 from auv_torchrl.diagnosis.report.wording import sentence, words
-from auv_torchrl.diagnosis.sure import how_sure
+from auv_torchrl.diagnosis.verdict import how_sure
 
 _MOST_NAMED = 3
 

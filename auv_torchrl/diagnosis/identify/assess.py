@@ -37,7 +37,7 @@ def assess(
             nothing,
             np.zeros(len(problem.slack)),
         )
-    _, _, A, _, _ = without_slack(problem, q, explanation)
+    _, A = without_slack(problem, q, explanation)
     widths = np.array([problem.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
     curvature = A / np.outer(steps, steps)
     covariance = covariance_of_values(curvature, widths)

@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.effects.effect import Parameter
 from auv_torchrl.vehicle import Vehicle
-
-KEPT = 256  # entries: all effects for the vehicles of some diagnoses
 
 
 class Declared(NamedTuple):
@@ -18,22 +17,15 @@ class Declared(NamedTuple):
     places: Mapping[str, int | slice]  # by the name that it was declared under, among the full names
 
 
-_known: dict[tuple[int, int], tuple[Effect, Vehicle, Declared]] = {}  # by identity, which holds while they are kept
+_KNOWN: Latest[Declared] = Latest(256)  # all effects for the vehicles of some diagnoses
 
 
 def declared(effect: str, vehicle: Vehicle) -> Declared:
     """The parameters of an effect for a vehicle (no batch), which nobody changes in place, and their nominal values."""
     its = EFFECTS[effect]
-    key = id(its), id(vehicle)
-    if key not in _known:
-        if len(_known) >= KEPT:
-            _known.clear()
-        _known[key] = (
-            its,
-            vehicle,
-            Declared(its.member_parameters(vehicle), its.nominal(vehicle), _places(its, vehicle)),
-        )
-    return _known[key][2]
+    return _KNOWN.of(
+        lambda: Declared(its.member_parameters(vehicle), its.nominal(vehicle), _places(its, vehicle)), (its, vehicle)
+    )
 
 
 def _places(effect: Effect, vehicle: Vehicle) -> dict[str, int | slice]:

@@ -18,7 +18,7 @@ Member = tuple[str, str]  # effect, parameter
 MORE_FLIGHTS = (3, 10)  # times as many as there were: an afternoon more, and all that is worth to be flown
 
 
-def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> dict[str, Estimate]:
+def detectable_sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
     """By effect, the parameter that shows best; ``low`` and ``high`` are the sizes in either direction.
 
     Parameters that are ``hidden`` do not count.
@@ -30,7 +30,7 @@ def detectable_sizes(field: Field, hidden: frozenset[Member] = frozenset()) -> d
 def _under(field: Field, slack_covariance: Floats) -> Field:
     """The same marks, where slack has another covariance (k, k)."""
     problem = replace(field.problem, slack_covariance=slack_covariance, slack_precision=np.linalg.inv(slack_covariance))
-    _, b, A, _, _ = without_slack(problem, field.quadratic, field.explanation)
+    b, A = without_slack(problem, field.quadratic, field.explanation)
     first = len(field.values[0])
     return replace(field, problem=problem, b=b[first:], A=A[first:, first:])
 
@@ -43,7 +43,8 @@ def _sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
             continue
         p = declared(atom.effect, field.problem.vehicle).parameters[name]
         nominal = declared(atom.effect, field.problem.vehicle).nominal[name]
-        size = abs(atom.values[name] - nominal) * _share(field, i)
+        shows = float(np.sqrt(SHOWS / field.A[i, i]))  # how much of the atom would show
+        size = abs(atom.values[name] - nominal) * shows
         relative = size / (p.high - p.low)
         if atom.effect not in found or relative < found[atom.effect][0]:
             value = nominal + size if nominal + size <= p.high else nominal - size
@@ -52,7 +53,7 @@ def _sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
     return {effect: estimate for effect, (_, estimate) in found.items()}
 
 
-def with_more_flights(field: Field, hidden: frozenset[Member] = frozenset()) -> dict[int, dict[str, Estimate]]:
+def with_more_flights(field: Field, hidden: frozenset[Member]) -> dict[int, dict[str, Estimate]]:
     """The same sizes by number of healthy flights, had there been more; none where nothing was learnt from flights.
 
     More flights tell better what the sound vehicle is. By how much it differs from flight to flight stays, and so does
@@ -91,8 +92,3 @@ def hidden_members(problem: Problem, found: Found) -> frozenset[Member]:
     due = np.array([found.field.A[i, i] for _, i in smallest.values()])
     faint = (rises < FAINT * due) & (rises < LITTLE)
     return frozenset(member for member, is_faint in zip(smallest, faint, strict=True) if is_faint)
-
-
-def _share(field: Field, i: int) -> float:
-    """How much of an atom would show."""
-    return float(np.sqrt(SHOWS / field.A[i, i]))

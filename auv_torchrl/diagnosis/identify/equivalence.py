@@ -21,7 +21,8 @@ def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], 
     They come from three sides: explanations that fit as well as the best one, changes whose mark is the same, and
     thrusters that are exchanged on a vehicle turned round.
     """
-    sets = {frozenset(pair) for pair in [*_rivals(found), *_same_marks(problem, found), *turned_round(problem, found)]}
+    same_marks = [(mine, theirs) for mine, theirs, _ in alternatives(problem, found)]
+    sets = {frozenset(pair) for pair in [*_rivals(found), *same_marks, *turned_round(problem, found)]}
     return tuple(sorted(tuple(sorted(names)) for names in sets))
 
 
@@ -50,10 +51,6 @@ def alternatives(problem: Problem, found: Found) -> list[tuple[str, str, Explana
                     (_name(mine, theirs), _name(theirs, mine), rest.with_atom(theirs, problem.vehicle, amount))
                 )
     return others
-
-
-def _same_marks(problem: Problem, found: Found) -> list[tuple[str, str]]:
-    return [(mine, theirs) for mine, theirs, _ in alternatives(problem, found)]
 
 
 def _same_atoms(problem: Problem, field: Field) -> Iterator[tuple[Atom, Atom, float]]:

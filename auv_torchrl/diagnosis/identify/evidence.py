@@ -36,11 +36,11 @@ class Prior:
             total += log(EFFECTS[effect].odds)
             members = len(declared(effect, self.vehicle).parameters)
             knobs = [knob for knob in explanation.knobs if knob.effect == effect]
-            if not knobs[0].discrete:
-                total += (len(knobs) - 1) * log(ONE_MORE_VALUE)
             if knobs[0].discrete:
                 total -= log(comb(members, min(len(knobs), members)) * max(1, len(knobs) - 1))
-            elif members > 1:
+                continue
+            total += (len(knobs) - 1) * log(ONE_MORE_VALUE)
+            if members > 1:
                 total -= log(members) + log(comb(members, min(len(knobs), members)))  # how many, then which
         return total
 

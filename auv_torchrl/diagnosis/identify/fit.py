@@ -24,6 +24,8 @@ from auv_torchrl.diagnosis.identify.steps import even_step, take_step
 from auv_torchrl.diagnosis.motion.white_noise import sensor_noise
 from auv_torchrl.diagnosis.thresholds import GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SAME_SKETCH, SKETCHED
 
+SKETCH_STEPS = 6  # at most
+
 
 def fit_by_simulation(
     problem: Problem, explanation: Explanation, start: Base, rounds: int = 4, enough: float = np.inf
@@ -51,9 +53,7 @@ def fit_by_simulation(
     return replace(best, slack_marks=None)
 
 
-def fit_along_motion(
-    problem: Problem, explanation: Explanation, follow: Base, rounds: int = 6, enough: float = np.inf
-) -> Judged:
+def fit_along_motion(problem: Problem, explanation: Explanation, follow: Base, enough: float = np.inf) -> Judged:
     """Fit all values of an explanation along the measured motion, and weigh it: a quick look before polishing.
 
     Its forces are exact there, however wrong a simulation that lacks some other effect would go. One that would not
@@ -61,7 +61,7 @@ def fit_along_motion(
     """
     best, step, slack_step = assess(problem, follow, explanation)
     stride = 1.0
-    for _ in range(rounds):
+    for _ in range(SKETCH_STEPS):
         moved = take_step(problem, best.explanation, stride * step, stride * slack_step)
         trial, trial_step, trial_slack_step = assess(problem, follow, moved, best)
         gained = best.chi2 - trial.chi2

@@ -8,6 +8,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.quadratics import rows_of
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.colour import whiten
@@ -153,7 +154,8 @@ def hand_on(problem: Problem, base: Base) -> Base:
         heirs = np.flatnonzero(stuck & (before >= 0) & ~stuck[before])
         if not len(heirs) or stuck.mean() > MOSTLY_LOST:
             break
-        fresh = _begun_anew(problem, base, heirs, _ends(problem, base)[before[heirs]])
+        ends = base.course.sensors.reported_start(base.states[:, -1])  # (W, 12), as the start of what follows
+        fresh = _begun_anew(problem, base, heirs, ends[before[heirs]])
         if fresh is base:
             break
         base = fresh
@@ -188,13 +190,8 @@ def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) 
     if not better.any():
         return base
     fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
-    found = Smoothed(*(field[better] for field in fields(fresh)))
-    return settle_base(problem, base.explanation, base.vehicle, _replaced(state, rows[better], found))
-
-
-def _ends(problem: Problem, base: Base) -> Floats:
-    """States (W, 12) in which the windows end, as the start of what follows them."""
-    return base.course.sensors.reported_start(base.states[:, -1])
+    state = _replaced(state, rows[better], rows_of(fresh, better))
+    return settle_base(problem, base.explanation, base.vehicle, state)
 
 
 def nudge(problem: Problem, explanation: Explanation, start: Base) -> Base:

@@ -65,7 +65,7 @@ def _angle(problem: Problem, explanation: Explanation) -> float:
 def _same_mark(problem: Problem, found: Found, explanations: list[Explanation]) -> np.ndarray:
     """Whether each explanation but the first leaves the mark of the first one (N - 1,)."""
     q = quadratic(problem, found.follow, explanations, chosen=problem.followed)
-    _, _, A, _, _ = without_slack(problem, q, found.follow.explanation)
+    _, A = without_slack(problem, q, found.follow.explanation)
     size = np.sqrt(np.maximum(np.diag(A), 1e-300))
     return A[0, 1:] > SAME_MARK * size[0] * size[1:]
 

@@ -34,11 +34,6 @@ class Atom:
     discrete: bool = False
     elastic: bool = True
 
-    @property
-    def label(self) -> str:
-        """For people and logs."""
-        return f"{self.effect}({', '.join(f'{name}={value:g}' for name, value in self.values.items())})"
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -214,6 +209,5 @@ def that_matter(vehicle: Vehicle, entries: Sequence[Entry]) -> list[Entry]:
 
 def sensor_slack(vehicle: Vehicle, settings: Settings, channels: Collection[str]) -> list[Entry]:
     """That of the slack parameters which sound sensors are off by in logs with these ``channels``."""
-    each = {name: effect.member_parameters(vehicle) for name, effect in EFFECTS.items()}
     found = slack_parameters(vehicle, settings, channels)
-    return [entry for entry in found if each[entry[0]][entry[1]].loose_in(channels)]
+    return [entry for entry in found if declared(entry[0], vehicle).parameters[entry[1]].loose_in(channels)]

@@ -84,13 +84,8 @@ def spread(judged: Judged) -> float:
     return SATISFIED * float(np.sqrt(2 * judged.quadratic.numbers))
 
 
-def is_strained(problem: Problem, judged: Judged) -> bool:
-    """Whether an explanation stretches its slack further than calibration is likely to be off."""
-    return bool(strained(problem, judged))
-
-
 def strained(problem: Problem, judged: Judged) -> set[tuple[str, str]]:
-    """The numbers, as (effect, parameter), that an explanation stretches further than that."""
+    """The slack, as (effect, parameter), that an explanation stretches further than calibration is likely to be off."""
     each = zip(problem.slack, slack_now(problem, judged.explanation), strict=True)
     return {(effect, member) for (effect, member, _, width), at in each if abs(at) > STRAINED * width}
 

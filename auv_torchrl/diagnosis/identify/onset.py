@@ -11,7 +11,6 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate_prepared
-from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import BLOCK_S, FEWEST_BLOCKS, FEWEST_WINDOWS, LARGER, ONSET_CLEAR, SPEAKS
 from auv_torchrl.vehicle import Vehicle
@@ -35,10 +34,9 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     the moment is where that is most likely. None, too, where the vehicle sets in then: nothing shows before it moves.
     """
     windows, layout = problem.windows, problem.layout
-    width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * windows.dt))), layout.bins)
-    count = layout.bins // width
+    count, width = blocks(problem)
     bins = follow.state.bins[:, : count * width]
-    scatter, floor = force_scatter(problem, follow, count, width)
+    scatter, floor = force_scatter(problem, follow)
     force = bins.reshape(len(bins), count, width, -1).mean(2) / scatter
     time = windows.time[:, None] + np.arange(count) * width * layout.steps_per_bin * windows.dt
     owner = np.repeat(np.arange(len(windows)), count)
@@ -84,18 +82,25 @@ def _wakes_up(windows: Windows, follow: Base, early: np.ndarray, late: np.ndarra
     return all(behind > LARGER * before for before, behind in (driven, moving))
 
 
-def force_scatter(problem: Problem, follow: Base, count: int, width: int) -> tuple[Floats, float]:
-    """What the mean force in blocks of ``width`` bins scatters by, (D,) or (W, count, D), and its square that is noise.
+def blocks(problem: Problem) -> tuple[int, int]:
+    """How many blocks of a window the force is averaged over, and how many bins each has, :data:`BLOCK_S` of them."""
+    layout = problem.layout
+    width = min(max(1, round(BLOCK_S / (layout.steps_per_bin * problem.windows.dt))), layout.bins)
+    return layout.bins // width, width
+
+
+def force_scatter(problem: Problem, follow: Base) -> tuple[Floats, float]:
+    """What the mean force in :func:`blocks` scatters by, (D,) or (W, count, D), and its square that is noise.
 
     White noise is the same everywhere, and it takes no size. Other errors come with manoeuvres, which begin and end: a
     force that they account for tells of no change.
     """
     if problem.windows.whitening is None:
         return problem.wide, 0.0
-    state, layout = follow.state, problem.layout
-    covariance = Freedom.of(problem.windows, layout, state.slope, problem.sigma, problem.wide).inverse
-    first, axes = len(layout.start), len(layout.dof)
-    scatter = np.empty((len(state.bins), count, axes))
+    covariance = problem.freedom(follow.state.slope, problem.wide).inverse
+    first, axes = len(problem.layout.start), len(problem.layout.dof)
+    count, width = blocks(problem)
+    scatter = np.empty((len(covariance), count, axes))
     for block, axis in np.ndindex(count, axes):
         at = first + np.arange(block * width, (block + 1) * width) * axes + axis
         scatter[:, block, axis] = np.sqrt(covariance[:, at[:, None], at].mean((1, 2)))

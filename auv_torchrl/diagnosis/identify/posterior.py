@@ -17,10 +17,8 @@ def effect_probabilities(problem: Problem, found: Found, unknown: float) -> dict
     effect gets the sum over the explanations it is part of. ``unknown`` is the probability that something outside the
     library acts.
     """
-    weights: list[tuple[tuple[str, ...], float]] = []
-    for judged in found.polished:
-        if np.isfinite(judged.evidence) and not is_minor(problem, judged):
-            weights.append((judged.explanation.effects, judged.evidence))
+    told = [judged for judged in found.polished if np.isfinite(judged.evidence) and not is_minor(problem, judged)]
+    weights = [(judged.explanation.effects, judged.evidence) for judged in told]
     tried = {effects for effects, _ in weights}
     top = max((s.evidence for s in found.screened), default=0.0)
     best = found.best.evidence

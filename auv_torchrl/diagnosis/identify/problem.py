@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from auv_torchrl.diagnosis.identify.evidence import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, sensor_slack, slack_parameters
@@ -14,7 +15,7 @@ from auv_torchrl.diagnosis.motion.smooth import Layout
 from auv_torchrl.diagnosis.motion.white_noise import first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
-from auv_torchrl.effects import EFFECTS, Effect
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
@@ -43,22 +44,13 @@ class Known:
         new = [entry for entry in own if entry[:2] not in there]
         if not new:
             return self
-        wide, still = np.diag([width**2 for *_, width in new]), np.zeros((len(new), len(new)))
         return replace(
             self,
             slack=(*self.slack, *new),
-            slack_covariance=_corners(self.slack_covariance, wide),
-            shrinks=None if self.shrinks is None else _corners(self.shrinks, still),
+            slack_covariance=block_diag(self.slack_covariance, np.diag([width**2 for *_, width in new])),
+            shrinks=None if self.shrinks is None else np.pad(self.shrinks, (0, len(new))),
             scales=None if self.scales is None else np.pad(self.scales, ((0, len(new)), (0, 0))),
         )
-
-
-def _corners(first: Floats, second: Floats) -> Floats:
-    """Two square matrices along the diagonal of one."""
-    k = len(first)
-    whole = np.zeros((k + len(second),) * 2)
-    whole[:k, :k], whole[k:, k:] = first, second
-    return whole
 
 
 @dataclass(frozen=True)
@@ -109,7 +101,8 @@ class Problem:
             known = known.beside(sensor_slack(vehicle, settings, windows.channels))
             slack, covariance = known.slack, known.slack_covariance
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
-        shown = {name: effect for name, effect in EFFECTS.items() if _is_looked_for(effect, windows)}
+        asked = {name: effect for name, effect in EFFECTS.items() if effect.is_asked(windows.channels)}
+        shown = {name: effect for name, effect in asked.items() if effect.shows_in(windows.errors.drift)}
         atoms = tuple(make_atoms(vehicle, settings, shown))
         return Problem(
             given=windows,
@@ -161,10 +154,6 @@ class Problem:
         """What the free numbers of windows with these slopes (W, K, L) absorb, the disturbance held by ``prior``."""
         given = slope, self.sigma, self.floor if prior is None else prior
         return self.freedoms.of(lambda: Freedom.of(self.windows, self.layout, *given), given)
-
-
-def _is_looked_for(effect: Effect, windows: Windows) -> bool:
-    return effect.shows_in(windows.errors.drift) and effect.is_asked(windows.channels)
 
 
 def believed_noise(known: Known | None, noisier: dict[str, float], measured: dict[str, float]) -> dict[str, float]:

@@ -87,20 +87,17 @@ def _marks_in_pieces(
             yield some, columns[..., :-1] - columns[..., -1:], columns[..., -1]
 
 
-def without_slack(
-    problem: Problem, q: Quadratic, explanation: Explanation
-) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Fit the slack: constant, b and A of the other columns, and slack = offset - response @ amounts."""
+def without_slack(problem: Problem, q: Quadratic, explanation: Explanation) -> tuple[Floats, Floats]:
+    """The vector and the matrix of the other columns, slack fitted."""
     k = len(problem.slack)
     at, precision = slack_now(problem, explanation), problem.slack_precision
     inside = q.A[:k, :k] + precision
     right = np.concatenate([(q.b[:k] - precision @ at)[:, None], q.A[:k, k:]], axis=1)
     solved = np.linalg.solve(inside, right)
     offset, response = solved[:, 0], solved[:, 1:]
-    constant = q.constant + float(at @ precision @ at) - float(right[:, 0] @ offset)
     b = q.b[k:] - q.A[k:, :k] @ offset
     A = q.A[k:, k:] - q.A[k:, :k] @ response
-    return constant, b, 0.5 * (A + A.T), at + offset, response
+    return b, 0.5 * (A + A.T)
 
 
 def in_pieces(windows: int, changes: int) -> Iterator[slice]:
@@ -110,8 +107,6 @@ def in_pieces(windows: int, changes: int) -> Iterator[slice]:
     return (slice(first, behind) for first, behind in zip(edges, edges[1:], strict=False))
 
 
-def rows_of(state: Smoothed, some: slice) -> Smoothed:
+def rows_of(state: Smoothed, some: slice | np.ndarray) -> Smoothed:
     """The state of some windows."""
-    if some == slice(0, len(state.start)):
-        return state
     return Smoothed(*(field[some] for field in fields(state)))

@@ -3,13 +3,7 @@
 from collections.abc import Callable
 
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import (
-    Judged,
-    is_strained,
-    leaves_much,
-    spread,
-    strained,
-)
+from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, spread, strained
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.small import is_minor
@@ -26,7 +20,7 @@ Progress = Callable[[str, float], None]
 
 def explains(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation leaves little, and not because slack makes up for what it lacks."""
-    return not leaves_much(problem, judged) and not is_strained(problem, judged)
+    return not leaves_much(problem, judged) and not strained(problem, judged)
 
 
 def from_another(problem: Problem, judged: Judged, other: Judged) -> Judged:
@@ -37,7 +31,7 @@ def from_another(problem: Problem, judged: Judged, other: Judged) -> Judged:
 
 def _is_done(problem: Problem, judged: Judged) -> bool:
     """Whether an explanation leaves nothing, with slack that is likely."""
-    return judged.nothing_left and not is_strained(problem, judged)
+    return judged.nothing_left and not strained(problem, judged)
 
 
 def _must_close(problem: Problem, judged: Judged) -> float:

@@ -75,8 +75,6 @@ def _best_of(problem: Problem, best: Judged, trials: list[Explanation]) -> Judge
     foretold = nudged_chi2(problem, trials, best.base, steps=0)
     likely = [trials[row] for row in foretold.argsort()[:SETTLED_TRIALS]]
     chi2 = nudged_chi2(problem, likely, best.base)
-    return (
-        assess(problem, nudge(problem, likely[int(chi2.argmin())], best.base), before=best)[0]
-        if chi2.min() < best.chi2 - 0.1
-        else best
-    )
+    if not chi2.min() < best.chi2 - 0.1:
+        return best
+    return assess(problem, nudge(problem, likely[int(chi2.argmin())], best.base), before=best)[0]

@@ -28,7 +28,6 @@ class Screened:
     explanation: Explanation
     chi2: float
     evidence: float
-    chosen: tuple[int, ...] = ()  # atoms
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class Field:
         moved, steps = knob_changes(problem, explanation)
         atoms = [explanation.with_atom(atom, problem.vehicle) for atom in problem.atoms]
         q = quadratic(problem, base, [*moved, *atoms], around, chosen=problem.followed)
-        _, b, A, _, _ = without_slack(problem, q, explanation)
+        b, A = without_slack(problem, q, explanation)
         b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
         values = value_steps(problem, explanation, steps)
         width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.atoms]
@@ -127,7 +126,7 @@ class Field:
         curvature = self.A[np.ix_(fitted, fitted)] / np.outer(units, units)
         chi2 = self.fit(chosen, np.array(reached))[0]
         evidence = log_evidence(problem, chi2, explanation) + volume(curvature, np.array(widths))
-        return Screened(explanation, chi2, evidence, tuple(chosen))
+        return Screened(explanation, chi2, evidence)
 
     def _unit(self, atom: Atom) -> tuple[float, float]:
         """Change of the parameter that an atom moves most, and the plausible range of that parameter."""
@@ -155,8 +154,7 @@ class Field:
 
     def families(self) -> list[Screened]:
         """The best explanation of each family alone, members added while that pays."""
-        grown = (self._grow(name, []) for name in self._names)
-        return sorted((family for family in grown if family is not None), key=lambda s: -s.evidence)
+        return sorted((self._family(name) for name in self._names), key=lambda s: -s.evidence)
 
     @cached_property
     def twins(self) -> set[frozenset[str]]:
@@ -177,25 +175,24 @@ class Field:
     def _names(self) -> list[str]:
         return list(dict.fromkeys(self.problem.atoms[i].effect for i in np.flatnonzero(self.seen)))
 
-    def _grow(self, family: str, chosen: list[int]) -> Screened | None:
-        """Add members of a family while that pays, at least one; None where it adds nothing to the chosen ones."""
-        inside = [i for i, atom in enumerate(self.problem.atoms) if atom.effect == family and self.seen[i]]
+    def _family(self, name: str) -> Screened:
+        """The best explanation by members of a family."""
+        inside = [i for i, atom in enumerate(self.problem.atoms) if atom.effect == name and self.seen[i]]
         # once all members are moved, none is added
         alone = [i for i in inside if not moves_all(self.problem, self.problem.atoms[i])]
-        ways = [self._grown(chosen, inside), self._grown(chosen, alone) if len(alone) < len(inside) else None]
-        return max((way for way in ways if way is not None), key=lambda way: way.evidence, default=None)
+        ways = [inside, alone] if 0 < len(alone) < len(inside) else [inside]
+        return max((self._grown(way) for way in ways), key=lambda grown: grown.evidence)
 
-    def _grown(self, chosen: list[int], inside: list[int]) -> Screened | None:
-        best: Screened | None = None
-        for _ in range(MOST_KNOBS):
-            free = [i for i in inside if not _overlaps(self, i, chosen)]
-            if not free:
+    def _grown(self, inside: list[int]) -> Screened:
+        """The best explanation by the first atom of some, and by further ones while that pays."""
+        chosen = [inside[int(with_each(self, [], inside).argmin())]]
+        best = self.judge(chosen)
+        while len(chosen) < MOST_KNOBS and (free := [i for i in inside if not _overlaps(self, i, chosen)]):
+            chosen = [*chosen, free[int(with_each(self, chosen, free).argmin())]]
+            judged = self.judge(chosen)
+            if judged.evidence <= best.evidence:
                 break
-            trial = [*chosen, free[int(with_each(self, chosen, free).argmin())]]
-            judged = self.judge(trial)
-            if best is not None and judged.evidence <= best.evidence:
-                break
-            chosen, best = trial, judged
+            best = judged
         return best
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.agreement import follow_agreeing
+from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
 from auv_torchrl.diagnosis.identify.candidates import Others, candidates_of
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess, rescued

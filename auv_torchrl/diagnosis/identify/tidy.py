@@ -7,7 +7,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Knob
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.judged import Judged, is_strained, leaves_much, slack_does, spread
+from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_does, spread, strained
 from auv_torchrl.diagnosis.identify.leaner import left_to_slack
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.refine import from_another
@@ -73,7 +73,7 @@ def _leave_out_small(problem: Problem, best: Judged, polished: list[Judged]) -> 
 def _slack_takes_it(problem: Problem, judged: Judged) -> bool:
     """Whether slack explains the log beside the values as they are said, each number and all together likely."""
     said = replace(judged, explanation=parted_from_slack(problem, judged.explanation))
-    return slack_does(problem, judged) and not is_strained(problem, said)
+    return slack_does(problem, judged) and not strained(problem, said)
 
 
 def _suffices(problem: Problem, judged: Judged, fuller: Judged) -> bool:

@@ -4,6 +4,8 @@ Forces of many shapes, sorted by where they come from, are fitted to some window
 predicts most takes what it predicts as its share of the gap, the next one what it adds to that, and so on: motion
 follows the commands, so that most kinds of force could stand in for another a little. None takes more than it predicts
 alone: commands, velocities and accelerations together are the equation of motion and would explain any gap.
+
+How much of the gap a map of the commands could close says whether adapting the controls will help.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,10 +17,9 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import marks
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, REACH_WIDTH, WORTHLESS
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, NOTHING_TO_MAP, REACH_WIDTH, WORTHLESS
 from auv_torchrl.effects import Origin
-from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import rotation_matrix
 
 FOLDS = 4
@@ -44,7 +45,7 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
     size = np.sqrt(((columns[..., problem.layout.dof] / problem.wide) ** 2).sum(-1).mean((0, 2)))
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
-    shown = marks(problem.windows, prepare(base.vehicle).numpy(), problem.layout, base.state, columns)
+    shown = marks(problem.windows, base.coefficients, problem.layout, base.state, columns)
     parts = reduce(problem.windows, problem.layout, problem.freedom(base.state.slope), base.state, shown)
     folds = _folds(parts, known)
 
@@ -70,14 +71,12 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
 def forces(problem: Problem, base: Base) -> dict[int | Origin, Floats]:
     """Forces (W, k, S, 6) in N and N m along the measured motion: by thruster (from 1), and by the other origins."""
     windows, motion = problem.windows, base.motion
-    grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
-    row = windows.episode[:, None]
-    command = windows.commands[row, grid]  # (W, S, n)
-    earlier = [windows.commands[row, np.maximum(grid - ago, 0)] for ago in EARLIER]
-    sticking = [stuck(windows.commands, width)[row, grid] for width in STICTIONS]
+    command = on_grid(windows, windows.commands)
+    earlier = [on_grid(windows, windows.commands, ago) for ago in EARLIER]
+    sticking = [on_grid(windows, stuck(windows.commands, width)) for width in STICTIONS]
     smooth = (command, command * np.abs(command), command / np.hypot(command, SOFT), np.abs(command))
     shapes = (*smooth, *earlier, *sticking)
-    c = prepare(base.vehicle).numpy()
+    c = base.coefficients
     push = (c.allocation * c.full_thrust[:, None])[0]  # (6, n)
     found: dict[int | Origin, Floats] = {}
     for i in range(command.shape[-1]):
@@ -104,6 +103,28 @@ def forces(problem: Problem, base: Base) -> dict[int | Origin, Floats]:
             pulls.append(pull)
     found[Origin.EXTERNAL] = np.stack(pulls, axis=1)
     return found
+
+
+def on_grid(windows: Windows, commands: Floats, ago: int = 0) -> Floats:
+    """Commands (E, T, n) at the grid steps of each window, or some steps ``ago``, (W, S, n); the last one lasts."""
+    grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), commands.shape[1] - 1)
+    return commands[windows.episode[:, None], np.maximum(grid - ago, 0)]
+
+
+def input_mappable(problem: Problem, follow: Base) -> float | None:
+    """Share of the gap that a force affine in the commands closes, best fit; None without a gap."""
+    windows, layout = problem.windows, problem.layout
+    commands = on_grid(windows, windows.commands)
+    inputs = np.concatenate([commands, np.ones_like(commands[..., :1])], axis=-1)
+    forces = np.zeros((len(windows), inputs.shape[-1] * len(layout.dof), windows.steps, 6))
+    for column, (j, d) in enumerate(np.ndindex(inputs.shape[-1], len(layout.dof))):
+        forces[:, column, :, layout.dof[d]] = inputs[..., j]
+    columns = marks(windows, follow.coefficients, layout, follow.state, forces)
+    q = reduce(windows, layout, problem.freedom(follow.state.slope), follow.state, columns).windows(problem.followed)
+    if q.constant <= NOTHING_TO_MAP * q.numbers:
+        return None
+    best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])
+    return float(np.clip((q.constant - best) / (q.constant - q.numbers), 0.0, 1.0))
 
 
 def in_turn(value: Callable[[Sequence[int]], float], teams: Sequence[Sequence[int]]) -> Floats:

@@ -4,9 +4,9 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.judged import Base
-from auv_torchrl.diagnosis.identify.onset import Onset, force_scatter
+from auv_torchrl.diagnosis.identify.onset import Onset, blocks, force_scatter
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.localize.attribute import attribute
+from auv_torchrl.diagnosis.localize.attribute import attribute, on_grid
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FEWEST_IN_REGIME, STANDS_OUT
 from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Verdict, Where
@@ -30,7 +30,7 @@ def locate(
         rest, rest_thruster = attribute(problem, base)
         origin, thruster = mixed(origin, rest, known), mixed(thruster, rest_thruster, known)
     return Where(
-        dof=by_dof(problem, found.follow),
+        dof=by_dof(problem, found.follow, size),
         origin=origin,
         thruster=thruster,
         regime=regimes(problem, found.follow, size),
@@ -48,16 +48,11 @@ def mixed(known: dict[str, float], rest: dict[str, float], share: float) -> dict
 
 
 def mean_force(problem: Problem, follow: Base) -> Floats:
-    """(W, D) missing force over each window in units of the thrusters' reach: root mean square of means over 0.6 s."""
+    """(W, D) missing force over each window in units of the thrusters' reach: root mean square of means over blocks."""
     bins = follow.state.bins / problem.wide
-    width = _bins_of_mean(problem)
-    kept = bins[:, : bins.shape[1] // width * width]
-    return np.sqrt((kept.reshape(len(bins), -1, width, bins.shape[2]).mean(2) ** 2).mean(1))
-
-
-def _bins_of_mean(problem: Problem) -> int:
-    """Bins of the force over which it is averaged, 0.6 s."""
-    return min(max(1, round(0.6 / (problem.layout.steps_per_bin * problem.windows.dt))), problem.layout.bins)
+    count, width = blocks(problem)
+    kept = bins[:, : count * width]
+    return np.sqrt((kept.reshape(len(bins), count, width, -1).mean(2) ** 2).mean(1))
 
 
 def gap_by_window(problem: Problem, follow: Base) -> Floats:
@@ -65,18 +60,17 @@ def gap_by_window(problem: Problem, follow: Base) -> Floats:
     return np.sqrt((mean_force(problem, follow) ** 2).sum(1))
 
 
-def by_dof(problem: Problem, follow: Base) -> dict[str, float]:
-    """Energy of the missing force, each degree of freedom in units of its thrusters' reach.
+def by_dof(problem: Problem, follow: Base, size: Floats) -> dict[str, float]:
+    """Energy of the missing force of some ``size`` (W,), each degree of freedom in units of its thrusters' reach.
 
     Less what errors that are no white noise account for, where the log says how large they are.
     """
-    known = problem.followed & np.isfinite(gap_by_window(problem, follow))
+    known = problem.followed & np.isfinite(size)
     if not known.any():
         return {}
     energy = (mean_force(problem, follow)[known] ** 2).mean(0)
     if problem.windows.whitening is not None:
-        width = _bins_of_mean(problem)
-        scatter, _ = force_scatter(problem, follow, problem.layout.bins // width, width)
+        scatter, _ = force_scatter(problem, follow)
         energy = np.maximum(energy - ((scatter / problem.wide)[known] ** 2).mean((0, 1)), 0.0)
     if not energy.any():  # nothing moves and nothing pushes
         return {}
@@ -121,8 +115,7 @@ def regimes(problem: Problem, follow: Base, size: Floats) -> tuple[Regime, ...]:
 def circumstances(problem: Problem, follow: Base) -> dict[str, np.ndarray]:
     """Windows (W,) in which something is small or large, by command size, speed, heading, place and time."""
     windows, motion = problem.windows, follow.motion
-    grid = np.minimum(windows.start[:, None] + np.arange(windows.steps), windows.commands.shape[1] - 1)
-    command = np.abs(windows.commands[windows.episode[:, None], grid])
+    command = np.abs(on_grid(windows, windows.commands))
     place = motion[..., :3].mean(1)
     measures = {
         "command {} {:.2f}": (command.mean((1, 2)), "below", "above"),

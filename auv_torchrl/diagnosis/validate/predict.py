@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.colour import colour_covariance, whiten
 from auv_torchrl.diagnosis.motion.cut import cut_windows, grid_step
-from auv_torchrl.diagnosis.motion.rollout import fly
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
@@ -24,6 +24,7 @@ HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
 START_S = 1.0  # s of samples from which the state at the start is estimated, ...
 PUSHED = 4.0  # ... pushed by so many times the floor: of all stretches, some begin where it is that large
 MOST_STRETCHES = 60
+SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction
 
 
 @dataclass(frozen=True)
@@ -109,13 +110,10 @@ def cut_stretches(log: FlightLog, settings: Settings) -> tuple[Windows, int]:
     return cut_windows(log, parts * head * dt, settings.lead_s), head
 
 
-SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction
-
-
-def closed_share(p: Predictions, before: int = 0, after: int = 1) -> float | None:
+@DIVERGING
+def closed_share(p: Predictions) -> float | None:
     """Share of the gap that is closed, over all channels and horizons in units of the floor; None without a gap."""
-    with np.errstate(over="ignore"):
-        scaled = (p.error / p.spread[:, None])[:, [before, after]]
+    scaled = p.error / p.spread[:, None]
     share = [_rms(scaled[:, v][p.windows.trust > 0]) for v in (0, 1)]
     if not share[0] > WITHIN_FLOOR:
         return None
@@ -127,6 +125,7 @@ def measure_gap(p: Predictions, held_out: tuple[int, ...], closed: float | None)
     return Gap(horizons_of(p.windows), **errors_by_kind(p), closed=closed, held_out_episodes=held_out)
 
 
+@DIVERGING
 def errors_by_kind(p: Predictions) -> dict[str, Any]:
     """``position_m``, ``yaw_rad`` and ``velocity`` (None where not measured), and ``dof``: errors at the horizons."""
     windows = p.windows
@@ -164,15 +163,11 @@ def _body_errors(p: Predictions) -> dict[str, tuple[Floats, Floats, np.ndarray]]
     columns = {name: i for i, name in enumerate(p.windows.channels)}
     found: dict[str, tuple[Floats, Floats, np.ndarray]] = {}
     seen = p.windows.trust > 0
-    for name, velocity in zip(DEGREES_OF_FREEDOM, MOTION[6:], strict=True):
-        if velocity in columns:
-            column = columns[velocity]
-            found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
-    for name, pose in zip(DEGREES_OF_FREEDOM, MOTION[:6], strict=True):
-        if name in found or pose not in columns:
-            continue
-        column = columns[pose]
-        found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
+    for channels in (MOTION[6:], MOTION[:6]):
+        for name, channel in zip(DEGREES_OF_FREEDOM, channels, strict=True):
+            if channel in columns and name not in found:
+                column = columns[channel]
+                found[name] = p.error[..., column], p.spread[..., column], seen[..., column]
     if {"x", "y", "yaw"} <= set(columns) and not {"u", "v"} <= set(columns):
         yaw = p.windows.measured[..., columns["yaw"]]
         c, s = np.cos(yaw), np.sin(yaw)
@@ -192,13 +187,11 @@ def _at_horizon(windows: Windows, horizon: float) -> np.ndarray:
 
 
 def _rms(values: Floats) -> float:
-    with np.errstate(over="ignore"):
-        return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
 def _norm(values: Floats) -> Floats:
-    with np.errstate(over="ignore"):
-        return np.sqrt((values**2).sum(-1))
+    return np.sqrt((values**2).sum(-1))
 
 
 def held_out_windows(p: Predictions, log: FlightLog) -> tuple[Window, ...]:
