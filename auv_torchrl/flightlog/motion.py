@@ -18,6 +18,8 @@ from auv_torchrl.vehicle import Vehicle
 
 BLOCK_S = 0.5
 _BLOCK_SAMPLES = 3  # at least, where the log is slow
+FEWEST_BLOCKS = 12  # from which motion and thrusters are compared
+SLOWEST = 0.02  # m/s, root mean square speed below which positions and velocities cannot be compared
 
 
 class Blocks(NamedTuple):
@@ -37,7 +39,6 @@ class Response(NamedTuple):
 
     correlation: float
     slope: float  # 1 for the nominal vehicle
-    size: float  # standard deviation of the expected acceleration, m/s^2 or rad/s^2
 
 
 def blocks(episodes: tuple[Episode, ...], vehicle: Vehicle, late: float = 0.0) -> Blocks:
@@ -134,35 +135,34 @@ def driven_accelerations(b: Blocks) -> tuple[Floats, Floats]:
 
 def responses(b: Blocks) -> dict[str, Response]:
     """Response of each of surge, sway, heave and yaw that is measured and driven; too few blocks give none."""
-    expected, measured = driven_accelerations(b)
-    if len(expected) < _FEWEST_BLOCKS:
+    return {
+        name: Response(float(x @ y / np.sqrt((x @ x) * (y @ y))), float(x @ y / (x @ x)))
+        for name, (x, y) in _changes(b).items()
+    }
+
+
+def force_balance(b: Blocks) -> float:
+    """Share of what the thrusters push that the motion shows, mean over the driven axes; 1 is a perfect simulator.
+
+    -inf where too little is driven or measured.
+    """
+    with np.errstate(over="ignore"):
+        shares = [1.0 - float(((y - x) ** 2).sum() / (x @ x)) for x, y in _changes(b).values()]
+    return float(np.mean(shares)) if shares else -np.inf
+
+
+def _changes(b: Blocks) -> dict[str, tuple[Floats, Floats]]:
+    """Expected and measured accelerations about their means, by axis that is driven; too few blocks give none."""
+    accelerations = driven_accelerations(b)
+    if len(accelerations[0]) < FEWEST_BLOCKS:
         return {}
     found = {}
     for axis, name in _DRIVEN.items():
-        x = expected[:, axis] - expected[:, axis].mean()
-        y = measured[:, axis] - measured[:, axis].mean()
+        x, y = (values[:, axis] - values[:, axis].mean() for values in accelerations)
         if x.std() > _SMALLEST_DRIVE and y.std() > 0:
-            found[name] = Response(float(x @ y / np.sqrt((x @ x) * (y @ y))), float(x @ y / (x @ x)), float(x.std()))
+            found[name] = x, y
     return found
 
 
-def force_balance(b: Blocks) -> float | None:
-    """Share of what the thrusters push that the motion shows, mean over the driven axes; 1 is a perfect simulator.
-
-    None where too little is driven or measured.
-    """
-    expected, measured = driven_accelerations(b)
-    if len(expected) < _FEWEST_BLOCKS:
-        return None
-    shares = []
-    for axis in _DRIVEN:
-        x, y = (values[:, axis] - values[:, axis].mean() for values in (expected, measured))
-        if x.std() > _SMALLEST_DRIVE and y.std() > 0:
-            with np.errstate(over="ignore"):
-                shares.append(1.0 - float(((y - x) ** 2).sum() / (x @ x)))
-    return float(np.mean(shares)) if shares else None
-
-
 _DRIVEN = {0: "surge", 1: "sway", 2: "heave", 5: "yaw"}
-_FEWEST_BLOCKS = 12
 _SMALLEST_DRIVE = 0.05  # m/s^2, rad/s^2: ten times what 2 mm of noise makes of a block
