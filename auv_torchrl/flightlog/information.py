@@ -14,6 +14,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.leaps import find_leaps
 from auv_torchrl.flightlog.log import ANGLES, Floats
+from auv_torchrl.flightlog.signals import runs
 
 FROZEN_S = 1.0  # s without any change, from which a sensor with noise stands still,
 FROZEN_COARSE_S = 8.0  # and one whose writing rounds away small motions, at least this many times its usual pauses:
@@ -136,19 +137,18 @@ def _by_rounding(change: Floats, step: float) -> tuple[bool, bool]:
 
 def _frozen(t: Floats, repeats: np.ndarray, active: np.ndarray, rounded: bool) -> np.ndarray:
     """(T,) True from the first repeat on in stretches without change that no resting vehicle or rounding makes."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], repeats.astype(int), [0]])))
-    begin, end = edges[::2], edges[1::2] - 1  # first and last repeat of each run
+    begin, behind = runs(repeats).T  # the first repeat of each run, and what follows the last one
     frozen = np.zeros(len(t), bool)
     if not len(begin):
         return frozen
-    lasting = t[end] - t[begin - 1]
+    lasting = t[behind - 1] - t[begin - 1]
     usual = lasting[lasting < FROZEN_S]
     if rounded:
         least = max(FROZEN_COARSE_S, PAUSES * float(np.quantile(lasting, 0.95)) if len(lasting) > 20 else 0.0)
     else:
         least = max(FROZEN_S, HOLDS * float(np.median(usual)) if len(usual) else 0.0)
-    for first, last in zip(begin[lasting >= least], end[lasting >= least], strict=True):
-        frozen[first : last + 1] = active[first : last + 1].any()
+    for first, end in zip(begin[lasting >= least], behind[lasting >= least], strict=True):
+        frozen[first:end] = active[first:end].any()
     return frozen
 
 
@@ -174,13 +174,13 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
         sentence = f"{', '.join(still)} {verb} not used, and what it would show cannot be told"
         found.append(_finding("constant_column", sentence, "Check that the sensor was connected and logged", still))
     for names, mask in _alike(seen, "frozen"):
-        for first, last in _stretches(mask, row):
-            seconds = t[last] - t[first]
+        for first, behind in runs(mask):
+            seconds = t[behind - 1] - t[first]
             verb = "stands" if len(names) == 1 else "stand"
             sentence = (
                 f"{', '.join(names)} {verb} still for {seconds:.1f} s while the vehicle is driven; left out there"
             )
-            rows = (int(row[first]), int(row[last]))
+            rows = (int(row[first]), int(row[behind - 1]))
             found.append(_finding("frozen", sentence, "Check the sensor and its cable", names, rows))
     for kind, code, what, remedy in _KINDS:
         for names, mask in _alike(seen, kind):
@@ -229,8 +229,3 @@ def _alike(seen: Mapping[str, _Axis], kind: str) -> list[tuple[tuple[str, ...], 
         else:
             groups.append(([name], mask))
     return [(tuple(names), mask) for names, mask in groups]
-
-
-def _stretches(mask: np.ndarray, row: np.ndarray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(first), int(end - 1)) for first, end in zip(edges[::2], edges[1::2], strict=True)]

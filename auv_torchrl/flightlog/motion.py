@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.log import Episode, Floats
+from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
@@ -66,7 +67,7 @@ def _episode_blocks(episode: Episode, c: Coefficients, late: float) -> Blocks | 
     middle = (edges[1:] + edges[:-1]) / 2
     angles = np.unwrap(episode.pose[:, 3:], axis=0)
     pose = np.concatenate((episode.pose[:, :3], angles), axis=-1)
-    at_edges = _interpolate(edges, t, pose)
+    at_edges = interpolate(edges, t, pose)
     attitude = (at_edges[1:, 3:] + at_edges[:-1, 3:]) / 2
     attitude[:, :2] = np.nan_to_num(attitude[:, :2])
     rate = np.diff(at_edges, axis=0)[:, [0, 1, 2, 5]] / block
@@ -89,16 +90,9 @@ def _of_the_origin(velocity: Floats, c: Coefficients) -> Floats:
     return np.where(np.isnan(velocity), np.nan, np.concatenate([linear, known[:, 3:]], axis=-1))
 
 
-def _interpolate(at: Floats, t: Floats, values: Floats) -> Floats:
-    return np.stack([np.interp(at, t, column) for column in values.T], axis=-1)
-
-
 def _mean_between(edges: Floats, t: Floats, values: Floats, held: bool = False) -> Floats:
     """Mean (B, k) of a signal between consecutive edges: held from sample to sample, or linear between them."""
-    area = values[:-1] if held else (values[:-1] + values[1:]) / 2
-    steps = np.diff(t)[:, None]
-    integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(area * steps, axis=0)))
-    return np.diff(_interpolate(edges, t, integral), axis=0) / np.diff(edges)[:, None]
+    return np.diff(interpolate(edges, t, integral(t, values, held)), axis=0) / np.diff(edges)[:, None]
 
 
 def rotations(attitude: Floats) -> Floats:

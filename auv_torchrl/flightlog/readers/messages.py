@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.rolling import rolling_median
+from auv_torchrl.flightlog.signals import rolling_median
 
 Columns = Mapping[str, np.ndarray]  # by field; all of one length
 AT = "at"  # column, until they are in order: where in the file a message was, as a byte, a line or a number
