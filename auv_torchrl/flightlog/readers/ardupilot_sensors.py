@@ -49,8 +49,8 @@ def _reference(messages: Messages, primary: Columns | None) -> tuple[np.ndarray,
     estimate = messages.get("XKF1", "PD")
     if estimate is None:
         return None
-    lane = estimate["C"] == (0 if primary is None else primary["PI"][0])
-    mine = lane if "C" in estimate else slice(None)
+    lane = 0 if primary is None else primary["PI"][0]
+    mine = estimate["C"] == lane if "C" in estimate else slice(None)
     return estimate["t"][mine], -estimate["PD"][mine].astype(np.float64), True
 
 
