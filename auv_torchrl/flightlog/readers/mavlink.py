@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers.firmware import leave_out_unknown, mode_name, vehicle_facts
 from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order, stacked
-from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, spans_of, stream
+from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, state_of, stream
 
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 _PRESSURES = ("SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3")
@@ -64,20 +64,12 @@ def _streams_of(name: str, kind: str, messages: Messages) -> Streams:
     armed, modes = None, ()
     if beat is not None:
         on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
-        changes = [(float(beat["t"][i]), bool(on[i])) for i in _changes(on)]
-        armed = spans_of(changes, messages.end, events=False)
-        numbers = beat["custom_mode"].astype(np.int64).tolist()
-        modes = tuple(
-            (float(beat["t"][i]), mode_name(vehicle.firmware, numbers[i])) for i in _changes(beat["custom_mode"])
-        )
+        names = (mode_name(vehicle.firmware, number) for number in beat["custom_mode"].astype(np.int64).tolist())
+        armed, modes = state_of(zip(beat["t"].tolist(), on.tolist(), names, strict=True), messages.end)
     sounding, findings = _depth(messages, vehicle)
     found = (_outputs(messages), *_attitude(messages), _accelerometer(messages), sounding, *_filtered(messages),
              _battery(messages))  # fmt: skip
     return Streams(name, kind, by_name(found), vehicle, armed, modes, findings=(*messages.findings, *findings))
-
-
-def _changes(values: np.ndarray) -> np.ndarray:
-    return np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1]))) if len(values) else np.zeros(0, int)
 
 
 def _outputs(messages: Messages) -> Stream | None:
