@@ -48,7 +48,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         FlightLogError: if the file is missing, no regular file, empty, binary or neither of the two, or has no rows.
     """
     path = Path(path)
-    head = first_bytes(path)
+    head = first_bytes(path, len(_PARQUET))
     if not head:
         raise FlightLogError(f"{path.name} is empty: give a CSV or Parquet file with one row per sample")
     try:
