@@ -15,6 +15,7 @@ from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.leaps import find_leaps
 from auv_torchrl.flightlog.log import ANGLES, Floats
 from auv_torchrl.flightlog.signals import runs
+from auv_torchrl.flightlog.table import Table
 
 FROZEN_S = 1.0  # s without any change, from which a sensor with noise stands still,
 FROZEN_COARSE_S = 8.0  # and one whose writing rounds away small motions, at least this many times its usual pauses:
@@ -50,21 +51,13 @@ class _Axis(NamedTuple):
     jumps: np.ndarray  # indices of the first row behind each
 
 
-def check_information(
-    t: Floats, episode: Floats, row: np.ndarray, measured: Mapping[str, Floats], commands: Floats
-) -> Checked:
-    """Look at every measured column by itself.
-
-    Args:
-        t: (T,) s.
-        episode: (T,) number of the episode.
-        row: (T,) rows of the file, for findings.
-        measured: (T,) by axis; NaN where there is no number.
-        commands: (T, n) of the thrusters.
+def check_information(table: Table, axes: tuple[str, ...], commands: Floats) -> Checked:
+    """Look at every measured column by itself, beside the commands (T, n) of the thrusters.
 
     Raises:
         FlightLogError: if no column ever changes.
     """
+    t, episode, measured = table.columns["t"], table.episode, {axis: table.columns[axis] for axis in axes}
     active = np.abs(np.nan_to_num(commands)).max(axis=-1, initial=0.0) > ACTIVE
     seen = {name: _look_at(name, t, episode, values, active) for name, values in measured.items()}
     if seen and all(axis.constant for axis in seen.values()):
@@ -73,7 +66,7 @@ def check_information(
             f"nothing that was measured ever changes ({names}): the sensors were frozen or not connected; "
             "give a log in which the vehicle moves"
         )
-    findings = _findings(seen, t, row)
+    findings = _findings(seen, t, table.row)
     columns, filled = {}, {}
     for name, axis in seen.items():
         doubt = axis.frozen | axis.held | axis.outlier

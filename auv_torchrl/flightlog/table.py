@@ -40,6 +40,11 @@ class Table:
     errors: SampleErrors = SampleErrors()
     autopilot: Mapping[str, float] = field(default_factory=dict)  # its parameters, where the file has them
 
+    @property
+    def episode(self) -> Floats:
+        """(T,) number of the episode of each row; 0 where the file does not say."""
+        return self.columns.get("episode", np.zeros(len(self.row)))
+
 
 def read_table(path: str | os.PathLike[str]) -> Table:
     """Read every column of a CSV or Parquet file.

@@ -114,6 +114,15 @@ def test_an_unknown_column_is_ignored_where_it_is_listed(flown, paper, tmp_path)
     assert read_flightlog(tmp_path / "more.csv", paper, extra=["salinity"]).samples == flown.samples
 
 
+def test_a_battery_is_ignored_where_it_is_listed(flown, paper, tmp_path):
+    """A column that the format knows is ignored as others are."""
+    rows = rows_of(flown, tmp_path / "log.csv")
+    rows = [[*row, "battery" if i == 0 else "14.8"] for i, row in enumerate(rows)]
+    log = store(tmp_path / "fed.csv", rows)
+    fed, ignored = read_flightlog(log, paper), read_flightlog(log, paper, extra=["battery"])
+    assert fed.episodes[0].battery is not None and ignored.episodes[0].battery is None
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
