@@ -61,6 +61,23 @@ def test_an_existing_file_is_not_overwritten(flown, tmp_path):
         write_flightlog(flown, path)
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_log_that_cannot_be_written_leaves_nothing(flown, monkeypatch, tmp_path, suffix):
+    """Half of it would take the room of the next attempt; a log that was there stays."""
+    log = write_flightlog(flown, tmp_path / f"log.{suffix}")
+    before = log.read_bytes()
+
+    def broken_off(table, path):
+        path.write_bytes(b"t,x")
+        raise OSError("disk full")
+
+    monkeypatch.setattr("pyarrow.csv.write_csv", broken_off)
+    monkeypatch.setattr("pyarrow.parquet.write_table", broken_off)
+    with pytest.raises(OSError, match="disk full"):
+        write_flightlog(flown, log, replace=True)
+    assert [path.name for path in tmp_path.iterdir()] == [log.name] and log.read_bytes() == before
+
+
 def test_demands_go_through_the_mixer(flown, paper, tmp_path):
     """Commands per degree of freedom become thruster commands by the vehicle's mixer, clipped."""
     rng = np.random.default_rng(1)
