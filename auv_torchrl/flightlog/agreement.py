@@ -7,12 +7,11 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, Floats, with_axes
-from auv_torchrl.flightlog.motion import Blocks, blocks, force_balance, rotations
+from auv_torchrl.flightlog.motion import SLOWEST, Blocks, blocks, force_balance, rotations
 from auv_torchrl.physics.kinematics import cross, matvec
 from auv_torchrl.vehicle import Vehicle
 
 NEEDED = {"x", "y", "yaw", "u", "v"}
-SLOWEST = 0.02  # m/s, root mean square speed below which nothing can be compared
 FAILS = 0.5  # share of the motion that velocities must give, or they disagree ...
 CLEARLY = 0.5  # ... as they do where a scale or a delay takes away this share of what is left open,
 SCALED = 0.15  # relative, if the scale is at least so far from 1,
@@ -23,13 +22,13 @@ BALANCED = 0.3  # balance of forces from which a sensor is believed against anot
 
 
 def reconcile(
-    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle
+    b: Blocks, episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle
 ) -> tuple[tuple[Episode, ...], tuple[str, ...], list[Finding]]:
-    """The episodes and axes without the sensor that disagrees, and a finding that says so; else as they are."""
-    if not set(axes) >= NEEDED:
-        return episodes, axes, []
-    b = blocks(episodes, vehicle)
-    if len(b.length) < 12 or not np.sqrt(np.nanmean(b.velocity[:, :3] ** 2)) > SLOWEST:
+    """The episodes and axes without the sensor that disagrees, and a finding that says so; else as they are.
+
+    ``b`` are the blocks of the episodes.
+    """
+    if not set(axes) >= NEEDED or not np.sqrt(np.nanmean(b.velocity[:, :3] ** 2)) > SLOWEST:
         return episodes, axes, []
     own, _ = _agreement(b, 1.0)
     tried = {late: _agreement(blocks(episodes, vehicle, late)) for late in LATE_S.tolist()}
@@ -54,11 +53,8 @@ def reconcile(
     remedy = "Check units, signs and time stamps of pose and velocity"
     if not lost:
         sentence = f"{how}; neither of the two follows the thrusters"
-        return (
-            episodes,
-            axes,
-            [Finding(Severity.WARNING, "pose_velocity_disagree", sentence, remedy, columns, limits=True)],
-        )
+        finding = Finding(Severity.WARNING, "pose_velocity_disagree", sentence, remedy, columns, limits=True)
+        return episodes, axes, [finding]
     sentence = f"{how}; {', '.join(lost)} are left out, because the thrusters push as {', '.join(kept)} say"
     finding = Finding(Severity.WARNING, "pose_velocity_disagree", sentence, remedy, columns)
     axes = tuple(axis for axis in axes if axis not in lost)
@@ -95,8 +91,8 @@ def _mounting(b: Blocks) -> tuple[float, Floats, float]:
 def _less_believed(b: Blocks, axes: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The axes that the balance of forces speaks against, and those that it speaks for; both empty where for none."""
     nothing = np.full_like(b.velocity, np.nan)
-    by_pose = force_balance(b._replace(velocity=nothing)) or -np.inf
-    by_velocity = force_balance(b) or -np.inf
+    by_pose = force_balance(b._replace(velocity=nothing))
+    by_velocity = force_balance(b)
     if max(by_pose, by_velocity) < BALANCED:
         return (), ()
     poses, velocities = (tuple(n for n in names if n in axes) for names in (POSE[:3], VELOCITY))

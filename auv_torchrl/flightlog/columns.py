@@ -3,7 +3,6 @@
 import difflib
 import re
 from collections.abc import Iterable
-from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY
@@ -13,24 +12,16 @@ DEMANDS = tuple(f"cmd_{name}" for name in DEGREES_OF_FREEDOM)  # through the veh
 KNOWN = ("t", "episode", *AXES, *DEMANDS, "battery")
 
 
-class Columns(NamedTuple):
-    """The columns to use."""
+def choose_columns(name: str, found: Iterable[str], thrusters: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The measured axes, out of AXES, and the commands, cmd_1 to cmd_n or some of DEMANDS, of the log ``name``.
 
-    axes: tuple[str, ...]  # measured, out of AXES
-    commands: tuple[str, ...]  # cmd_1 to cmd_n, or some of DEMANDS
-    battery: bool
-    episode: bool
-
-
-def choose_columns(name: str, found: Iterable[str], thrusters: int, extra: Iterable[str] = ()) -> Columns:
-    """Check the names of the columns of the log ``name`` against the format and the vehicle.
+    All names are checked against the format and the vehicle.
 
     Raises:
         FlightLogError: for an unknown column, no time, no commands or both kinds, no measured axis,
             or another number of thrusters than the vehicle has.
     """
-    found, extra = tuple(found), set(extra)
-    used = [column for column in found if column not in extra]
+    used = tuple(found)
     numbered = sorted((column for column in used if re.fullmatch(r"cmd_[1-9]\d{0,2}", column)), key=_number)
     if unknown := [column for column in used if column not in KNOWN and column not in numbered]:
         raise FlightLogError(_unknown(name, unknown))
@@ -51,7 +42,7 @@ def choose_columns(name: str, found: Iterable[str], thrusters: int, extra: Itera
     axes = tuple(axis for axis in AXES if axis in used)
     if not set(axes) - set(ACCELERATION):
         raise FlightLogError(f"{name} measures nothing: give some of {', '.join(POSE)} or of {', '.join(VELOCITY)}")
-    return Columns(axes, tuple(numbered) or demands, "battery" in used, "episode" in used)
+    return axes, tuple(numbered) or demands
 
 
 def _number(column: str) -> int:

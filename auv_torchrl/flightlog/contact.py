@@ -9,8 +9,8 @@ from auv_torchrl.flightlog.excitation import SHORT_S
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Episode, Floats
 from auv_torchrl.flightlog.motion import BLOCK_S, blocks, rotations
-from auv_torchrl.flightlog.rolling import rolling_mean
 from auv_torchrl.flightlog.rows import SHORTEST_ROWS
+from auv_torchrl.flightlog.signals import rolling_mean, runs
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.vehicle import Vehicle
@@ -87,8 +87,7 @@ def _level(flown: list[_Flown], pushed: float, speed: float) -> float | None:
     """
     levels = []
     for part in flown:
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], part.speed < STILL * speed, [0]])))
-        for first, behind in edges.reshape(-1, 2):
+        for first, behind in runs(part.speed < STILL * speed):
             push = part.push[first:behind]
             if len(push) * BLOCK_S >= LEAST_S and np.ptp(push) > pushed and push.mean() > pushed / 2:
                 levels.append(part.depth[first:behind].min())
@@ -113,7 +112,5 @@ def _steady_speed(force: float, linear: float, quadratic: float) -> float:
 
 def _clear(episode: Episode, sense: float, level: float) -> list[Episode]:
     """What of an episode was flown clear of a level, in parts long enough to show something."""
-    clear = ~(sense * episode.pose[:, 2] >= level)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], clear, [0]])))
-    parts = [episode.rows(first, behind) for first, behind in edges.reshape(-1, 2)]
+    parts = [episode.rows(first, behind) for first, behind in runs(~(sense * episode.pose[:, 2] >= level))]
     return [part for part in parts if len(part) >= SHORTEST_ROWS and part.duration >= SHORT_S]

@@ -23,7 +23,6 @@ class Severity(StrEnum):
 class Finding:
     """One thing about a log that its reader should know.
 
-    One that ``limits`` bounds verdict and probabilities of a diagnosis.
     ``rows`` are the first and last row concerned, counted from 1 below the header; None concerns all of it.
     """
 
@@ -33,7 +32,7 @@ class Finding:
     remedy: str = ""
     columns: tuple[str, ...] = ()
     rows: tuple[int, int] | None = None
-    limits: bool = False  # what is concluded about the vehicle stays in doubt until it is mended
+    limits: bool = False  # bounds verdict and probabilities of a diagnosis: they stay in doubt until it is mended
     param: tuple[tuple[str, float], ...] = ()  # parameters of the autopilot to set, where they are the remedy
 
     def __str__(self) -> str:

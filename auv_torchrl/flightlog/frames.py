@@ -9,18 +9,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from auv_torchrl.flightlog.agreement import reconcile
+from auv_torchrl.flightlog.agreement import NEEDED, reconcile
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Episode, Floats
-from auv_torchrl.flightlog.motion import Blocks, Response, blocks, responses, rotations
+from auv_torchrl.flightlog.motion import FEWEST_BLOCKS, SLOWEST, Blocks, Response, blocks, responses, rotations
 from auv_torchrl.flightlog.readings import convert_units
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.vehicle import Vehicle
 
 _FITS = 0.8  # share of the motion that a convention must explain to be named
 _FAILS = 0.5  # share below which the format's own convention is in doubt
-_SLOWEST = 0.02  # m/s, root mean square speed below which the kinematics shows nothing
-_FEWEST_BLOCKS = 12
 _REVERSED, _FOLLOWS = -0.5, 0.3  # correlations with the thrusters
 
 _NED = "Give x north, y east, z down, yaw clockwise from north seen from above, and body axes forward, right, down"
@@ -35,24 +33,24 @@ def check_frames(
     where the log keeps to the format, one of little weight where it is too short to tell.
     """
     b = blocks(episodes, vehicle)
-    if len(b.length) < _FEWEST_BLOCKS:
+    if len(b.length) < FEWEST_BLOCKS:
         sentence = "the log is too short to check its frames and units"
         finding = Finding(Severity.INFO, "frames_not_checked", sentence, "Log 10 s or more of motion")
         return episodes, axes, [finding]
     if found := _kinematics(b, axes):
         return episodes, axes, found
-    episodes, axes, disagreeing = reconcile(episodes, axes, vehicle)
+    episodes, axes, disagreeing = reconcile(b, episodes, axes, vehicle)
     episodes, converted = (episodes, []) if units_known else convert_units(episodes, axes, vehicle)
     return episodes, axes, [*disagreeing, *converted, *_dynamics(blocks(episodes, vehicle), axes)]
 
 
 def _kinematics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
     """Look for a frame in which d(position)/dt is R v, where it is not in that of the format."""
-    if not {"x", "y", "yaw", "u", "v"} <= set(axes):
+    if not set(axes) >= NEEDED:
         return []
     velocity = np.nan_to_num(b.velocity[:, :3])
     seen = [0, 1, 2] if {"z", "w"} <= set(axes) else [0, 1]
-    if np.sqrt((velocity**2).sum(-1).mean()) < _SLOWEST:
+    if np.sqrt((velocity**2).sum(-1).mean()) < SLOWEST:
         return []
     fits = {name: _explained(convention(b, velocity), seen) for name, convention in _CONVENTIONS.items()}
     own = fits.pop("")
@@ -118,7 +116,7 @@ def _dynamics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
     answer = responses(b)
     mirrored = {name for name, response in answer.items() if response.correlation < _REVERSED}
     follows = {name for name, response in answer.items() if response.correlation > _FOLLOWS}
-    if mirrored == {"sway", "heave", "yaw"} and "surge" not in mirrored:
+    if mirrored == {"sway", "heave", "yaw"}:
         sentence = (
             "sway, heave and yaw all go against the thrusters while surge does not: the pose is in a frame with z up "
             "(ENU) or the body axes are forward, left, up"

@@ -44,8 +44,8 @@ def check_gravity(
         if _near(factor * mean, expected):
             scaled = tuple(replace(e, acceleration=_times(factor, e.acceleration)) for e in episodes)
             verb = "was" if len(felt) == 1 else "were"
-            weight = f"the weight in it is {np.linalg.norm(mean):.3g}"
-            sentence = f"{', '.join(felt)} {verb} in {unit} ({weight}) and {verb} converted"
+            why = f"the weight in it is {np.linalg.norm(mean):.3g}"
+            sentence = f"{', '.join(felt)} {verb} in {unit} ({why}) and {verb} converted"
             return scaled, axes, [Finding(Severity.WARNING, "acceleration_unit", sentence, REMEDY, felt)]
         mean = factor * mean
     if mean[-1] > (1 - FITS) * GRAVITY:
@@ -66,10 +66,7 @@ def _near(mean: Floats, expected: Floats) -> bool:
 
 def _weight(episode: Episode) -> Floats:
     """What is felt at rest (T, 3) in m/s^2, in the attitude of each row; level where it is not measured."""
-    roll, pitch = (
-        np.nan_to_num(episode.pose[:, POSE.index("roll")]),
-        np.nan_to_num(episode.pose[:, POSE.index("pitch")]),
-    )
+    roll, pitch = (np.nan_to_num(episode.pose[:, POSE.index(axis)]) for axis in ("roll", "pitch"))
     down = np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=-1)
     return -GRAVITY * down
 

@@ -33,8 +33,8 @@ class Header(NamedTuple):
     skipped: int  # lines above it: blank ones and remarks
 
 
-def first_bytes(path: Path) -> bytes:
-    """How a file begins.
+def first_bytes(path: Path, count: int) -> bytes:
+    """How a file begins: ``count`` bytes, or all if there are fewer.
 
     Raises:
         FlightLogError: for a file that cannot be read, a directory, or a pipe or device, which may never end.
@@ -47,7 +47,7 @@ def first_bytes(path: Path) -> bytes:
         if not stat.S_ISREG(mode):
             raise FlightLogError(f"{path} is a pipe or device: {remedy}, what comes out of a pipe written to one first")
         with path.open("rb") as file:
-            return file.read(4)
+            return file.read(count)
     except OSError as error:
         raise FlightLogError(f"{path}: {error.strerror or error}: {remedy}") from error
 
@@ -60,7 +60,7 @@ def read_header(path: Path) -> Header:
     """
     with path.open("rb") as file:
         _refuse_foreign(path.name, file.read(256))
-    with path.open("rb") as file:
+        file.seek(0)
         remarks: list[str] = []
         while True:
             line = file.readline(_LONGEST_LINE)

@@ -9,7 +9,7 @@ from auv_torchrl.flightlog.log import AXES
 from auv_torchrl.flightlog.streams.compass import check_compass
 from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration
 from auv_torchrl.flightlog.streams.grid import choose, tabulate
-from auv_torchrl.flightlog.streams.motors import commands_of, listed, motors_of
+from auv_torchrl.flightlog.streams.motors import listed, motors_of
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Stream, Streams
 from auv_torchrl.flightlog.table import Table
 
@@ -23,7 +23,7 @@ def info_lines(
     options = options or ReadOptions()
     parameters = {**options.parameters, **streams.vehicle.parameters}
     yield f"{streams.name}: {streams.format}, {streams.end - streams.start:.1f} s"
-    yield from (f"  {key:<10} {text}" for key, text in _facts(streams, options))
+    yield from (f"  {key:<10} {text}" for key, text in _facts(streams, parameters))
     yield "  streams"
     yield from (f"    {_stream_line(stream)}" for stream in streams.streams.values())
     compared = compare_configuration(parameters, [healthy]) if healthy else []
@@ -44,11 +44,11 @@ def table_lines(table: Table) -> Iterator[str]:
     yield f"  diagnosis  python diagnose.py log={table.name} vehicle=..."
 
 
-def _facts(streams: Streams, options: ReadOptions) -> Iterator[tuple[str, str]]:
+def _facts(streams: Streams, parameters: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     vehicle = streams.vehicle
     yield "firmware", vehicle.firmware or "not said"
     yield "frame", (vehicle.frame or "not said") + (f", {vehicle.motors} motors" if vehicle.motors else "")
-    yield "motors", _motors(streams, options)
+    yield "motors", _motors(streams, parameters)
     yield "parameters", str(len(vehicle.parameters))
     if streams.armed is None:
         yield "armed", "not said"
@@ -63,13 +63,13 @@ def _facts(streams: Streams, options: ReadOptions) -> Iterator[tuple[str, str]]:
         yield "battery", f"{np.nanmax(volts):.2f} to {np.nanmin(volts):.2f} V" if np.isfinite(volts).any() else "none"
 
 
-def _motors(streams: Streams, options: ReadOptions) -> str:
+def _motors(streams: Streams, parameters: Mapping[str, float]) -> str:
     if "commands" in streams.streams:
         return f"{len(streams.streams['commands'].channels)}, given as commands"
     if "outputs" not in streams.streams:
         return "no outputs"
     try:
-        motors, missing = motors_of({**options.parameters, **streams.vehicle.parameters}, streams.vehicle.motors)
+        motors, missing = motors_of(parameters, streams.vehicle.motors)
     except FlightLogError as error:
         return str(error)
     if motors is None:
@@ -99,7 +99,6 @@ def _stream_line(stream: Stream) -> str:
 
 def _diagnosable(streams: Streams, options: ReadOptions) -> Iterator[str]:
     try:
-        commands_of(streams, options.parameters)
         table = tabulate(streams, options)
     except FlightLogError as error:
         yield f"diagnosis  not yet: {error}"

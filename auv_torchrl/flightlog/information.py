@@ -14,6 +14,8 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.leaps import find_leaps
 from auv_torchrl.flightlog.log import ANGLES, Floats
+from auv_torchrl.flightlog.signals import runs
+from auv_torchrl.flightlog.table import Table
 
 FROZEN_S = 1.0  # s without any change, from which a sensor with noise stands still,
 FROZEN_COARSE_S = 8.0  # and one whose writing rounds away small motions, at least this many times its usual pauses:
@@ -49,21 +51,13 @@ class _Axis(NamedTuple):
     jumps: np.ndarray  # indices of the first row behind each
 
 
-def check_information(
-    t: Floats, episode: Floats, row: np.ndarray, measured: Mapping[str, Floats], commands: Floats
-) -> Checked:
-    """Look at every measured column by itself.
-
-    Args:
-        t: (T,) s.
-        episode: (T,) number of the episode.
-        row: (T,) rows of the file, for findings.
-        measured: (T,) by axis; NaN where there is no number.
-        commands: (T, n) of the thrusters.
+def check_information(table: Table, axes: tuple[str, ...], commands: Floats) -> Checked:
+    """Look at every measured column by itself, beside the commands (T, n) of the thrusters.
 
     Raises:
         FlightLogError: if no column ever changes.
     """
+    t, episode, measured = table.columns["t"], table.episode, {axis: table.columns[axis] for axis in axes}
     active = np.abs(np.nan_to_num(commands)).max(axis=-1, initial=0.0) > ACTIVE
     seen = {name: _look_at(name, t, episode, values, active) for name, values in measured.items()}
     if seen and all(axis.constant for axis in seen.values()):
@@ -72,7 +66,7 @@ def check_information(
             f"nothing that was measured ever changes ({names}): the sensors were frozen or not connected; "
             "give a log in which the vehicle moves"
         )
-    findings = _findings(seen, t, row)
+    findings = _findings(seen, t, table.row)
     columns, filled = {}, {}
     for name, axis in seen.items():
         doubt = axis.frozen | axis.held | axis.outlier
@@ -136,19 +130,18 @@ def _by_rounding(change: Floats, step: float) -> tuple[bool, bool]:
 
 def _frozen(t: Floats, repeats: np.ndarray, active: np.ndarray, rounded: bool) -> np.ndarray:
     """(T,) True from the first repeat on in stretches without change that no resting vehicle or rounding makes."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], repeats.astype(int), [0]])))
-    begin, end = edges[::2], edges[1::2] - 1  # first and last repeat of each run
+    begin, behind = runs(repeats).T  # the first repeat of each run, and what follows the last one
     frozen = np.zeros(len(t), bool)
     if not len(begin):
         return frozen
-    lasting = t[end] - t[begin - 1]
+    lasting = t[behind - 1] - t[begin - 1]
     usual = lasting[lasting < FROZEN_S]
     if rounded:
         least = max(FROZEN_COARSE_S, PAUSES * float(np.quantile(lasting, 0.95)) if len(lasting) > 20 else 0.0)
     else:
         least = max(FROZEN_S, HOLDS * float(np.median(usual)) if len(usual) else 0.0)
-    for first, last in zip(begin[lasting >= least], end[lasting >= least], strict=True):
-        frozen[first : last + 1] = active[first : last + 1].any()
+    for first, end in zip(begin[lasting >= least], behind[lasting >= least], strict=True):
+        frozen[first:end] = active[first:end].any()
     return frozen
 
 
@@ -174,13 +167,13 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
         sentence = f"{', '.join(still)} {verb} not used, and what it would show cannot be told"
         found.append(_finding("constant_column", sentence, "Check that the sensor was connected and logged", still))
     for names, mask in _alike(seen, "frozen"):
-        for first, last in _stretches(mask, row):
-            seconds = t[last] - t[first]
+        for first, behind in runs(mask):
+            seconds = t[behind - 1] - t[first]
             verb = "stands" if len(names) == 1 else "stand"
             sentence = (
                 f"{', '.join(names)} {verb} still for {seconds:.1f} s while the vehicle is driven; left out there"
             )
-            rows = (int(row[first]), int(row[last]))
+            rows = (int(row[first]), int(row[behind - 1]))
             found.append(_finding("frozen", sentence, "Check the sensor and its cable", names, rows))
     for kind, code, what, remedy in _KINDS:
         for names, mask in _alike(seen, kind):
@@ -229,8 +222,3 @@ def _alike(seen: Mapping[str, _Axis], kind: str) -> list[tuple[tuple[str, ...], 
         else:
             groups.append(([name], mask))
     return [(tuple(names), mask) for names, mask in groups]
-
-
-def _stretches(mask: np.ndarray, row: np.ndarray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(first), int(end - 1)) for first, end in zip(edges[::2], edges[1::2], strict=True)]

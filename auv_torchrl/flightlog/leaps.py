@@ -7,7 +7,7 @@ what it usually changes by, and what it changes by just before and behind.
 import numpy as np
 
 from auv_torchrl.flightlog.log import ANGLES, POSE, Floats
-from auv_torchrl.flightlog.rolling import rolling_median
+from auv_torchrl.flightlog.signals import rolling_median
 
 NEAR = 4  # changes before and behind, whose median is the motion
 AROUND = 2  # samples before and behind, whose median is the path

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.log import Episode, Floats
+from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
@@ -18,6 +19,8 @@ from auv_torchrl.vehicle import Vehicle
 
 BLOCK_S = 0.5
 _BLOCK_SAMPLES = 3  # at least, where the log is slow
+FEWEST_BLOCKS = 12  # from which motion and thrusters are compared
+SLOWEST = 0.02  # m/s, root mean square speed below which positions and velocities cannot be compared
 
 
 class Blocks(NamedTuple):
@@ -37,7 +40,6 @@ class Response(NamedTuple):
 
     correlation: float
     slope: float  # 1 for the nominal vehicle
-    size: float  # standard deviation of the expected acceleration, m/s^2 or rad/s^2
 
 
 def blocks(episodes: tuple[Episode, ...], vehicle: Vehicle, late: float = 0.0) -> Blocks:
@@ -65,7 +67,7 @@ def _episode_blocks(episode: Episode, c: Coefficients, late: float) -> Blocks | 
     middle = (edges[1:] + edges[:-1]) / 2
     angles = np.unwrap(episode.pose[:, 3:], axis=0)
     pose = np.concatenate((episode.pose[:, :3], angles), axis=-1)
-    at_edges = _interpolate(edges, t, pose)
+    at_edges = interpolate(edges, t, pose)
     attitude = (at_edges[1:, 3:] + at_edges[:-1, 3:]) / 2
     attitude[:, :2] = np.nan_to_num(attitude[:, :2])
     rate = np.diff(at_edges, axis=0)[:, [0, 1, 2, 5]] / block
@@ -88,16 +90,9 @@ def _of_the_origin(velocity: Floats, c: Coefficients) -> Floats:
     return np.where(np.isnan(velocity), np.nan, np.concatenate([linear, known[:, 3:]], axis=-1))
 
 
-def _interpolate(at: Floats, t: Floats, values: Floats) -> Floats:
-    return np.stack([np.interp(at, t, column) for column in values.T], axis=-1)
-
-
 def _mean_between(edges: Floats, t: Floats, values: Floats, held: bool = False) -> Floats:
     """Mean (B, k) of a signal between consecutive edges: held from sample to sample, or linear between them."""
-    area = values[:-1] if held else (values[:-1] + values[1:]) / 2
-    steps = np.diff(t)[:, None]
-    integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(area * steps, axis=0)))
-    return np.diff(_interpolate(edges, t, integral), axis=0) / np.diff(edges)[:, None]
+    return np.diff(interpolate(edges, t, integral(t, values, held)), axis=0) / np.diff(edges)[:, None]
 
 
 def rotations(attitude: Floats) -> Floats:
@@ -134,35 +129,34 @@ def driven_accelerations(b: Blocks) -> tuple[Floats, Floats]:
 
 def responses(b: Blocks) -> dict[str, Response]:
     """Response of each of surge, sway, heave and yaw that is measured and driven; too few blocks give none."""
-    expected, measured = driven_accelerations(b)
-    if len(expected) < _FEWEST_BLOCKS:
+    return {
+        name: Response(float(x @ y / np.sqrt((x @ x) * (y @ y))), float(x @ y / (x @ x)))
+        for name, (x, y) in _changes(b).items()
+    }
+
+
+def force_balance(b: Blocks) -> float:
+    """Share of what the thrusters push that the motion shows, mean over the driven axes; 1 is a perfect simulator.
+
+    -inf where too little is driven or measured.
+    """
+    with np.errstate(over="ignore"):
+        shares = [1.0 - float(((y - x) ** 2).sum() / (x @ x)) for x, y in _changes(b).values()]
+    return float(np.mean(shares)) if shares else -np.inf
+
+
+def _changes(b: Blocks) -> dict[str, tuple[Floats, Floats]]:
+    """Expected and measured accelerations about their means, by axis that is driven; too few blocks give none."""
+    accelerations = driven_accelerations(b)
+    if len(accelerations[0]) < FEWEST_BLOCKS:
         return {}
     found = {}
     for axis, name in _DRIVEN.items():
-        x = expected[:, axis] - expected[:, axis].mean()
-        y = measured[:, axis] - measured[:, axis].mean()
+        x, y = (values[:, axis] - values[:, axis].mean() for values in accelerations)
         if x.std() > _SMALLEST_DRIVE and y.std() > 0:
-            found[name] = Response(float(x @ y / np.sqrt((x @ x) * (y @ y))), float(x @ y / (x @ x)), float(x.std()))
+            found[name] = x, y
     return found
 
 
-def force_balance(b: Blocks) -> float | None:
-    """Share of what the thrusters push that the motion shows, mean over the driven axes; 1 is a perfect simulator.
-
-    None where too little is driven or measured.
-    """
-    expected, measured = driven_accelerations(b)
-    if len(expected) < _FEWEST_BLOCKS:
-        return None
-    shares = []
-    for axis in _DRIVEN:
-        x, y = (values[:, axis] - values[:, axis].mean() for values in (expected, measured))
-        if x.std() > _SMALLEST_DRIVE and y.std() > 0:
-            with np.errstate(over="ignore"):
-                shares.append(1.0 - float(((y - x) ** 2).sum() / (x @ x)))
-    return float(np.mean(shares)) if shares else None
-
-
 _DRIVEN = {0: "surge", 1: "sway", 2: "heave", 5: "yaw"}
-_FEWEST_BLOCKS = 12
 _SMALLEST_DRIVE = 0.05  # m/s^2, rad/s^2: ten times what 2 mm of noise makes of a block

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.flightlog.clock import check_clock
-from auv_torchrl.flightlog.columns import DEMANDS, Columns, choose_columns
+from auv_torchrl.flightlog.columns import DEMANDS, choose_columns
 from auv_torchrl.flightlog.contact import leave_out_contact
 from auv_torchrl.flightlog.excitation import check_excitation
 from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
 from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.gravity import check_gravity
-from auv_torchrl.flightlog.information import Checked, check_information
+from auv_torchrl.flightlog.information import check_information
 from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY, Episode, FlightLog, Floats
 from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
@@ -42,20 +42,22 @@ def read_flightlog(
         FlightLogError: if nothing of the file can be used.
     """
     table = _table(path, vehicle, options)
-    columns = choose_columns(table.name, table.columns, vehicle.thrusters, extra)
+    ignored = set(extra)
+    table = replace(table, columns={name: column for name, column in table.columns.items() if name not in ignored})
+    axes, commanded = choose_columns(table.name, table.columns, vehicle.thrusters)
     check_time_unit(table.name, table.columns["t"])
-    sent = np.stack([table.columns[name] for name in columns.commands], axis=-1)
-    findings = [*table.findings, *check_commands(table.name, columns.commands, sent, table.row)]
-    commands = thruster_commands(sent, columns, vehicle)
-    axes, more = usable_axes(table, columns)
+    sent = np.stack([table.columns[name] for name in commanded], axis=-1)
+    findings = [*table.findings, *check_commands(table.name, commanded, sent, table.row)]
+    commands = _thruster_commands(sent, commanded, vehicle)
+    axes, more = usable_axes(table, axes)
     findings += more
-    checked = _check_information(table, columns, axes, commands)
+    checked = check_information(table, axes, commands)
     findings += checked.findings
     axes = tuple(axis for axis in axes if axis in checked.columns)
     table = replace(table, columns={**table.columns, **checked.columns})
     stretches: list[Stretch] = []
     if axes:
-        stretches, more = usable_stretches(table, columns, axes, commands, checked.cuts)
+        stretches, more = usable_stretches(table, commanded, axes, commands, checked.cuts)
         findings += more
     if not stretches:
         raise FlightLogError(f"{table.name} has nothing that can be used: {'; '.join(map(str, condensed(findings)))}")
@@ -93,18 +95,12 @@ def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions 
     return replace(table, findings=(*table.findings, *check_frame(streams, table, vehicle)))
 
 
-def thruster_commands(sent: Floats, columns: Columns, vehicle: Vehicle) -> Floats:
-    """Commands of the thrusters (T, n), after mixer and clip, from the columns ``sent`` (T, k)."""
-    if columns.commands[0] not in DEMANDS:
+def _thruster_commands(sent: Floats, names: tuple[str, ...], vehicle: Vehicle) -> Floats:
+    """Commands of the thrusters (T, n), after mixer and clip, from the columns ``sent`` (T, k) of these names."""
+    if names[0] not in DEMANDS:
         return np.clip(sent, -1.0, 1.0)
     mixer = vehicle.mixer.detach().cpu().double().numpy()
-    return np.clip(sent @ mixer[:, [DEMANDS.index(name) for name in columns.commands]].T, -1.0, 1.0)
-
-
-def _check_information(table: Table, columns: Columns, axes: tuple[str, ...], commands: Floats) -> Checked:
-    t = table.columns["t"]
-    episode = table.columns["episode"] if columns.episode else np.zeros(len(t))
-    return check_information(t, episode, table.row, {axis: table.columns[axis] for axis in axes}, commands)
+    return np.clip(sent @ mixer[:, [DEMANDS.index(name) for name in names]].T, -1.0, 1.0)
 
 
 def _not_measured(table: Table, filled: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -46,14 +46,15 @@ def convert_units(
     """The episodes in the units of the format, converted where the balance of forces shows another one."""
     b = blocks(episodes, vehicle)
     now = force_balance(b)
-    if now is None or now > IN_ORDER:
+    if not -np.inf < now <= IN_ORDER:
         return episodes, []
-    if one_sided(episodes):
+    if _one_sided(episodes):
         both = tuple(replace(e, commands=2 * e.commands - 1) for e in episodes)
         if _closes(force_balance(blocks(both, vehicle)), now):
             sentence = "commands lie within 0 and 1, and the vehicle answers them as if 0.5 were rest; taken as 2 c - 1"
             columns = tuple(f"cmd_{i + 1}" for i in range(both[0].commands.shape[1]))
-            return both, [_finding("one_sided_commands", sentence, "Give commands in [-1, 1]", columns)]
+            remedy = "Give commands in [-1, 1]"
+            return both, [Finding(Severity.WARNING, "one_sided_commands", sentence, remedy, columns)]
     tried = [(*_best_factor(b, reading), reading) for reading in _readings(axes)]
     likely = [(balance, factor, reading) for factor, balance, reading in tried if _is_unit(factor, balance, now)]
     if not likely:
@@ -77,24 +78,23 @@ def _said(reading: Reading, factor: float, unit: str, balance: float, now: float
     )
 
 
-def _is_unit(factor: float, balance: float | None, now: float) -> bool:
+def _is_unit(factor: float, balance: float, now: float) -> bool:
     return _closes(balance, now) and abs(np.log(factor)) > np.log(LEAST_FACTOR)
 
 
 def _weaker_thrusters(b: Blocks) -> float:
     """How well the forces balance if all thrusters give the same share of their thrust."""
-    shares = (force_balance(b._replace(thrust=g * b.thrust)) for g in GAINS.tolist())
-    return max(-np.inf if share is None else share for share in shares)
+    return max(force_balance(b._replace(thrust=g * b.thrust)) for g in GAINS.tolist())
 
 
-def one_sided(episodes: tuple[Episode, ...]) -> bool:
+def _one_sided(episodes: tuple[Episode, ...]) -> bool:
     """Whether no command goes below 0."""
     low = min(float(e.commands.min()) for e in episodes)
     return low > -ONE_SIDED and max(float(np.ptp(e.commands)) for e in episodes) > ONE_SIDED
 
 
-def _closes(balance: float | None, now: float) -> bool:
-    return balance is not None and balance > CLOSED and 1 - balance < BETTER * (1 - now)
+def _closes(balance: float, now: float) -> bool:
+    return balance > CLOSED and 1 - balance < BETTER * (1 - now)
 
 
 def _readings(axes: tuple[str, ...]) -> list[Reading]:
@@ -115,8 +115,7 @@ def _best_factor(b: Blocks, reading: Reading) -> tuple[float, float]:
     """The factor under which the forces balance best, and how well they do."""
 
     def balance(factor: float) -> float:
-        value = force_balance(_scaled(b, reading.columns, factor))
-        return -np.inf if value is None else value
+        return force_balance(_scaled(b, reading.columns, factor))
 
     coarse = max(FACTORS, key=balance)
     fine = max(coarse * np.geomspace(0.92, 1.08, 17), key=balance)
@@ -140,7 +139,3 @@ def _divided(episode: Episode, columns: tuple[str, ...], factor: float) -> Episo
         return replace(episode, t=episode.t / factor)
     pose, velocity = (np.where([name in columns for name in names], factor, 1.0) for names in (POSE, VELOCITY))
     return replace(episode, pose=episode.pose / pose, velocity=episode.velocity / velocity)
-
-
-def _finding(code: str, sentence: str, remedy: str, columns: tuple[str, ...]) -> Finding:
-    return Finding(Severity.WARNING, code, sentence, remedy, columns)

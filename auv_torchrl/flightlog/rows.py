@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_torchrl.flightlog.columns import Columns
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.flightlog.table import Table
@@ -48,9 +47,9 @@ class Stretch(NamedTuple):
         return np.where(jumps, column[self.rows], (weight * window).sum(axis=-1) / weight.sum(axis=-1))
 
 
-def usable_axes(table: Table, columns: Columns) -> tuple[tuple[str, ...], list[Finding]]:
-    """Measured axes that are there in enough rows."""
-    valid = {axis: np.isfinite(table.columns[axis]) for axis in columns.axes}
+def usable_axes(table: Table, axes: tuple[str, ...]) -> tuple[tuple[str, ...], list[Finding]]:
+    """Those of the measured ``axes`` that are there in enough rows."""
+    valid = {axis: np.isfinite(table.columns[axis]) for axis in axes}
     findings = []
     while valid:
         together = int(np.logical_and.reduce(list(valid.values())).sum())
@@ -72,23 +71,16 @@ def usable_axes(table: Table, columns: Columns) -> tuple[tuple[str, ...], list[F
 
 
 def usable_stretches(
-    table: Table, columns: Columns, axes: tuple[str, ...], commands: Floats, jumps: Index
+    table: Table, commanded: tuple[str, ...], axes: tuple[str, ...], commands: Floats, jumps: Index
 ) -> tuple[list[Stretch], list[Finding]]:
     """Cut the rows where time, commands and all ``axes`` are there into stretches with increasing time.
 
     They are cut before the rows ``jumps``, too.
     """
-    t = table.columns["t"]
-    findings: list[Finding] = []
-    driven = np.isfinite(t) & np.isfinite(commands).all(axis=-1)
+    t, number = table.columns["t"], table.episode
+    findings = _missing(table, commanded, axes)
     seen = np.logical_and.reduce([np.isfinite(table.columns[axis]) for axis in axes])
-    findings += _missing(table, columns, axes)
-    if columns.episode:
-        number = table.columns["episode"]
-        driven &= np.isfinite(number)
-    else:
-        number = np.zeros(len(t))
-    usable = np.flatnonzero(driven)
+    usable = np.flatnonzero(np.isfinite(t) & np.isfinite(number) & np.isfinite(commands).all(axis=-1))
     if len(usable) > 1 and _runs_backwards(t[usable], number[usable]):
         rows = (int(table.row[usable[0]]), int(table.row[usable[-1]]))
         sentence = "time runs backwards through the whole file; its rows are taken in reverse order"
@@ -202,9 +194,9 @@ def _too_short(table: Table, run: Index, findings: list[Finding]) -> list[Stretc
     return []
 
 
-def _missing(table: Table, columns: Columns, axes: tuple[str, ...]) -> list[Finding]:
-    names = ("t", *columns.commands, *axes, *(("episode",) if columns.episode else ()))
-    lacking = {name: ~np.isfinite(table.columns[name]) for name in names}
+def _missing(table: Table, commanded: tuple[str, ...], axes: tuple[str, ...]) -> list[Finding]:
+    names = ("t", *commanded, *axes, "episode")
+    lacking = {name: ~np.isfinite(table.columns[name]) for name in names if name in table.columns}
     gone = table.row[np.logical_or.reduce(list(lacking.values()))]
     if not len(gone):
         return []

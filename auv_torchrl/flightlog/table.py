@@ -40,6 +40,11 @@ class Table:
     errors: SampleErrors = SampleErrors()
     autopilot: Mapping[str, float] = field(default_factory=dict)  # its parameters, where the file has them
 
+    @property
+    def episode(self) -> Floats:
+        """(T,) number of the episode of each row; 0 where the file does not say."""
+        return self.columns.get("episode", np.zeros(len(self.row)))
+
 
 def read_table(path: str | os.PathLike[str]) -> Table:
     """Read every column of a CSV or Parquet file.
@@ -48,7 +53,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         FlightLogError: if the file is missing, no regular file, empty, binary or neither of the two, or has no rows.
     """
     path = Path(path)
-    head = first_bytes(path)
+    head = first_bytes(path, len(_PARQUET))
     if not head:
         raise FlightLogError(f"{path.name} is empty: give a CSV or Parquet file with one row per sample")
     try:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.physics import CONTROL_DT
 
 MOST_PARTS = 10  # of the time between rows in which commands are told apart: 5 ms, within which no thruster answers
@@ -29,9 +30,7 @@ def mean_until_next(t: Floats, commands: Floats, kept: Index) -> Floats:
     """Commands (T, n) held from row to row, averaged from each kept row to the next one."""
     if len(kept) == len(t):
         return commands
-    held = commands[:-1] * np.diff(t)[:, None]
-    integral = np.concatenate((np.zeros((1, commands.shape[1])), np.cumsum(held, axis=0)))
-    mean = np.diff(integral[kept], axis=0) / np.diff(t[kept])[:, None]
+    mean = np.diff(integral(t, commands, held=True)[kept], axis=0) / np.diff(t[kept])[:, None]
     single = np.diff(kept) == 1
     mean[single] = commands[kept[:-1]][single]  # exact where nothing was left out
     return np.concatenate((mean, commands[kept[-1:]]))
@@ -44,8 +43,7 @@ def parts_until_next(t: Floats, commands: Floats, kept: Index, parts: int) -> Fl
     step = np.diff(t[kept])
     starts = t[kept[:-1], None] + step[:, None] * (np.arange(parts) / parts)
     edges = np.append(starts.reshape(-1), t[kept[-1]])
-    held = np.concatenate((np.zeros((1, commands.shape[1])), np.cumsum(commands[:-1] * np.diff(t)[:, None], axis=0)))
-    integral = np.stack([np.interp(edges, t, column) for column in held.T], axis=-1)
-    mean = np.diff(integral, axis=0).reshape(len(step), parts, -1) / (step / parts)[:, None, None]
+    at_edges = interpolate(edges, t, integral(t, commands, held=True))
+    mean = np.diff(at_edges, axis=0).reshape(len(step), parts, -1) / (step / parts)[:, None, None]
     mean = np.concatenate((mean, np.repeat(commands[None, kept[-1:]], parts, axis=1)))
     return mean if np.ptp(mean, axis=1).max() > SAME_COMMAND else None

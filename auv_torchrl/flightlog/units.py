@@ -35,20 +35,18 @@ def check_commands(name: str, columns: Sequence[str], values: Floats, row: np.nd
                 "(pulse - 1500) / 400" if high > 500 else "command / 100" if high > 10 else "command / full command"
             )
             raise FlightLogError(f"{name}: {column} lies in [{low:g}, {high:g}]: give commands in [-1, 1], as {remedy}")
-        rows = (int(row[beyond[0]]), int(row[beyond[-1]])) if len(beyond) else None
-        if rows:
+        over = np.flatnonzero(size[:, i] > 1.0 + 1e-6)
+        if len(beyond):
+            code, where = "command_glitch", beyond
             sentence = f"{column} leaves [-1, 1] in {len(beyond)} rows, which are left out"
-            findings.append(
-                Finding(Severity.WARNING, "command_glitch", sentence, "Give commands in [-1, 1]", (column,), rows)
-            )
             values[beyond, i] = np.nan
-        elif (size[:, i] > 1.0 + 1e-6).any():
-            over = np.flatnonzero(size[:, i] > 1.0 + 1e-6)
+        elif len(over):
+            code, where = "command_clipped", over
             sentence = f"{column} exceeds 1 by up to {np.nanmax(size[:, i]) - 1:.3f} and is clipped"
-            rows = (int(row[over[0]]), int(row[over[-1]]))
-            findings.append(
-                Finding(Severity.WARNING, "command_clipped", sentence, "Give commands in [-1, 1]", (column,), rows)
-            )
+        else:
+            continue
+        rows = (int(row[where[0]]), int(row[where[-1]]))
+        findings.append(Finding(Severity.WARNING, code, sentence, "Give commands in [-1, 1]", (column,), rows))
     return findings
 
 

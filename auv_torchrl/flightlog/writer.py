@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
+from auv_torchrl.files import whole
 from auv_torchrl.flightlog.log import AXES, FlightLog
 
 _DIGITS = 6  # micrometres and microradians
@@ -32,15 +33,14 @@ def write_columns(columns: Mapping[str, np.ndarray], path: str | os.PathLike[str
     if path.exists() and not replace:
         raise FileExistsError(f"{path} exists: remove it or choose another name")
     table = pa.table(dict(columns))
-    partial = path.with_name(f".{path.name}.partial")
-    if path.suffix.lower() in (".parquet", ".pq"):
-        from pyarrow.parquet import write_table  # here, not above: few logs are
+    with whole(path) as partial:
+        if path.suffix.lower() in (".parquet", ".pq"):
+            from pyarrow.parquet import write_table  # here, not above: few logs are
 
-        write_table(table, partial)
-    else:
-        rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
-        pyarrow.csv.write_csv(pa.table(rounded), partial)
-    os.replace(partial, path)
+            write_table(table, partial)
+        else:
+            rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
+            pyarrow.csv.write_csv(pa.table(rounded), partial)
     return path
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import rerun as rr
 
 from auv_torchrl.flight import Flight
-from auv_torchrl.palette import SERIES, rgb
+from auv_torchrl.palette import rgb
+from auv_torchrl.recording.series import thruster_series, time_of
 from auv_torchrl.vehicle import Vehicle
 
 ARROW_M_PER_N = 0.006  # 50 N is drawn 0.3 m long
@@ -27,7 +28,7 @@ def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle,
     direction = vehicle.thruster_direction.double().numpy()
     half = np.abs(position).max(axis=0) + HULL_MARGIN_M
     half[2] = max(half[2], HULL_HEIGHT_M / 2)
-    thruster_colours = [rgb(SERIES[i % len(SERIES)]) for i in range(len(position))]
+    _, thruster_colours = thruster_series(len(position))
     recording.log(
         f"{entity}/hull", rr.Boxes3D(half_sizes=[half], colors=[rgb(colour)], fill_mode="majorwireframe"), static=True
     )
@@ -46,7 +47,7 @@ def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle,
         ),
         static=True,
     )
-    time = rr.TimeColumn("time", duration=flight.time.double().numpy())
+    time = time_of(flight)
     quaternion = flight.quaternion.double().numpy()
     recording.send_columns(
         entity,

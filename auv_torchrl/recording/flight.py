@@ -11,9 +11,9 @@ from auv_torchrl.adaptation.flight import AdaptedFlight
 from auv_torchrl.adaptation.learner import PHASES
 from auv_torchrl.adaptation.recovery import BACK_M, Happening, Moment
 from auv_torchrl.flight import Flight
-from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T, rgb
+from auv_torchrl.palette import MOMENT, NEUTRAL, U_S, U_T, rgb
 from auv_torchrl.recording.body import record_vehicle
-from auv_torchrl.recording.series import record_reference, record_series
+from auv_torchrl.recording.series import record_reference, record_series, thruster_series
 from auv_torchrl.vehicle import Vehicle
 
 NEAR, FAR = f"within {BACK_M:g} m", f"beyond {BACK_M:g} m"
@@ -37,7 +37,6 @@ class OneFlight:
 def record_flight(recording: rr.RecordingStream, one: OneFlight) -> None:
     """Log error, gains, the detector's statistic, the states of vehicle and adaptation, and markers of the moments."""
     flight = one.adapted.flight
-    time = rr.TimeColumn("time", duration=flight.time.double().numpy())
     recording.log("flight/world", rr.ViewCoordinates.FRD, static=True)
     record_reference(recording, "flight/world/target", flight)
     path = rr.LineStrips3D([flight.position.float().numpy()], colors=[rgb(U_T)], radii=0.004)
@@ -48,22 +47,19 @@ def record_flight(recording: rr.RecordingStream, one: OneFlight) -> None:
         ("with the adaptation", error, U_T),
         ("u_s alone", one.alone.position_error.double().numpy(), U_S),
     ):
-        record_series(recording, f"flight/error/{name.replace(' ', '_')}", time, values[:, None], [name], [rgb(colour)])
+        entity = f"flight/error/{name.replace(' ', '_')}"
+        record_series(recording, entity, flight, values[:, None], [name], [rgb(colour)])
     thrusters = one.gains.shape[-1]
-    names, colours = _thrusters(thrusters)
-    record_series(recording, "flight/gain/estimated", time, one.gains.numpy(), names, colours, 2.0)
+    names, colours = thruster_series(thrusters)
+    record_series(recording, "flight/gain/estimated", flight, one.gains.numpy(), names, colours, 2.0)
     true = [f"{name}, true" for name in names]
-    record_series(recording, "flight/gain/true", time, one.true_gains.numpy(), true, [rgb(NEUTRAL)] * thrusters, 0.8)
+    record_series(recording, "flight/gain/true", flight, one.true_gains.numpy(), true, [rgb(NEUTRAL)] * thrusters, 0.8)
     statistic = one.adapted.statistic.double().numpy()
     both = np.stack((statistic, np.ones_like(statistic)), axis=-1)
-    record_series(recording, "flight/statistic", time, both, ["sum", "threshold"], [rgb(U_T), rgb(NEUTRAL)])
+    record_series(recording, "flight/statistic", flight, both, ["sum", "threshold"], [rgb(U_T), rgb(NEUTRAL)])
     recording.log("flight/summary", rr.TextDocument(one.summary, media_type=rr.MediaType.MARKDOWN), static=True)
     _record_states(recording, one, error)
     _record_moments(recording, one, error)
-
-
-def _thrusters(count: int) -> tuple[list[str], list[tuple[int, int, int, int]]]:
-    return [f"thruster {i + 1}" for i in range(count)], [rgb(SERIES[i % len(SERIES)]) for i in range(count)]
 
 
 def _record_states(recording: rr.RecordingStream, one: OneFlight, error: np.ndarray) -> None:

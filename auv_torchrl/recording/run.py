@@ -13,7 +13,7 @@ from auv_torchrl.recording.blueprint import run_blueprint
 from auv_torchrl.recording.body import record_vehicle
 from auv_torchrl.recording.file import write_recording
 from auv_torchrl.recording.flight import OneFlight, record_flight
-from auv_torchrl.recording.series import record_reference, record_series
+from auv_torchrl.recording.series import record_reference, record_series, thruster_series
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 PATHS = 24  # starts whose path is drawn
@@ -100,10 +100,6 @@ def _starts_to_show(flights: Mapping[str, Flight]) -> list[int]:
     return [worst, *others][:PATHS]
 
 
-def _time(flight: Flight) -> rr.TimeColumn:
-    return rr.TimeColumn("time", duration=flight.time.double().numpy())
-
-
 def _record_target(recording: rr.RecordingStream) -> None:
     colours = [rgb(SERIES[5]), rgb(SERIES[2]), rgb(SERIES[4])]
     axes = rr.Arrows3D(vectors=AXES_M * np.eye(3), colors=colours, radii=0.01)
@@ -132,16 +128,12 @@ def _record_error(recording: rr.RecordingStream, name: str, flight: Flight, star
         entity = f"error/{name}/{curve.replace(' ', '_')}"
         colour = rgb(CONTROLLER[name], 140 if curve == "worst" else 255)
         series = values.numpy()[:, None]
-        record_series(
-            recording, entity, _time(flight.of_start(start)), series, [f"{name}, {curve}"], [colour], width[curve]
-        )
+        record_series(recording, entity, flight.of_start(start), series, [f"{name}, {curve}"], [colour], width[curve])
 
 
 def _record_thrust(recording: rr.RecordingStream, name: str, flight: Flight) -> None:
-    count = flight.thrust.shape[-1]
-    names = [f"thruster {i + 1}" for i in range(count)]
-    colours = [rgb(SERIES[i % len(SERIES)]) for i in range(count)]
-    record_series(recording, f"thrust/{name}", _time(flight), flight.thrust.double().numpy(), names, colours)
+    names, colours = thruster_series(flight.thrust.shape[-1])
+    record_series(recording, f"thrust/{name}", flight, flight.thrust.double().numpy(), names, colours)
 
 
 def _command_names(flight: Flight) -> tuple[str, ...]:
@@ -161,7 +153,7 @@ def _record_commands(recording: rr.RecordingStream, flight: Flight, vehicle: Veh
         for when, (command, colour) in both.items():
             values = command[:, i : i + 1].numpy()
             entity = f"commands/{name}/{when}"
-            record_series(recording, entity, _time(flight), values, [f"{when} the map"], [rgb(colour)])
+            record_series(recording, entity, flight, values, [f"{when} the map"], [rgb(colour)])
 
 
 def _record_map(recording: rr.RecordingStream, control_map: ControlMap) -> None:

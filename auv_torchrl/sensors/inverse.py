@@ -53,10 +53,6 @@ class Mixing:
         rows = np.where(taken[..., None], own, np.eye(3, 6) / speed[:, :, None])
         return Mixing(rows) if _beside_diagonal(rows).any() else None
 
-    def each(self, change: Callable[[Floats], Floats]) -> "Mixing":
-        """The same of the rows that ``change`` makes of these."""
-        return Mixing(change(self.rows))
-
     def reported(self, linear: Floats, angular: Floats, unmixed: Floats) -> Floats:
         """Reports (..., 3) of velocities, or of accelerations; ``unmixed`` of the vehicles that do not mix them."""
         mixed = matvec(self.rows[..., :3], linear) + matvec(self.rows[..., 3:], angular)
@@ -234,7 +230,7 @@ def _each(sensors: Inverse, change: Callable[[Floats], Floats]) -> Inverse:
     return replace(
         sensors,
         **{name: change(getattr(sensors, name)) for name in ("gain", "slopes", "offset", "speed", "turn")},
-        mixing=sensors.mixing and sensors.mixing.each(change),
+        mixing=sensors.mixing and Mixing(change(sensors.mixing.rows)),
     )
 
 

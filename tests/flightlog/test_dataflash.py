@@ -179,6 +179,16 @@ def test_a_filter_that_stands_still_gives_no_position(tmp_path):
     assert np.isnan(place[:, :2]).all() and (place[:, 2] == 3.0).all()
 
 
+def test_a_filter_without_lanes_tells_which_barometer_is_outside(tmp_path):
+    """As text, from a firmware whose XKF1 names no lane, and that writes no CTUN."""
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+    lines += ["FMT, 129, 20, BARO, QBf, TimeUS,I,Alt", "FMT, 130, 20, XKF1, Qf, TimeUS,PD"]
+    for k in range(50):
+        lines += [f"BARO, {k}00000, 0, 0.5", f"BARO, {k}00000, 1, {-0.1 * k}", f"XKF1, {k}00000, {0.1 * k}"]
+    path = written(tmp_path, "\n".join(lines).encode(), "flight.log")
+    assert streams_of(path).streams["depth"].source == "BARO 1"
+
+
 def test_doppler_steps_become_velocities_at_the_middle_of_their_time(tmp_path):
     """0.1 m in 0.2 s is 0.5 m/s, 0.1 s before it was told."""
     data = described("VISO") + b"".join(record("VISO", 1 + k / 5, 0.2, 0.1, 0.0, -0.05) for k in range(9))

@@ -8,6 +8,7 @@ from simulate import simulated_logs
 
 from auv_torchrl.flightlog import FlightLogError, raw_columns, read_flightlog, write_columns
 from auv_torchrl.flightlog.information import check_information
+from auv_torchrl.flightlog.table import Table
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.damages import BOTH, DAMAGES, POSES, damaged
 
@@ -100,7 +101,8 @@ def test_a_vehicle_at_rest_is_not_a_frozen_sensor():
     t = np.arange(0, 20, 0.05)
     moving = np.where(t > 10, t - 10, 0.0)
     push = np.repeat(np.where(t > 10, 0.5, 0.0)[:, None], 6, axis=1)
-    checked = check_information(t, np.zeros(len(t)), np.arange(1, len(t) + 1), {"x": moving}, push)
+    table = Table("log.csv", {"t": t, "x": moving}, np.arange(1, len(t) + 1), ())
+    checked = check_information(table, ("x",), push)
     assert not any(finding.code == "frozen" for finding in checked.findings)
 
 

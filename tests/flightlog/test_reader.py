@@ -61,6 +61,23 @@ def test_an_existing_file_is_not_overwritten(flown, tmp_path):
         write_flightlog(flown, path)
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_log_that_cannot_be_written_leaves_nothing(flown, monkeypatch, tmp_path, suffix):
+    """Half of it would take the room of the next attempt; a log that was there stays."""
+    log = write_flightlog(flown, tmp_path / f"log.{suffix}")
+    before = log.read_bytes()
+
+    def broken_off(table, path):
+        path.write_bytes(b"t,x")
+        raise OSError("disk full")
+
+    monkeypatch.setattr("pyarrow.csv.write_csv", broken_off)
+    monkeypatch.setattr("pyarrow.parquet.write_table", broken_off)
+    with pytest.raises(OSError, match="disk full"):
+        write_flightlog(flown, log, replace=True)
+    assert [path.name for path in tmp_path.iterdir()] == [log.name] and log.read_bytes() == before
+
+
 def test_demands_go_through_the_mixer(flown, paper, tmp_path):
     """Commands per degree of freedom become thruster commands by the vehicle's mixer, clipped."""
     rng = np.random.default_rng(1)
@@ -112,6 +129,15 @@ def test_an_unknown_column_is_ignored_where_it_is_listed(flown, paper, tmp_path)
     with pytest.raises(FlightLogError, match="salinity"):
         read_flightlog(tmp_path / "more.csv", paper)
     assert read_flightlog(tmp_path / "more.csv", paper, extra=["salinity"]).samples == flown.samples
+
+
+def test_a_battery_is_ignored_where_it_is_listed(flown, paper, tmp_path):
+    """A column that the format knows is ignored as others are."""
+    rows = rows_of(flown, tmp_path / "log.csv")
+    rows = [[*row, "battery" if i == 0 else "14.8"] for i, row in enumerate(rows)]
+    log = store(tmp_path / "fed.csv", rows)
+    fed, ignored = read_flightlog(log, paper), read_flightlog(log, paper, extra=["battery"])
+    assert fed.episodes[0].battery is not None and ignored.episodes[0].battery is None
 
 
 @pytest.mark.parametrize(

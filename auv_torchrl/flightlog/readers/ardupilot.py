@@ -121,7 +121,7 @@ def _outputs(messages: Messages) -> Stream | None:
     names = [name for name in WANTED["RCOU"][1:] if name in sent]
     values = [sent[name].astype(np.float64) for name in names]
     more = messages.get("RCO2")
-    if more is not None and len(more["t"]):
+    if more is not None:
         near = latest(more["t"], sent["t"] + 5e-3)  # written right after RCOU
         late = np.abs(more["t"][near] - sent["t"]) > 0.05
         names += (extra := [name for name in WANTED["RCO2"][1:] if name in more])
@@ -187,7 +187,7 @@ def _battery(messages: Messages) -> Stream | None:
     if power is None:
         return None
     number = next((power[name] for name in ("Inst", "Instance", "I") if name in power), None)
-    if number is not None and len(number):
+    if number is not None:
         power = rows(power, number == number.min())
     volts = power["Volt"].astype(np.float64)
     current = power["Curr"].astype(np.float64) if "Curr" in power else np.full(len(volts), np.nan)

@@ -21,7 +21,7 @@ def depth(messages: Messages, primary: Columns | None) -> tuple[Stream | None, l
     That one is known by CTUN.BAlt, which repeats it, or by the depth of the filter, which follows it.
     """
     sensed = messages.get("BARO", "Alt")
-    if sensed is None or not len(sensed["t"]):
+    if sensed is None:
         return None, []
     numbers = sensed["I"] if "I" in sensed else np.zeros(len(sensed["t"]), np.int64)
     reference = _reference(messages, primary)
@@ -44,13 +44,13 @@ def depth(messages: Messages, primary: Columns | None) -> tuple[Stream | None, l
 def _reference(messages: Messages, primary: Columns | None) -> tuple[np.ndarray, np.ndarray, bool] | None:
     """Times and altitude of what the vehicle dives by, and whether only its changes count."""
     control = messages.get("CTUN", "BAlt")
-    if control is not None and len(control["t"]):
+    if control is not None:
         return control["t"], control["BAlt"].astype(np.float64), False
     estimate = messages.get("XKF1", "PD")
-    if estimate is None or not len(estimate["t"]):
+    if estimate is None:
         return None
-    lane = estimate["C"] == (primary["PI"][0] if primary is not None and len(primary["t"]) else 0)
-    mine = lane if "C" in estimate else slice(None)
+    lane = 0 if primary is None else primary["PI"][0]
+    mine = estimate["C"] == lane if "C" in estimate else slice(None)
     return estimate["t"][mine], -estimate["PD"][mine].astype(np.float64), True
 
 
@@ -92,7 +92,7 @@ def inertial(
     if imu is None:
         return None, None
     unit, source = lane, messages.get("XKFS", "GI")
-    if source is not None and len(source["t"]):
+    if source is not None:
         used = of_lane(source, primary, lane)["GI"].astype(np.int64).clip(0, 255)
         unit = int(np.bincount(used).argmax()) if len(used) else lane
     kept = np.flatnonzero(imu["I"] == unit) if "I" in imu else slice(None)

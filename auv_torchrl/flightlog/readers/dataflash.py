@@ -7,7 +7,7 @@ lies between is skipped and counted, so that a file that is cut, or that other d
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,8 +86,8 @@ def read_messages(path: Path, wanted: Mapping[str, tuple[str, ...]]) -> Messages
             f"{path.name} begins like an ArduPilot log and holds no record that can be read: copy it from the vehicle "
             "again"
         )
-    messages = in_order({name: _timed(_joined(found.parts.pop(name))) for name in list(found.parts)})
-    return replace(messages, findings=(*_lost(found.lost, begin + len(rest)), *messages.findings))
+    types = {name: _timed(_joined(found.parts.pop(name))) for name in list(found.parts)}
+    return in_order(types, _lost(found.lost, begin + len(rest)))
 
 
 def _lost(lost: int, size: int) -> Iterable[Finding]:

@@ -1,7 +1,6 @@
 """ArduPilot's DataFlash log as text, ``.log``: the same messages, one a line, described by FMT lines."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,12 +43,11 @@ def read_messages(path: Path, wanted: Mapping[str, tuple[str, ...]]) -> Messages
     if not rows:
         raise FlightLogError(f"{path.name} begins like an ArduPilot log and holds no line that can be read")
     types = {name: _columns(kept, fields[name], wanted[name]) for name, kept in rows.items()}
-    messages = in_order(types)
-    findings = list(messages.findings)
+    findings = []
     if lost:
         sentence = f"{lost} of {lines} lines do not hold what their type has and are left out"
-        findings.insert(0, Finding(Severity.WARNING, "damaged_file", sentence, "Copy the file again"))
-    return replace(messages, findings=tuple(findings))
+        findings.append(Finding(Severity.WARNING, "damaged_file", sentence, "Copy the file again"))
+    return in_order(types, findings)
 
 
 def _row(rest: str, names: list[str]) -> list | None:

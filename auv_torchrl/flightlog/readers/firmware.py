@@ -56,7 +56,7 @@ def frame_of(firmware: str, parameters: Mapping[str, float]) -> tuple[str, int |
 def primary_lane(messages: Messages) -> tuple[Columns | None, int, list[Finding]]:
     """XKF4 of the lane in use at each time, the lane that was in use longest, and where it was exchanged."""
     status = messages.get("XKF4", "SS", "PI")
-    if status is None or not len(status["t"]):
+    if status is None:
         return None, 0, []
     kept = rows(status, status["C"] == status["PI"]) if "C" in status else status
     lanes = status["PI"]
@@ -67,14 +67,14 @@ def primary_lane(messages: Messages) -> tuple[Columns | None, int, list[Finding]
         at = ", ".join(f"{kept['t'][i]:.1f} s" for i in switches[:3]) + (", ..." if len(switches) > 3 else "")
         sentence = f"the filter changed its lane at {at}; what it estimates may leap there"
         findings.append(Finding(Severity.WARNING, "lane_switch", sentence, "Look for the sensor that it gave up"))
-    return kept, lane, findings
+    return kept if len(kept["t"]) else None, lane, findings
 
 
 def of_lane(columns: Columns, primary: Columns | None, lane: int) -> Columns:
     """The rows of the lane that was in use at their times."""
     if "C" not in columns:
         return columns
-    if primary is None or not len(primary["t"]):
+    if primary is None:
         return rows(columns, columns["C"] == lane)
     return rows(columns, columns["C"] == primary["PI"][latest(primary["t"], columns["t"])])
 
@@ -84,7 +84,7 @@ def leave_out_unknown(place: np.ndarray, speed: np.ndarray, t: np.ndarray, statu
 
     Without ``status`` it does not say what it knows along the horizontal.
     """
-    if status is None or not len(status["t"]):
+    if status is None:
         place[:, :2] = speed[:, :2] = np.nan
         return
     flags = status[field].astype(np.int64)[latest(status["t"], t)]

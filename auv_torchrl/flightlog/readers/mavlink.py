@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers.firmware import leave_out_unknown, mode_name, vehicle_facts
 from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order, stacked
-from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, spans_of, stream
+from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, state_of, stream
 
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 _PRESSURES = ("SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3")
@@ -38,7 +38,7 @@ _RESTART_S = 1.0  # a boot time that steps back further is that of another start
 _WRAP_S = 2**32 * 1e-6  # s, after which the 32 bits of SERVO_OUTPUT_RAW.time_usec begin anew
 
 
-def choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: int | None) -> int:
+def _choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: int | None) -> int:
     """The number of the vehicle, out of heartbeats (system, type, autopilot).
 
     Raises:
@@ -57,27 +57,19 @@ def choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: int
     return vehicles[0]
 
 
-def streams_of(name: str, kind: str, messages: Messages) -> Streams:
+def _streams_of(name: str, kind: str, messages: Messages) -> Streams:
     """The streams of one vehicle whose messages have the fields of :data:`WANTED`, times in s."""
     vehicle = vehicle_facts(messages, ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text"))
     beat = messages.get("HEARTBEAT", "base_mode", "custom_mode")
     armed, modes = None, ()
     if beat is not None:
         on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
-        changes = [(float(beat["t"][i]), bool(on[i])) for i in _changes(on)]
-        armed = spans_of(changes, messages.end, events=False)
-        numbers = beat["custom_mode"].astype(np.int64).tolist()
-        modes = tuple(
-            (float(beat["t"][i]), mode_name(vehicle.firmware, numbers[i])) for i in _changes(beat["custom_mode"])
-        )
+        names = (mode_name(vehicle.firmware, number) for number in beat["custom_mode"].astype(np.int64).tolist())
+        armed, modes = state_of(zip(beat["t"].tolist(), on.tolist(), names, strict=True), messages.end)
     sounding, findings = _depth(messages, vehicle)
     found = (_outputs(messages), *_attitude(messages), _accelerometer(messages), sounding, *_filtered(messages),
              _battery(messages))  # fmt: skip
     return Streams(name, kind, by_name(found), vehicle, armed, modes, findings=(*messages.findings, *findings))
-
-
-def _changes(values: np.ndarray) -> np.ndarray:
-    return np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1]))) if len(values) else np.zeros(0, int)
 
 
 def _outputs(messages: Messages) -> Stream | None:
@@ -106,7 +98,7 @@ def _accelerometer(messages: Messages) -> Stream | None:
     """Of the unit in use, or the next one that was recorded; ArduPilot sends all of them in thousandths of a weight."""
     for name in ("RAW_IMU", "SCALED_IMU", "SCALED_IMU2"):
         felt = messages.get(name, "xacc", "yacc", "zacc")
-        if felt is not None and len(felt["t"]):
+        if felt is not None:
             values = stacked(felt, ("xacc", "yacc", "zacc")) * _G
             return stream("accelerometer", ("ax", "ay", "az"), "m/s^2", felt["t"], values, Sampling.MEASURED, name)
     return None
@@ -119,12 +111,12 @@ def _depth(messages: Messages, vehicle: VehicleFacts) -> tuple[Stream | None, li
     found = {}
     for n, name in enumerate(_PRESSURES):
         told, ground = messages.get(name, "press_abs"), vehicle.parameters.get(f"BARO{n + 1}_GND_PRESS")
-        if told is not None and len(told["t"]) and ground and gravity:
+        if told is not None and ground and gravity:
             pressure = told["press_abs"].astype(np.float64) * 100.0  # hPa
             found[name] = told["t"], np.where(pressure > 0, (pressure - ground) / (_PA_A_METRE * gravity), np.nan)
     if not found:
         return None, []
-    if use is None or not len(use["t"]):
+    if use is None:
         sentence = "nothing tells which barometer is outside: depth is taken from the filter, if at all"
         return None, [Finding(Severity.WARNING, "which_barometer", sentence, "Record GLOBAL_POSITION_INT", ("z",))]
     used = -use["relative_alt"].astype(np.float64) * 1e-3
@@ -162,33 +154,40 @@ def _battery(messages: Messages) -> Stream | None:
     return stream("battery", ("voltage", "current"), ("V", "A"), power["t"], values, Sampling.MEASURED, "SYS_STATUS")
 
 
-class MavlinkTable:
-    """Messages of one vehicle in the order in which they were received."""
+class Received:
+    """Messages of vehicles in the order in which they were received."""
 
     def __init__(self) -> None:
-        self._rows: dict[str, list[tuple]] = {}
+        self._rows: dict[int, dict[str, list[tuple]]] = {}  # by number of the vehicle and name of the message
+        self._heard: set[tuple[int, int, int]] = set()
         self._count = 0
 
-    def __len__(self) -> int:
-        return self._count
+    def __bool__(self) -> bool:
+        return bool(self._rows)
 
-    def add(self, name: str, received: float, fields: Mapping[str, Any]) -> None:
-        """Take a message; one that lacks a field is not taken."""
-        wanted = WANTED[name]
+    def add(self, system: int, name: str, received: float, fields: Mapping[str, Any]) -> None:
+        """Take a message of a vehicle; one that lacks a field is not taken."""
+        if name == "HEARTBEAT" and {"type", "autopilot"} <= fields.keys():
+            self._heard.add((system, int(fields["type"]), int(fields["autopilot"])))
+        rows, wanted = self._rows.setdefault(system, {}), WANTED[name]
         if all(field in fields for field in wanted):
-            self._rows.setdefault(name, []).append((self._count, received, *(fields[field] for field in wanted)))
+            rows.setdefault(name, []).append((self._count, received, *(fields[field] for field in wanted)))
             self._count += 1
 
-    def messages(self) -> Messages:
-        """All messages as columns, times ``t`` in s by the clock of the vehicle."""
+    def streams(self, file: str, kind: str, system: int | None, findings: Iterable[Finding]) -> Streams:
+        """The streams of the vehicle ``system``, or of the only one; ``findings`` are what there is to say of the file.
+
+        Raises:
+            FlightLogError: if there is no such vehicle, or several.
+        """
         types: dict[str, dict[str, np.ndarray]] = {}
-        for name, rows in self._rows.items():
+        for name, rows in self._rows[_choose_vehicle(file, self._heard, system)].items():
             columns = list(zip(*rows, strict=True))
             types[name] = {AT: np.array(columns[0]), "received": np.array(columns[1], np.float64)}
             for field, values in zip(WANTED[name], columns[2:], strict=True):
                 types[name][field] = np.array(values, dtype=str if field in TEXTS else np.float64)
         _set_times(types)
-        return in_order(types)
+        return _streams_of(file, kind, in_order(types, findings))
 
 
 def _set_times(types: dict[str, dict[str, np.ndarray]]) -> None:

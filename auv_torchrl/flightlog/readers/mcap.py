@@ -9,13 +9,11 @@ beyond the eighth are (github.com/bluerobotics/mavlink-server, src/lib/drivers/z
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers import mavlink, ros
-from auv_torchrl.flightlog.readers.mavlink import MavlinkTable
 from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
@@ -37,8 +35,7 @@ def read(path: Path, options: ReadOptions) -> Streams:
         FlightLogError: if it holds neither MAVLink nor ROS messages, or a library is missing.
     """
     cut: list[str] = []
-    tables: dict[int, MavlinkTable] = {}
-    heard: set[tuple[int, int, int]] = set()
+    received = mavlink.Received()
     encodings: set[str] = set()
     broken, by_name = 0, False
     for topic, encoding, time_ns, data in _messages(path, cut):
@@ -47,29 +44,24 @@ def read(path: Path, options: ReadOptions) -> Streams:
             continue
         if not by_name and _TOPIC.fullmatch(topic):
             by_name = True
-            tables.clear()  # of what came under the common topic: it comes again under its own
-            heard.clear()
+            received = mavlink.Received()  # what came under the common topic comes again under its own
         try:
             told = _message(topic, data, by_name)
         except (ValueError, KeyError, TypeError, AttributeError):
             broken += 1
             continue
-        if told is None:
-            continue
-        system, name, fields = told
-        if name == "HEARTBEAT" and {"type", "autopilot"} <= fields.keys():
-            heard.add((system, int(fields["type"]), int(fields["autopilot"])))
-        tables.setdefault(system, MavlinkTable()).add(name, time_ns * 1e-9, fields)
-    if not tables:
+        if told is not None:
+            system, name, fields = told
+            received.add(system, name, time_ns * 1e-9, fields)
+    if not received:
         if encodings - {"json"}:
             return ros.read(path, options)
         raise FlightLogError(f"{path.name} holds no MAVLink and no ROS messages: record mavlink/** of the vehicle")
-    messages = tables[mavlink.choose_vehicle(path.name, heard, options.system)].messages()
-    findings = list(messages.findings)
+    findings = []
     if cut or broken:
         sentence = f"the file is cut or damaged: {cut[0] if cut else f'{broken} messages cannot be read'}"
-        findings.insert(0, Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again"))
-    return mavlink.streams_of(path.name, "MAVLink in MCAP", replace(messages, findings=tuple(findings)))
+        findings.append(Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again"))
+    return received.streams(path.name, "MAVLink in MCAP", options.system, findings)
 
 
 def _messages(path: Path, cut: list[str]) -> Iterator[tuple[str, str, int, bytes]]:

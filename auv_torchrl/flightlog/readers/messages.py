@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.rolling import rolling_median
+from auv_torchrl.flightlog.signals import rolling_median
 
 Columns = Mapping[str, np.ndarray]  # by field; all of one length
 AT = "at"  # column, until they are in order: where in the file a message was, as a byte, a line or a number
@@ -30,8 +30,8 @@ class Messages:
 
     def get(self, name: str, *fields: str) -> Columns | None:
         """The messages of a type; None if there are none or they lack one of the fields."""
-        found = self.types.get(name)
-        return found if found is not None and all(field in found for field in ("t", *fields)) else None
+        found = self.types.get(name, {})
+        return found if all(field in found for field in ("t", *fields)) and len(found["t"]) else None
 
 
 def stacked(columns: Columns, fields: Iterable[str]) -> np.ndarray:
@@ -39,15 +39,15 @@ def stacked(columns: Columns, fields: Iterable[str]) -> np.ndarray:
     return np.stack([columns[field].astype(np.float64) for field in fields], axis=-1)
 
 
-def in_order(types: dict[str, dict[str, np.ndarray]]) -> Messages:
+def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding] = ()) -> Messages:
     """Times ``t`` that start at 0 and never go back; each start over is put a second behind what was before.
 
     The messages of the most frequent type are the clock. One whose time is not between those of its neighbours in the
-    file is left out. ``types`` is empty afterwards.
+    file is left out. ``types`` is empty afterwards; ``findings`` are what there was to say before.
     """
     timed = [name for name, columns in types.items() if "t" in columns]
     if not timed:
-        return Messages(dict(types))
+        return Messages(dict(types), tuple(findings))
     clock = types[max(timed, key=lambda name: len(types[name]["t"]))]
     at, usual = clock[AT], rolling_median(clock["t"], _NEIGHBOURS, "reflect")
     back = np.flatnonzero(np.diff(usual) < -_JUMP_S) + 1
@@ -74,7 +74,7 @@ def in_order(types: dict[str, dict[str, np.ndarray]]) -> Messages:
     for name in timed:
         kept[name]["t"][:] -= first if np.isfinite(first) else 0.0
     starts = tuple(float(usual[i]) - first for i in back)
-    return Messages(kept, tuple(_said(len(back), lost)), starts)
+    return Messages(kept, (*findings, *_said(len(back), lost)), starts)
 
 
 def _said(restarts: int, lost: int) -> Iterator[Finding]:

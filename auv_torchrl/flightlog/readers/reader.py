@@ -30,28 +30,22 @@ def choose_reader(path: Path, readers: Mapping[str, Reader]) -> Reader | None:
     """The reader of a file; None for a table, which is what every other text and Parquet file is.
 
     Raises:
-        FlightLogError: for a file that cannot be read, that is empty, that stands for another one, or whose name
-            promises a format that it does not have.
+        FlightLogError: for a file that cannot be read, that stands for another one, or whose name promises a format
+            that it does not have.
     """
     if path.is_dir():
         for reader in readers.values():
             if reader.folders(path):
                 return reader
-    first_bytes(path)  # refuses what is no file
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
-    except OSError as error:
-        raise FlightLogError(f"{path} cannot be read ({error.strerror or error}): give a log") from error
+    head = first_bytes(path, HEAD_BYTES)
     for begin, remedy in _POINTERS.items():
         if head.startswith(begin):
             raise FlightLogError(f"{path.name} is a pointer of {remedy}, or download it")
     fitting = [reader for reader in readers.values() if reader.recognizes(head)]
     suffix = path.suffix.lower()
     named = [reader for reader in readers.values() if suffix in reader.suffixes]
-    both = [reader for reader in fitting if reader in named]
-    if both or fitting:
-        return (both or fitting)[0]
+    if fitting:
+        return next((reader for reader in fitting if reader in named), fitting[0])
     if named and head:
         raise FlightLogError(
             f"{path.name} is no {named[0].name} although it is named so (it begins with {head[:8]!r}): copy it from "

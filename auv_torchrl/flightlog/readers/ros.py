@@ -12,7 +12,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.attitude import euler_angles, frd_of_flu, ned_of_enu, ned_of_enu_vector
-from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Stream, Streams, VehicleFacts, spans_of, stream
+from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Stream, Streams, VehicleFacts, state_of, stream
 
 _SAME_CLOCK_S = 5.0  # between a message's stamp and the time of the bag; more is a simulated clock, or none
 _SQLITE, _BAG = b"SQLite format 3\0", b"#ROSBAG V2"
@@ -97,35 +97,34 @@ def _xyz(vector: Any) -> np.ndarray:
     return np.array([vector.x, vector.y, vector.z])
 
 
-def _turn(q: Any) -> np.ndarray:
-    return np.array([q.w, q.x, q.y, q.z])
-
-
 def _is_ned(frame: str) -> bool:
     return "ned" in frame.lower().split("_") or "frd" in frame.lower() or frame.lower().endswith("ned")
 
 
+def _angles(q: Any, ned: bool) -> list[float]:
+    quaternion = np.array([q.w, q.x, q.y, q.z])
+    return euler_angles(quaternion if ned else ned_of_enu(quaternion)).tolist()
+
+
+def _in_body(vector: Any, frd: bool) -> list[float]:
+    return (_xyz(vector) if frd else frd_of_flu(_xyz(vector))).tolist()
+
+
 def _pose(pose: Any, ned: bool) -> Sample:
-    place, turn = _xyz(pose.position), _turn(pose.orientation)
-    place, turn = (place, turn) if ned else (ned_of_enu_vector(place), ned_of_enu(turn))
-    return {"position": place.tolist(), "attitude": euler_angles(turn).tolist()}
+    place = _xyz(pose.position)
+    place = place if ned else ned_of_enu_vector(place)
+    return {"position": place.tolist(), "attitude": _angles(pose.orientation, ned)}
 
 
 def _twist(twist: Any, frd: bool) -> Sample:
-    turn = (lambda vector: vector) if frd else frd_of_flu
-    return {"body_velocity": turn(_xyz(twist.linear)).tolist(), "gyro": turn(_xyz(twist.angular)).tolist()}
+    return {"body_velocity": _in_body(twist.linear, frd), "gyro": _in_body(twist.angular, frd)}
 
 
 def _imu(m: Any) -> Sample:
     frd = _is_ned(m.header.frame_id)
-    turn = (lambda vector: vector) if frd else frd_of_flu
-    found = {
-        "gyro": turn(_xyz(m.angular_velocity)).tolist(),
-        "accelerometer": turn(_xyz(m.linear_acceleration)).tolist(),
-    }
+    found = {"gyro": _in_body(m.angular_velocity, frd), "accelerometer": _in_body(m.linear_acceleration, frd)}
     if m.orientation_covariance[0] >= 0:  # -1: there is none
-        q = _turn(m.orientation)
-        found["attitude"] = euler_angles(q if frd else ned_of_enu(q)).tolist()
+        found["attitude"] = _angles(m.orientation, frd)
     return found
 
 
@@ -173,11 +172,9 @@ def _streams(name: str, topics: list[Topic]) -> Streams:
     found: dict[str, Stream] = {}
     sources: dict[str, Topic] = {}
     for key, (channels, unit, sampling, preferred) in _CHANNELS.items():
-        holds = [t for t in topics if key in t.samples[0]]
-        holds.sort(key=lambda t: (t.kind not in preferred, -len(t.samples)))  # noqa: B023
-        for topic in holds[:1]:
+        if holds := [t for t in topics if key in t.samples[0]]:
+            topic = sources[key] = min(holds, key=lambda t: (t.kind not in preferred, -len(t.samples)))
             rows = [s.get(key, [np.nan] * len(tuple(channels))) for s in topic.samples]
-            sources[key] = topic
             made = stream(key, channels, unit, times[topic.name] - start, rows, sampling, topic.name)
             found.update({key: made} if made else {})
     told, missing = _commands(topics, times, start)
@@ -222,6 +219,4 @@ def _state(topics: list[Topic], times: dict[str, np.ndarray], start: float, end:
     if told is None:
         return None, ()
     rows = [(float(t - start), *s["state"]) for t, s in zip(times[told.name], told.samples, strict=True)]
-    modes = [(t, str(mode)) for t, _, mode in rows]
-    changed = tuple(m for i, m in enumerate(modes) if i == 0 or m[1] != modes[i - 1][1])
-    return spans_of([(t, on > 0) for t, on, _ in rows], end, events=False), changed
+    return state_of([(t, on > 0, str(mode)) for t, on, mode in rows], end)

@@ -6,12 +6,10 @@ Packets that are not needed are skipped by their length; pymavlink decodes the o
 import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.readers import mavlink
-from auv_torchrl.flightlog.readers.mavlink import MavlinkTable
 from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
@@ -41,8 +39,7 @@ def read(path: Path, options: ReadOptions) -> Streams:
     numbers = {number for number, kind in dialect.mavlink_map.items() if _name(kind) in mavlink.WANTED}
     decoder = dialect.MAVLink(None)
     decoder.robust_parsing = False
-    tables: dict[int, MavlinkTable] = {}
-    heard: set[tuple[int, int, int]] = set()
+    received = mavlink.Received()
     lost: Counter[str] = Counter()
     for stamp, packet in _packets(path, numbers, lost):
         try:
@@ -52,14 +49,8 @@ def read(path: Path, options: ReadOptions) -> Streams:
             continue
         if message.get_srcComponent() != mavlink.AUTOPILOT:
             continue
-        system, name = message.get_srcSystem(), message.get_type()
-        if name == "HEARTBEAT":
-            heard.add((system, message.type, message.autopilot))
-        tables.setdefault(system, MavlinkTable()).add(name, stamp * 1e-6, message.to_dict())
-    vehicle = mavlink.choose_vehicle(path.name, heard, options.system)
-    messages = tables[vehicle].messages()
-    findings = (*_damage(lost), *messages.findings)
-    return mavlink.streams_of(path.name, "MAVLink telemetry", replace(messages, findings=findings))
+        received.add(message.get_srcSystem(), message.get_type(), stamp * 1e-6, message.to_dict())
+    return received.streams(path.name, "MAVLink telemetry", options.system, _damage(lost))
 
 
 def _name(kind) -> str:

@@ -1,6 +1,6 @@
 """PX4's log, ``.ulg``, read by pyulog: https://docs.px4.io/main/en/dev_log/ulog_file_format.html."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from auv_torchrl.flightlog.streams.stream import (
     Streams,
     VehicleFacts,
     by_name,
-    spans_of,
+    state_of,
     stream,
 )
 
@@ -57,7 +57,13 @@ def read(path: Path, options: ReadOptions) -> Streams:
     facts = _vehicle(found)
     end = max((float(topic["t"].max()) for topic in topics.values() if len(topic["t"])), default=0.0)
     armed, modes = _status(topics.get("vehicle_status"), end)
-    streams = (_commands(topics), _attitude(topics), *_inertial(topics), *_local(topics), _battery(topics))
+    streams = (
+        _commands(topics), _attitude(topics),
+        _felt(topics, "gyro", "pqr", "rad/s", ("vehicle_angular_velocity", "xyz"), ("sensor_combined", "gyro_rad")),
+        _felt(topics, "accelerometer", ("ax", "ay", "az"), "m/s^2",
+              ("vehicle_acceleration", "xyz"), ("sensor_combined", "accelerometer_m_s2")),
+        *_local(topics), _battery(topics),
+    )  # fmt: skip
     return Streams(path.name, "PX4 ULog", by_name(streams), facts, armed, modes)
 
 
@@ -100,24 +106,15 @@ def _attitude(topics: Mapping[str, Topic]) -> Stream | None:
     return stream("attitude", ("roll", "pitch", "yaw"), "rad", told[0], angles, Sampling.ESTIMATED, "vehicle_attitude")
 
 
-def _inertial(topics: Mapping[str, Topic]) -> tuple[Stream | None, Stream | None]:
-    """Rates and specific force less their biases, or as gyro and accelerometer have them."""
-    source = "vehicle_angular_velocity"
-    rates = _some(topics, source, *(f"xyz[{i}]" for i in range(3)))
-    if rates is None:
-        source = "sensor_combined"
-        rates = _some(topics, source, *(f"gyro_rad[{i}]" for i in range(3)))
-    feeling = "vehicle_acceleration"
-    felt = _some(topics, feeling, *(f"xyz[{i}]" for i in range(3)))
-    if felt is None:
-        feeling = "sensor_combined"
-        felt = _some(topics, feeling, *(f"accelerometer_m_s2[{i}]" for i in range(3)))
-    return (
-        None if rates is None else stream("gyro", "pqr", "rad/s", *rates, Sampling.MEASURED, source),
-        None
-        if felt is None
-        else stream("accelerometer", ("ax", "ay", "az"), "m/s^2", *felt, Sampling.MEASURED, feeling),
-    )
+def _felt(
+    topics: Mapping[str, Topic], name: str, channels: Iterable[str], unit: str, *sources: tuple[str, str]
+) -> Stream | None:
+    """Rates or specific force of the first of the topics that has its field: less their biases, or as sensed."""
+    for topic, field in sources:
+        told = _some(topics, topic, *(f"{field}[{i}]" for i in range(3)))
+        if told is not None:
+            return stream(name, channels, unit, *told, Sampling.MEASURED, topic)
+    return None
 
 
 def _local(topics: Mapping[str, Topic]) -> tuple[Stream | None, Stream | None]:
@@ -147,10 +144,6 @@ def _battery(topics: Mapping[str, Topic]) -> Stream | None:
 def _status(topic: Topic | None, end: float):
     if topic is None or "arming_state" not in topic or "nav_state" not in topic:
         return None, ()
-    changes = [(float(t), int(s) == _ARMED) for t, s in zip(topic["t"], topic["arming_state"], strict=True)]
-    modes: list[tuple[float, str]] = []
-    for t, number in zip(topic["t"].tolist(), topic["nav_state"].tolist(), strict=True):
-        name = _MODES.get(number, f"MODE_{number}")
-        if not modes or modes[-1][1] != name:
-            modes.append((t, name))
-    return spans_of(changes, end, events=False), tuple(modes)
+    on = (int(state) == _ARMED for state in topic["arming_state"])
+    names = (_MODES.get(number, f"MODE_{number}") for number in topic["nav_state"].tolist())
+    return state_of(zip(topic["t"].tolist(), on, names, strict=True), end)

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.flightlog.streams.stream import Floats, Stream, Streams
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, quaternion_product, rotation_matrix
 
@@ -138,9 +139,7 @@ def _steered(attitude: Stream, gyro: Stream | None) -> Floats:
     if gyro is None or len(gyro) < 2:
         return angles
     q = quaternion_from_euler(*angles.T)
-    between = 0.5 * (gyro.values[1:] + gyro.values[:-1]) * np.diff(gyro.t)[:, None]
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(between, axis=0)])
-    turned = np.diff(np.stack([np.interp(attitude.t, gyro.t, column) for column in total.T], -1), axis=0)
+    turned = np.diff(interpolate(attitude.t, gyro.t, integral(gyro.t, gyro.values)), axis=0)
     size = np.linalg.norm(turned, axis=-1, keepdims=True)
     step = np.concatenate([np.cos(size / 2), 0.5 * np.sinc(size / (2 * np.pi)) * turned], axis=-1)
     expected = quaternion_product(q[:-1], step)

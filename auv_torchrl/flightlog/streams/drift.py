@@ -7,6 +7,7 @@ estimates are smooth to the last digit, and within seconds all of them are off t
 import numpy as np
 
 from auv_torchrl.flightlog.log import ANGLES, POSE
+from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.flightlog.streams.stream import Floats, Sampling, Stream
 from auv_torchrl.physics.kinematics import quaternion_from_euler, quaternion_product
 
@@ -42,9 +43,7 @@ def _apart(attitude: Stream, gyro: Stream) -> float | None:
         return None
     turned = _turned(attitude.values[known])
     gyro_t, rate = gyro.t[felt], gyro.values[felt]
-    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(gyro_t)[:, None]
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    by_gyro = np.stack([np.interp(t, gyro_t, column) for column in sums.T], axis=-1)
+    by_gyro = interpolate(t, gyro_t, integral(gyro_t, rate))
     apart, lasting = (turned - by_gyro)[::every], np.diff(t[::every])
     usual = lasting < 1.5 * COMPARED_S
     rates = np.abs(np.diff(apart, axis=0)[usual] / lasting[usual, None])

@@ -43,7 +43,8 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
         FlightLogError: if there are no commands, the vehicle was never armed, or never flew in the modes wanted.
     """
     options = options or ReadOptions()
-    commands = commands_of(streams, options.parameters)
+    autopilot = {**options.parameters, **streams.vehicle.parameters}
+    commands = commands_of(streams, autopilot)
     chosen = choose(streams)
     if not chosen:
         raise FlightLogError(
@@ -67,7 +68,6 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     columns.update({name: commands.values[row, i] for i, name in enumerate(commands.channels)})
     if "battery" in streams.streams:
         columns["battery"] = sampled(streams.streams["battery"], "voltage", t, interval)
-    autopilot = {**options.parameters, **streams.vehicle.parameters}
     findings += [*check_configuration(streams, autopilot), *check_compass(streams, autopilot)]
     return Table(
         streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True,
@@ -184,8 +184,7 @@ def _episodes(streams: Streams, options: ReadOptions, t: Floats) -> tuple[np.nda
             raise FlightLogError(
                 f"{streams.name} was not flown in {', '.join(unknown)}: give modes out of {', '.join(there) or 'none'}"
             )
-        wanted = within(t, tuple((a, b) for a, b, mode in spans if mode in options.modes))
-        flown &= wanted
+        flown &= within(t, tuple((a, b) for a, b, mode in spans if mode in options.modes))
         if not flown.any():
             raise FlightLogError(f"{streams.name} was not armed in {', '.join(options.modes)}: give other modes")
     begins = flown & ~np.concatenate(([False], flown[:-1]))

@@ -76,7 +76,7 @@ def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
             f"{streams.name} does not say what the thrusters were told (it has {there}): log the outputs (RCOU, "
             "SERVO_OUTPUT_RAW, actuator_motors, RCOut)"
         )
-    motors, missing = motors_of({**parameters, **streams.vehicle.parameters}, streams.vehicle.motors)
+    motors, missing = motors_of(parameters, streams.vehicle.motors)
     if motors is None:
         raise FlightLogError(f"{streams.name} has pulses of its outputs, and lacks {listed(missing)}: {HOW_TO_GIVE}")
     off = np.full(len(outputs), NEUTRAL)  # a motor on no output is told nothing

@@ -6,6 +6,7 @@ Frames: earth NED, body FRD, SI units, angles in radians (ZYX). Times are second
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import groupby
 from types import MappingProxyType
 
 import numpy as np
@@ -15,6 +16,7 @@ from auv_torchrl.flightlog.findings import Finding
 
 Floats = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]  # s, from and to
+Modes = tuple[tuple[float, str], ...]  # s, since when which
 
 LONG_PAUSE = 5.0  # usual sampling intervals; what is longer is a gap,
 LONG_PAUSE_S = 0.3  # if it is also longer than this
@@ -63,7 +65,7 @@ class Stream:
     @property
     def gaps(self) -> Spans:
         """Where samples are missing."""
-        wide = np.flatnonzero(np.diff(self.t) > self.pause) if len(self.t) > 1 else ()
+        wide = np.flatnonzero(np.diff(self.t) > self.pause)
         return tuple((float(self.t[i]), float(self.t[i + 1])) for i in wide)
 
 
@@ -120,7 +122,7 @@ class Streams:
     streams: Mapping[str, Stream]
     vehicle: VehicleFacts = VehicleFacts()
     armed: Spans | None = None  # None where the file does not say
-    modes: tuple[tuple[float, str], ...] = ()  # since when which; what is before the first is not known
+    modes: Modes = ()  # since when which; what is before the first is not known
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -151,6 +153,13 @@ class ReadOptions:
 def by_name(found: Iterable[Stream | None]) -> dict[str, Stream]:
     """Streams that are there, by name."""
     return {stream.name: stream for stream in found if stream is not None}
+
+
+def state_of(told: Iterable[tuple[float, bool, str]], end: float) -> tuple[Spans | None, Modes]:
+    """When a vehicle was armed, and since when in which mode, where time, arming and mode are told again and again."""
+    told = list(told)
+    modes = tuple(next((t, mode) for t, _, mode in same) for _, same in groupby(told, key=lambda row: row[2]))
+    return spans_of([(t, on) for t, on, _ in told], end, events=False), modes
 
 
 def spans_of(changes: list[tuple[float, bool]], end: float, events: bool = True) -> Spans | None:

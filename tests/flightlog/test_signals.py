@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from auv_torchrl.flightlog.rolling import rolling_mean, rolling_median
+from auv_torchrl.flightlog.signals import rolling_mean, rolling_median
 
 COLUMNS = st.lists(st.floats(-1e3, 1e3), min_size=9, max_size=40).map(np.array)
 SIZES = st.sampled_from((1, 3, 5, 9))
