@@ -88,11 +88,7 @@ class ForwardModel(nn.Module):
 
     def forward(self, state: Tensor, action: Tensor) -> Tensor:
         """(..., s) and (..., 4) in [-1, 1] to (..., s)."""
-        return self.under(state, self.actuation.realised(action))
-
-    def under(self, state: Tensor, realised: Tensor) -> Tensor:
-        """The same for channels (..., 4) that are fully realised."""
-        return state + self.change(torch.cat((state, realised), dim=-1))
+        return state + self.change(torch.cat((state, self.actuation.realised(action)), dim=-1))
 
 
 class InverseModel(nn.Module):
