@@ -203,9 +203,7 @@ class FleetEnv(EnvBase):
         return {
             "observation": self._tensor(observation, torch.float32),
             "measured": self._together(measured),
-            "position": self._tensor(state.position, dtype),
-            "quaternion": self._tensor(state.quaternion, dtype),
-            "velocity": self._tensor(state.velocity, dtype),
+            **{key: self._tensor(part, dtype) for key, part in zip(BODY, state[:3], strict=True)},
             "thrust": self._tensor(self.simulator.thrust, dtype),
             "command": self._tensor(state.commands[:, 0], dtype),
             "time": self._tensor(state.time[:, None], dtype),

@@ -111,8 +111,7 @@ class RegulationVectorEnv(VectorEnv):
         if last["done"].any():
             ended = last["done"][:, 0].numpy()
             info = {"final_obs": last["observation"].numpy(), "_final_obs": ended}
-        flags = (last[key][:, 0].numpy() for key in ("reward", "terminated", "truncated"))
-        reward, terminated, truncated = flags
+        reward, terminated, truncated = (last[key][:, 0].numpy() for key in ("reward", "terminated", "truncated"))
         return now["observation"].numpy(), reward, terminated, truncated, info
 
 
