@@ -45,9 +45,8 @@ class Variant(Enum):
         of_motion = (
             "current", "tether", "surface", "lag", "battery_sag", "coupled_drag", "uneven_drag", "coupled_mass",
         )  # fmt: skip
-        more = any(getattr(needed, name) for name in of_motion)
-        coupled = any(bool((getattr(c, name) * _OFF_DIAGONAL).any()) for name in _MATRICES)
-        return Variant.full(needed) if more or coupled else Variant.DIAGONAL
+        more = any(getattr(needed, name) for name in of_motion) or bool((c.mass_matrix * _OFF_DIAGONAL).any())
+        return Variant.full(needed) if more else Variant.DIAGONAL
 
 
 def constants(c: Coefficients, dtype: Any, more: Sequence[float] = ()) -> np.ndarray:
