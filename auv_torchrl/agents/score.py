@@ -8,9 +8,7 @@ from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase, step_mdp
 
 from auv_torchrl.envs.fleet import FleetEnv
-from auv_torchrl.evaluation import task_of
-
-SETTLED_S = 10.0  # s; Eq. 15 judges what comes after
+from auv_torchrl.evaluation import STEADY_FROM_S, task_of
 
 
 class Score(NamedTuple):
@@ -27,7 +25,7 @@ class Examiner:
         self.fleet, self.task = fleet, task_of(fleet)
         self.bare = isinstance(fleet, FleetEnv)  # transforms may read more of the last step than what it led to
         self.starts = TensorDict({"start": starts}, batch_size=fleet.batch_size)
-        self.first = round(min(SETTLED_S / self.task.control_dt, self.task.steps / 2))
+        self.first = round(min(STEADY_FROM_S / self.task.control_dt, self.task.steps / 2))
 
     @torch.no_grad()
     def __call__(self, policy: TensorDictModuleBase) -> Score:
