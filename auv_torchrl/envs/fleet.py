@@ -150,9 +150,7 @@ class FleetEnv(EnvBase):
         return TensorDict(
             {
                 **self._report(self._along),
-                "done": no,
-                "terminated": no.clone(),
-                "truncated": no.clone(),
+                **{key: no.clone() for key in ("done", "terminated", "truncated")},
                 "start": TensorDict(start, self.batch_size, device=self.device),
             },
             self.batch_size,
