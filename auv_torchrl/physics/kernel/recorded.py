@@ -53,7 +53,7 @@ def constants(c: Coefficients, dtype: Any, more: Sequence[float] = ()) -> np.nda
     """All coefficients (1, R, k) of vehicles (R,), and behind them ``more`` numbers, the same for each."""
     rows = len(c.lag)
     numbers = [np.asarray(field, dtype).reshape(rows, -1) for field in c]
-    return np.concatenate([*numbers, np.broadcast_to(np.asarray(more, dtype), (rows, len(more)))], axis=-1)[None]
+    return np.concatenate([*numbers, np.full((rows, len(more)), more, dtype)], axis=-1)[None]
 
 
 @cache
