@@ -7,7 +7,7 @@ import torch
 from tensordict import TensorClass
 from torch import Tensor
 
-from auv_torchrl.physics.kinematics import euler_angles, least_turn, quaternion_product
+from auv_torchrl.physics.kinematics import heading_of, least_turn, quaternion_product
 
 
 class Flight(TensorClass):
@@ -36,7 +36,7 @@ class Flight(TensorClass):
     @property
     def heading_error(self) -> Tensor:
         """Absolute heading error in rad, (N, T + 1); pi once a state is no number."""
-        off = euler_angles(self.quaternion)[2] - euler_angles(self.reference_quaternion)[2]
+        off = heading_of(self.quaternion) - heading_of(self.reference_quaternion)
         return least_turn(off).abs().nan_to_num(nan=math.pi)
 
     @property

@@ -77,15 +77,16 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
     """
     diagonal = bool((vehicle.linear_drag == vehicle.linear_drag.diagonal().diag()).all())
     alike = {key: getattr(vehicle, key) for key in (*_PER_THRUSTER, *_told(vehicle, _WHERE_TOLD))}
+
+    def as_they_are(*keys: str) -> dict[str, Any]:
+        return {key: numbers(getattr(vehicle, key)) for key in keys}
+
     content = {
         "name": name,
-        "rigid_body": {key: numbers(getattr(vehicle, key)) for key in (*_RIGID_BODY, *_told(vehicle, _HULL_LATER))},
-        "added_mass": numbers(vehicle.added_mass),
-        "mass_scale": numbers(vehicle.mass_scale),
+        "rigid_body": as_they_are(*_RIGID_BODY, *_told(vehicle, _HULL_LATER)),
+        **as_they_are("added_mass", "mass_scale"),
         "linear_drag": numbers(vehicle.linear_drag.diagonal() if diagonal else vehicle.linear_drag),
-        "quadratic_drag": numbers(vehicle.quadratic_drag),
-        **{key: numbers(getattr(vehicle, key)) for key in _told(vehicle, _WATER_LATER)},
-        "coriolis": numbers(vehicle.coriolis),
+        **as_they_are("quadratic_drag", *_told(vehicle, _WATER_LATER), "coriolis"),
         "thrusters": {
             "position": numbers(vehicle.thruster_position),
             "direction": numbers(vehicle.thruster_direction),
@@ -93,10 +94,10 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
                 key: numbers(each.flatten()[0] if (each == each.flatten()[0]).all() else each)
                 for key, each in alike.items()
             },
-            "delay": numbers(vehicle.delay),
+            **as_they_are("delay"),
         },
-        "mixer": numbers(vehicle.mixer),
-        "sensors": {key: numbers(getattr(vehicle, key)) for key in (*_SENSORS, *_told(vehicle, _SENSORS_LATER))},
+        **as_they_are("mixer"),
+        "sensors": as_they_are(*_SENSORS, *_told(vehicle, _SENSORS_LATER)),
     }
     _refuse_what_is_lost(vehicle, content)
     return content

@@ -45,7 +45,7 @@ def fly_adapting(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int)
     Returns:
         The flights, on the CPU.
     """
-    rollout = roll_out(fleet, policy, starts, steps).cpu()
+    rollout = roll_out(fleet, policy, starts, steps)
 
     def reported(name: str) -> Tensor:
         return torch.cat((rollout[name][:, :1], rollout["next", name]), dim=1)

@@ -123,8 +123,8 @@ class InFlightLearner(Memory):
         done = searching & (known | (self.search_s > config.longest_search_s))
         for row in done.nonzero()[0]:
             if timing.judge(row, round(float(self.search_s[row]) / self.motion.control_dt)):
-                delay_and_lag = timing.timing_of(row)
-                log.debug("vehicle %d: thrust comes %.2f s late with a lag of %.2f s", row, *delay_and_lag)
+                chosen = timing.timings[timing.chosen[row]]
+                log.debug("vehicle %d: thrust comes %.2f s late with a lag of %.2f s", row, *chosen)
                 self.search(np.array([row]))
                 done[row] = False
         hopeless = searching & (self.search_s > config.least_search_s) & self.estimate.unexplained()

@@ -6,7 +6,7 @@ import numpy as np
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.memory import Memory
-from auv_torchrl.physics.kinematics import euler_angles, wrap_angle
+from auv_torchrl.physics.kinematics import heading_of, wrap_angle
 from auv_torchrl.vehicle import CONTROLLED_INDEX
 
 Array = Any
@@ -44,7 +44,7 @@ class Sensing(Memory):
         """What measured states (N, 13) say."""
         config = self.config
         state = np.where(np.isfinite(state).all(-1, keepdims=True), state, np.nan)  # one bad value spoils a measurement
-        velocity, position, heading = state[:, VELOCITY], state[:, :3], euler_angles(state[:, 3:7])[2]
+        velocity, position, heading = state[:, VELOCITY], state[:, :3], heading_of(state[:, 3:7])
         if config.sensed == "pose":
             velocity = 0.0 * velocity
         raw = np.concatenate((velocity, position, heading[:, None]), axis=-1)

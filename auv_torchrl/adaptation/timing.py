@@ -9,7 +9,7 @@ from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.adaptation.sensing import VELOCITY, turned
-from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product
+from auv_torchrl.physics.kinematics import heading_of, quaternion_from_euler, quaternion_product
 from auv_torchrl.physics.thrusters import delayed
 
 Array = Any
@@ -77,11 +77,6 @@ class ActuatorTiming(Memory):
         self.chosen[row] = best
         _, self.arrived[row] = self._arrivals(row, steps, *self.timings[best])
         return True
-
-    def timing_of(self, row: int) -> tuple[float, float]:
-        """Delay and lag in s."""
-        delay, lag = self.timings[self.chosen[row]].tolist()
-        return delay, lag
 
     def late_s(self) -> Array:
         """Delay and lag together, (N,) s: how far ahead a command acts."""
@@ -157,7 +152,7 @@ def look_ahead(
     state, time = state.copy(), time.copy()
     steps = np.ceil(timing.late_s()[rows] / motion.control_dt - 1e-9).astype(int)
     velocity, position, turn = state[rows][:, VELOCITY], state[rows, :3], np.zeros(len(rows))
-    heading = euler_angles(state[rows, 3:7])[2]
+    heading = heading_of(state[rows, 3:7])
     for k, thrust in enumerate(timing.coming(rows, int(steps.max()))):
         wrench = (effectiveness[rows] @ thrust[..., None])[..., 0] + constant[rows]
         moved, reached = motion.advance(velocity, wrench)

@@ -42,7 +42,6 @@ class AgentConfig(ABC):
 
     def __post_init__(self) -> None:
         """Refuse values with which training cannot run."""
-        object.__setattr__(self, "hidden", tuple(self.hidden))
         check_fields(self, "agent")
         if self.stretch_steps % self.steps_per_batch:
             raise ValueError(

@@ -5,9 +5,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import torch
+from tensordict import TensorDict
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torch.optim.swa_utils import get_ema_multi_avg_fn
+from torchrl.collectors import Collector
 from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.config import AgentConfig
@@ -92,3 +94,21 @@ class Learner(ABC):
         for name, part in self.parts().items():
             part.load_state_dict(state[name])
         self._moves = state["moves"]
+
+
+def collected(
+    fleet: EnvBase, policy: TensorDictModuleBase, config: AgentConfig, random_frames: int = 0
+) -> Iterator[TensorDict]:
+    """Transitions (N, steps_per_batch) of one stretch; random actions in the batches of the first ``random_frames``."""
+    batch = config.num_envs * config.steps_per_batch
+    collector = Collector(
+        fleet,
+        policy,
+        frames_per_batch=batch,
+        total_frames=config.stretch_frames,
+        init_random_frames=-(-random_frames // batch) * batch,
+        trust_policy=True,
+        auto_register_policy_transforms=False,
+    )
+    yield from collector
+    collector.shutdown()

@@ -18,8 +18,8 @@ from auv_torchrl.agents.networks import (
     make_policy,
     make_value,
     perceptron,
-    sample_tanh_normal,
     set_spread,
+    tanh_normal,
 )  # fmt: skip
 
 
@@ -87,7 +87,8 @@ class FusedSACLoss(SACLoss):
 
     def sample(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Actions (B, a) of the actor in observations (B, d), with gradients, and their log-probabilities (B,)."""
-        return sample_tanh_normal(*self.extract(perceptron(self.layers("actor_network_params"), observation)))
+        loc, scale = self.extract(perceptron(self.layers("actor_network_params"), observation))
+        return tanh_normal(loc, scale, torch.randn_like(loc))[1:]
 
     def layers(self, network: str) -> Layers:
         """Weights and biases of ``network`` in order; looked up once, because they are only changed in place."""

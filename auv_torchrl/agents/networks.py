@@ -99,13 +99,11 @@ def perceptron_values(layers: Layers, x: Tensor) -> list[Tensor]:
     return values
 
 
-def sample_tanh_normal(loc: Tensor, scale: Tensor) -> tuple[Tensor, Tensor]:
-    """Reparametrised action (B, a) and its log-probability (B,), as ``TanhNormal.rsample_and_log_prob``."""
-    return tanh_normal(loc, scale, torch.randn_like(loc))[1:]
-
-
 def tanh_normal(loc: Tensor, scale: Tensor, noise: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Tanh (B, a) of the sample that standard normal noise makes, the action (B, a), and its log-probability (B,)."""
+    """Tanh (B, a) of the sample that standard normal noise makes, the action (B, a), and its log-probability (B,).
+
+    Action and log-probability are those of ``TanhNormal.rsample_and_log_prob``.
+    """
     raw = torch.addcmul(loc, scale, noise)
     squashed = raw.tanh()
     # log N(raw) - log(1 - tanh(raw)^2), the latter in the form that cannot overflow

@@ -6,12 +6,11 @@ from typing import Any
 import torch
 from tensordict import TensorDict
 from torch import Tensor
-from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.config import OffPolicyConfig
-from auv_torchrl.agents.learner import Learner, Learnt
+from auv_torchrl.agents.learner import Learner, Learnt, collected
 
 STORED = (
     "observation",
@@ -40,30 +39,13 @@ class OffPolicyLearner(Learner):
     def learn(self, fleet: EnvBase, before: int, critics_alone: int) -> Iterator[Learnt]:
         """Collect, remember, update."""
         config, frames = self.config, before
-        for data in self._collect(fleet, before):
+        for data in collected(fleet, self.exploring, config, max(0, config.random_frames - before)):
             self.buffer.extend(data.select(*STORED).reshape(-1))
             frames += data.numel()
             losses = None
             if frames > config.random_frames:
                 losses = self._update(frames, actor=frames > critics_alone)
             yield Learnt(data.numel(), data["next", "reward"].mean(), losses)
-
-    def _collect(self, fleet: EnvBase, before: int) -> Iterator[TensorDict]:
-        """Transitions (N, steps_per_batch) of one stretch."""
-        config = self.config
-        batch = config.num_envs * config.steps_per_batch
-        random_frames = max(0, config.random_frames - before)
-        collector = Collector(
-            fleet,
-            self.exploring,
-            frames_per_batch=batch,
-            total_frames=config.stretch_frames,
-            init_random_frames=-(-random_frames // batch) * batch,
-            trust_policy=True,
-            auto_register_policy_transforms=False,
-        )
-        yield from collector
-        collector.shutdown()
 
     def _update(self, frames: int, actor: bool) -> dict[str, Tensor]:
         """The updates that are due after one batch of transitions.

@@ -6,13 +6,12 @@ from typing import Any
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
-from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, SamplerWithoutReplacement, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
 from torchrl.objectives.value import GAE
 
 from auv_torchrl.agents.config import PPOConfig
-from auv_torchrl.agents.learner import Learner, Learnt
+from auv_torchrl.agents.learner import Learner, Learnt, collected
 from auv_torchrl.agents.losses import make_ppo_loss
 from auv_torchrl.agents.updater import leaves
 
@@ -40,18 +39,9 @@ class OnPolicyLearner(Learner):
     def learn(self, fleet: EnvBase, before: int, critics_alone: int) -> Iterator[Learnt]:
         """Fly, weigh, climb."""
         config, frames = self.config, before
-        collector = Collector(
-            fleet,
-            self.actor,
-            frames_per_batch=config.num_envs * config.steps_per_batch,
-            total_frames=config.stretch_frames,
-            trust_policy=True,
-            auto_register_policy_transforms=False,
-        )
-        for data in collector:
+        for data in collected(fleet, self.actor, config):
             frames += data.numel()
             yield Learnt(data.numel(), data["next", "reward"].mean(), self._update(data, frames, critics_alone))
-        collector.shutdown()
 
     def _update(self, data: TensorDictBase, frames: int, critics_alone: int) -> dict[str, Tensor]:
         """Several times through transitions (N, T), in the order of time; the means of the losses."""

@@ -12,7 +12,7 @@ from torch import Tensor
 from auv_torchrl.envs.start import ALONG, BODY, EXPECTED, MEASURED, TIME, expected_along
 from auv_torchrl.physics import CONTROL_DT, ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import euler_angles, matvec, rotation_matrix, wrap_angle
+from auv_torchrl.physics.kinematics import heading_of, matvec, rotation_matrix, wrap_angle
 from auv_torchrl.tasks import Reference, Task
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
@@ -75,7 +75,7 @@ class PID(TensorDictModuleBase):
         reference = self.task.reference(along)
         to_body = rotation_matrix(quaternion).mT
         away = matvec(to_body, reference.position - position)
-        turn = wrap_angle(euler_angles(reference.quaternion)[2] - euler_angles(quaternion)[2])
+        turn = wrap_angle(heading_of(reference.quaternion) - heading_of(quaternion))
         error = torch.cat((away, turn.unsqueeze(-1)), dim=-1).float()
         speed = (velocity - reference.moving(to_body))[..., list(CONTROLLED_INDEX)].float()
         action = self.proportional * error - self.derivative * speed

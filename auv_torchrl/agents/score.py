@@ -8,9 +8,7 @@ from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase, step_mdp
 
 from auv_torchrl.envs.fleet import FleetEnv
-from auv_torchrl.evaluation import task_of
-
-SETTLED_S = 10.0  # s; Eq. 15 judges what comes after
+from auv_torchrl.evaluation import STEADY_FROM_S, task_of
 
 
 class Score(NamedTuple):
@@ -23,19 +21,18 @@ class Score(NamedTuple):
 class Examiner:
     """Flies a fleet from the same starts every time."""
 
-    def __init__(self, fleet: EnvBase, starts: TensorDictBase, steps: int, control_dt: float):
+    def __init__(self, fleet: EnvBase, starts: TensorDictBase):
         self.fleet, self.task = fleet, task_of(fleet)
         self.bare = isinstance(fleet, FleetEnv)  # transforms may read more of the last step than what it led to
         self.starts = TensorDict({"start": starts}, batch_size=fleet.batch_size)
-        self.steps = steps
-        self.first = round(min(SETTLED_S / control_dt, steps / 2))
+        self.first = round(min(STEADY_FROM_S / self.task.control_dt, self.task.steps / 2))
 
     @torch.no_grad()
     def __call__(self, policy: TensorDictModuleBase) -> Score:
         """Fly one episode without exploration."""
         state = self.fleet.reset(self.starts.clone(), set_state=True)
         errors = []
-        for step in range(self.steps):
+        for step in range(self.task.steps):
             state = self.fleet.step(policy(state))
             if step >= self.first:
                 wanted = self.task.reference(state["next", "along"][..., 0]).position

@@ -90,8 +90,9 @@ def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
         content = torch.load(io.BytesIO(whole[:-DIGEST]), map_location="cpu", weights_only=True)
         found, state = content["fingerprint"], content["state"]
     except Exception as error:  # torch.load raises whatever its unpickler and its zip reader raise
+        cause = str(error) if isinstance(error, ValueError | OSError) else type(error).__name__
         raise CheckpointError(
-            f"checkpoint {path} cannot be read ({_cause(error)}): it is damaged, changed, of an earlier version or no "
+            f"checkpoint {path} cannot be read ({cause}): it is damaged, changed, of an earlier version or no "
             "checkpoint of ours; it is left as it is; move it away to train from the beginning"
         ) from error
     if found != fingerprint:
@@ -101,7 +102,3 @@ def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
         )
     log.info("going on from checkpoint %s", path)
     return state
-
-
-def _cause(error: Exception) -> str:
-    return str(error) if isinstance(error, ValueError | OSError) else type(error).__name__

@@ -193,4 +193,4 @@ def make_examiner(
     count = agent_config.evaluation_starts
     starts = draw_starts(exam, count, EVALUATION_SEED).float()
     fleet = around(make_fleet(backend, vehicle, exam, count, seed=0, device=device))
-    return Examiner(fleet, starts, exam.steps, exam.control_dt)
+    return Examiner(fleet, starts)

@@ -87,13 +87,10 @@ class SACUpdater(Updater):
         if self._closed_form is not None:
             losses = self._closed_form(batch, actor)
             self.optimiser.step()
-            self.target_update.step()
-            return losses
-        losses = self.loss(batch)
-        total = losses["loss_qvalue"]
-        if actor:
-            total = losses["loss_actor"] + total + losses["loss_alpha"]
-        self._descend(total)
+        else:
+            losses = self.loss(batch)
+            total = losses["loss_qvalue"]
+            self._descend(losses["loss_actor"] + total + losses["loss_alpha"] if actor else total)
         self.target_update.step()
         return losses
 

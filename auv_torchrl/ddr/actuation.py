@@ -65,7 +65,7 @@ class Actuation(nn.Module):
         return -torch.minimum(limit, 1 - c.asymmetry), limit.clamp(max=1.0)
 
     def delivered(self, command: Tensor) -> Tensor:
-        """Thrust for thruster commands (..., n) in [-1, 1], as shares of full thrust."""
+        """Thrust for thruster commands (..., n), cut to [-1, 1], as shares of full thrust."""
         return thrust_target(self.coefficients, self.terms, command) / self.coefficients.full_thrust
 
     def intended(self, action: Tensor) -> Tensor:
@@ -94,8 +94,7 @@ class Actuation(nn.Module):
 
     def realised(self, action: Tensor) -> Tensor:
         """What channels (..., 4) really give after mixer, limits and dead band, in channels (..., 4)."""
-        command = (action @ self.mixer.mT).clamp(-1.0, 1.0)
-        return self.delivered(command) @ self.channels_per_share.mT
+        return self.delivered(action @ self.mixer.mT) @ self.channels_per_share.mT
 
 
 class ControlSpace(nn.Module, ABC):
@@ -157,7 +156,7 @@ class Channels(ControlSpace):
 
     def encode(self, command: Tensor) -> Tensor:
         """Channels (..., 4) as the thrusters' curve and dead band let them through."""
-        return self.actuation.delivered((command @ self.actuation.mixer.mT).clamp(-1.0, 1.0)) @ self.unmixer.mT
+        return self.actuation.delivered(command @ self.actuation.mixer.mT) @ self.unmixer.mT
 
     def decode(self, control: Tensor) -> Tensor:
         """Channels (..., 4) in [-1, 1] that have this effect through the thrusters' curve."""
@@ -170,14 +169,10 @@ class Channels(ControlSpace):
         A heave command inside the dead band is no heave command. But where one of the thrusters that share a
         channel is silent and another is not, the wrench is no function of channels, and would bias G.
         """
-        heard = self._heard(command)
+        thrusters = (command @ self.actuation.mixer.mT).clamp(-1.0, 1.0)
+        heard = torch.where(self.actuation.delivered(thrusters) != 0, thrusters, 0.0)  # the dead band hears nothing
         combined = heard @ self.unmixer.mT @ self.actuation.mixer.mT
         return (heard != 0).any(-1) & ((heard - combined).abs() < EDGE).all(-1)
-
-    def _heard(self, command: Tensor) -> Tensor:
-        """Thruster commands (..., n) after limits, zero where the dead band leaves no thrust."""
-        thrusters = (command @ self.actuation.mixer.mT).clamp(-1.0, 1.0)
-        return torch.where(self.actuation.delivered(thrusters) != 0, thrusters, 0.0)
 
 
 class Thrusters(ControlSpace):

@@ -57,7 +57,9 @@ class Regressor(nn.Module):
             getattr(self, f"{name}_scale").copy_(data.std(0).clamp_min(1e-6))
         x = (inputs - self.input_mean) / self.input_scale
         y = (outputs - self.output_mean) / self.output_scale
-        self.linear.weight.copy_(torch.linalg.lstsq(x, y).solution.mT)
+        # in double precision: the last digits of LAPACK depend on where its data lie, and training multiplies that
+        alike = torch.finfo(x.dtype).eps * max(x.shape)  # columns that single precision cannot tell apart
+        self.linear.weight.copy_(torch.linalg.lstsq(x.double(), y.double(), rcond=alike).solution.mT)
         self.linear.bias.zero_()
 
     def forward(self, inputs: Tensor) -> Tensor:
@@ -88,11 +90,7 @@ class ForwardModel(nn.Module):
 
     def forward(self, state: Tensor, action: Tensor) -> Tensor:
         """(..., s) and (..., 4) in [-1, 1] to (..., s)."""
-        return self.under(state, self.actuation.realised(action))
-
-    def under(self, state: Tensor, realised: Tensor) -> Tensor:
-        """The same for channels (..., 4) that are fully realised."""
-        return state + self.change(torch.cat((state, realised), dim=-1))
+        return state + self.change(torch.cat((state, self.actuation.realised(action)), dim=-1))
 
 
 class InverseModel(nn.Module):

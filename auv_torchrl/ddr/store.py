@@ -41,11 +41,11 @@ def load_or_pretrain(
         StorageError: if the store is full or may not be written.
     """
     config = config or PretrainingConfig()
-    described = ingredients(vehicle, task, config)
-    path = folder / f"{fingerprint(described)}.models.safetensors"
+    shaping = ingredients(vehicle, task, config)
+    path = folder / f"{fingerprint(shaping)}.models.safetensors"
     models = SourceModels(vehicle, task, config.hidden).requires_grad_(False)
     if path.exists():
-        models.load_state_dict(_read(path, described, models.state_dict()))
+        models.load_state_dict(_read(path, shaping, models.state_dict()))
         log.info("F and R: taken from %s, trained before", path)
         return models
     with storing(folder):
@@ -56,13 +56,12 @@ def load_or_pretrain(
         tensors = {name: tensor.contiguous() for name, tensor in models.state_dict().items()}
         if not all_finite(tensors):
             raise ValueError("F and R have weights that are no finite numbers: they are not kept; use another seed")
-        settings = json.dumps(described)
-        write_whole(path, save(tensors, {"ingredients": settings, "digest": digest(tensors, json.loads(settings))}))
+        write_whole(path, save(tensors, {"ingredients": json.dumps(shaping), "digest": digest(tensors, shaping)}))
     log.info("F and R: kept in %s", path)
     return models
 
 
-def _read(path: Path, described: Mapping[str, Any], shape: Mapping[str, Tensor]) -> dict[str, Tensor]:
+def _read(path: Path, shaping: Mapping[str, Any], shape: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """The weights in a file, which must be those that were kept for these ingredients."""
     try:
         with safe_open(path, "pt") as file:
@@ -72,7 +71,7 @@ def _read(path: Path, described: Mapping[str, Any], shape: Mapping[str, Tensor])
             raise ValueError("its weights are those of other networks")
         if "digest" not in kept:
             raise ValueError("it has no digest: it is of an earlier version, whether it was changed cannot be told")
-        if kept["digest"] != digest(weights, json.loads(json.dumps(described))):
+        if kept["digest"] != digest(weights, shaping):
             raise ValueError("it was changed: its digest differs")
         if not all_finite(weights):
             raise ValueError("it holds weights that are no finite numbers")

@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from auv_torchrl.autopilot import function_of, is_function
+from auv_torchrl.vehicle import GRAVITY
 
 Values = Mapping[str, float]
 
-GRAVITY = 9.81  # m/s^2
 LEAD = 1.1  # kg of lead for each kg in water: 11,340 kg/m^3 against 1,025 kg/m^3
 DEAD = 0.1  # of the thrust, below which a thruster is said to give nothing
 REVERSED = -0.5  # times the thrust, beyond which it is the direction alone that is wrong

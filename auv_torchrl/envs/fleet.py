@@ -150,9 +150,7 @@ class FleetEnv(EnvBase):
         return TensorDict(
             {
                 **self._report(self._along),
-                "done": no,
-                "terminated": no.clone(),
-                "truncated": no.clone(),
+                **{key: no.clone() for key in ("done", "terminated", "truncated")},
                 "start": TensorDict(start, self.batch_size, device=self.device),
             },
             self.batch_size,
@@ -203,9 +201,7 @@ class FleetEnv(EnvBase):
         return {
             "observation": self._tensor(observation, torch.float32),
             "measured": self._together(measured),
-            "position": self._tensor(state.position, dtype),
-            "quaternion": self._tensor(state.quaternion, dtype),
-            "velocity": self._tensor(state.velocity, dtype),
+            **{key: self._tensor(part, dtype) for key, part in zip(BODY, state[:3], strict=True)},
             "thrust": self._tensor(self.simulator.thrust, dtype),
             "command": self._tensor(state.commands[:, 0], dtype),
             "time": self._tensor(state.time[:, None], dtype),

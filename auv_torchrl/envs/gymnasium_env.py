@@ -61,9 +61,7 @@ class RegulationEnv(gymnasium.Env):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode."""
         super().reset(seed=seed)
-        if seed is not None:
-            self.fleet.set_seed(seed)
-        now = reset_fleet(self.fleet, options)
+        now = reset_fleet(self.fleet, seed, options)
         return now["observation"][0].numpy(), {key: now[key][0].numpy() for key in BODY}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
@@ -98,9 +96,7 @@ class RegulationVectorEnv(VectorEnv):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:  # type: ignore[override]
         """Begin an episode of every vehicle."""
-        if seed is not None:
-            self.fleet.set_seed(seed)
-        return reset_fleet(self.fleet, options)["observation"].numpy(), {}
+        return reset_fleet(self.fleet, seed, options)["observation"].numpy(), {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:  # type: ignore[override]
         """Hold the actions for one control step; ``final_obs`` in the info is the last of an ended episode."""
@@ -111,8 +107,7 @@ class RegulationVectorEnv(VectorEnv):
         if last["done"].any():
             ended = last["done"][:, 0].numpy()
             info = {"final_obs": last["observation"].numpy(), "_final_obs": ended}
-        flags = (last[key][:, 0].numpy() for key in ("reward", "terminated", "truncated"))
-        reward, terminated, truncated = flags
+        reward, terminated, truncated = (last[key][:, 0].numpy() for key in ("reward", "terminated", "truncated"))
         return now["observation"].numpy(), reward, terminated, truncated, info
 
 
@@ -123,12 +118,14 @@ def spaces(fleet: FleetEnv) -> tuple[Box, Box]:
     return Box(-bound, bound, (size,), np.float32), Box(-1.0, 1.0, fleet.action_spec.shape[1:], np.float32)
 
 
-def reset_fleet(fleet: FleetEnv, options: Mapping[str, Any] | None) -> TensorDictBase:
-    """Reset all vehicles, from ``options["start"]`` where it is given.
+def reset_fleet(fleet: FleetEnv, seed: int | None, options: Mapping[str, Any] | None) -> TensorDictBase:
+    """Reset all vehicles, from ``options["start"]`` where it is given; a ``seed`` begins all draws anew.
 
     Raises:
         ValueError: for any other option, or a start that the fleet refuses.
     """
+    if seed is not None:
+        fleet.set_seed(seed)
     if unknown := set(options or {}) - {"start"}:
         raise ValueError(f"reset: unknown options {sorted(unknown)}: there is start with {', '.join(BODY)}")
     if not options:

@@ -48,20 +48,16 @@ class RandomizeVehicle(Transform):
         members = [limits for _, parameters in self.ranges for limits in parameters.values()]
         low, high = torch.tensor(members, dtype=torch.float64).reshape(-1, 2).unbind(-1)
         share = torch.rand(count, len(members), generator=generator, dtype=torch.float64)
-        values = low + (high - low) * (share if self._mixed is None else self._mix(share))
-        if self._mixed is not None:
-            values = values.clamp(*self._bounds)
+        if self._mixed is None:
+            values = low + (high - low) * share
+        else:
+            first = len(self._mixed)
+            share[:, :first] = 0.5 + (share[:, :first] - 0.5) @ self._mixed.T  # correlated about the middle
+            values = (low + (high - low) * share).clamp(*self._bounds)
         columns = iter(values.unbind(-1))
         for effect, parameters in self.ranges:
             vehicle = effect.apply(vehicle, {member: next(columns) for member in parameters})
         return vehicle
-
-    def _mix(self, share: Tensor) -> Tensor:
-        """Shares (count, k) of the ranges, those that are drawn together correlated about the middle."""
-        assert self._mixed is not None
-        first = len(self._mixed)
-        mixed = 0.5 + (share[:, :first] - 0.5) @ self._mixed.T
-        return torch.cat((mixed, share[:, first:]), dim=-1)
 
     def _most(self) -> tuple[Tensor, Tensor]:
         """Least and most (k,) that effects allow."""

@@ -3,8 +3,8 @@
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-import numpy as np
 import torch
+from array_api_compat import array_namespace
 from torch import Tensor
 
 from auv_torchrl.vehicle import GRAVITY, Vehicle
@@ -92,16 +92,10 @@ class ActiveTerms(NamedTuple):
     sensor_noise: bool
 
     @staticmethod
-    def of(coefficients: Coefficients) -> "ActiveTerms":
+    def of(c: Coefficients) -> "ActiveTerms":
         """Look at the values once, so that the inner loop need not."""
-        c = coefficients
-        n = c.routing.shape[-1]
-        off_diagonal = 1.0 - np.eye(6)
-        if isinstance(c.linear_drag, Tensor):
-            off_diagonal = torch.as_tensor(off_diagonal, dtype=c.linear_drag.dtype, device=c.linear_drag.device)
-            identity = torch.eye(n, dtype=c.routing.dtype, device=c.routing.device)
-        else:
-            identity = np.eye(n)
+        xp, like = array_namespace(c.routing), {"dtype": c.routing.dtype, "device": c.routing.device}
+        off_diagonal, identity = 1.0 - xp.eye(6, **like), xp.eye(c.routing.shape[-1], **like)
         noisy = bool((c.position_noise > 0).any() or (c.attitude_noise > 0).any())
         return ActiveTerms(
             coriolis=bool((c.coriolis != 0).any()),

@@ -34,8 +34,6 @@ def delayed(memory: Array, delay: Array, control_dt: float) -> Array:
 def thrust_target(c: Coefficients, terms: ActiveTerms, command: Array) -> Array:
     """Thrust in N that commands in [-1, 1] call for, (..., n): routing, curve, limit and dead band; no lag, no gain."""
     xp = array_namespace(command)
-    if not (terms.routing or terms.curve):
-        return limited_thrust(command, c.full_thrust, c.limit, c.dead_band)
     command = xp.clip(command, -1.0, 1.0)
     if terms.routing:
         command = matvec(c.routing, command)

@@ -59,7 +59,7 @@ def fleet_model(
         body.add("inertial", pos=(0, 0, 0), mass=mass, diaginertia=(inertia,) * 3)
         if walls is not None:
             body.add("geom", name=f"hull_{row}", type="box", size=HULL, contype=VEHICLES, conaffinity=WALLS)
-    for name, position, normal in _sides(walls):
+    for name, position, normal in () if walls is None else _sides(*walls):
         model.worldbody.add(
             "geom", name=name, type="plane", size=(20, 20, 1), pos=position, zaxis=normal,
             contype=WALLS, conaffinity=VEHICLES,
@@ -67,10 +67,7 @@ def fleet_model(
     return model
 
 
-def _sides(walls: tuple[float, float, float] | None) -> list[tuple[str, tuple, tuple]]:
-    if walls is None:
-        return []
-    x, y, z = walls
+def _sides(x: float, y: float, z: float) -> list[tuple[str, tuple, tuple]]:
     return [
         ("north", (x, 0, 0), (-1, 0, 0)),
         ("south", (-x, 0, 0), (1, 0, 0)),

@@ -8,6 +8,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from auv_torchrl.ddr import PretrainingConfig
+from auv_torchrl.ddr.models import Regressor
 from auv_torchrl.ddr.pretraining import source_transitions
 from auv_torchrl.ddr.store import load_or_pretrain
 
@@ -17,7 +18,20 @@ def test_the_inverse_model_finds_the_realised_channels(models, vehicle, task):
     config = PretrainingConfig(transitions=2000, seed=99)
     x, realised, following = (d.float() for d in source_transitions(vehicle, task, models, config)[:3])
     assert (models.R(x, following) - realised).square().mean().sqrt() < 0.02
-    assert (models.F.under(x, realised) - following).square().mean().sqrt() < 0.05 * (following - x).std()
+    change = following - x
+    assert (models.F.change(torch.cat((x, realised), -1)) - change).square().mean().sqrt() < 0.05 * change.std()
+
+
+def test_the_linear_map_is_the_same_wherever_its_data_lie():
+    """Least squares repeat to the bit, whatever else was put into memory before."""
+    torch.manual_seed(0)
+    inputs, outputs = torch.randn(400, 8), torch.randn(400, 4)
+    regressor, found, before = Regressor(4, 4, 4, 8), set(), []
+    for number in range(24):
+        before.append(torch.zeros(1001 * number))
+        regressor.standardise(inputs.clone(), outputs.clone())
+        found.add(regressor.linear.weight.detach().numpy().tobytes())
+    assert len(found) == 1
 
 
 def test_the_long_form_is_the_projection_onto_what_the_source_can_do(models):

@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import ActiveTerms, control_step, prepare
-from auv_torchrl.physics.kernel import Steps, Targets, native, steps
-from auv_torchrl.physics.kernel.recorded import Variant
+from auv_torchrl.physics.kernel import Steps, Targets, native
+from auv_torchrl.physics.kernel.assembly import assembly
+from auv_torchrl.physics.kernel.recorded import Variant, code_of
+from auv_torchrl.physics.kernel.steps import traced_step
 from auv_torchrl.physics.kernel.symbols import Tape
 from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.physics.thrusters import thrust_targets
@@ -154,7 +156,7 @@ def small_program():
 
     def assembled():
         asked.append(1)
-        return steps.assembly(steps.traced_step(shapes, Variant.SURFACE), native.LANES[64])
+        return assembly(traced_step(shapes, Variant.SURFACE))
 
     return assembled, asked
 
@@ -185,7 +187,7 @@ def test_numpy_takes_over_and_says_so_once(empty_cache, monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "llvmlite", None)
     monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
     native._fingerprint.cache_clear()
-    steps._function.cache_clear()
+    code_of.cache_clear()
     try:
         vehicle = load_any("bluerov2")
         c = prepare(vehicle.expand(3)).numpy()
@@ -196,7 +198,7 @@ def test_numpy_takes_over_and_says_so_once(empty_cache, monkeypatch, caplog):
         assert len(caplog.records) == 1 and "numpy" in caplog.text
         assert_equal(vehicles[0].run(*flight), written(c, ActiveTerms.of(c), *flight))
     finally:
-        steps._function.cache_clear()
+        code_of.cache_clear()
 
 
 def test_numpy_is_taken_wherever_it_is_asked_for(monkeypatch):

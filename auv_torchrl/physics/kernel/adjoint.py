@@ -8,10 +8,9 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, Code, load
+from auv_torchrl.physics.kernel.native import Code
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, code_of, recorded_coefficients, sizes_of
 from auv_torchrl.physics.kernel.reverse import pulled_back
 from auv_torchrl.physics.kernel.steps import Steps
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
@@ -45,62 +44,50 @@ class DifferentiableSteps(torch.autograd.Function):
         """The gradients, from those of what came out."""
         thrust, targets, time = (saved.detach().numpy() for saved in ctx.saved_tensors)
         given = (slope.contiguous().numpy() for slope in grad_outputs)
-        found = Adjoint(ctx.steps).run(ctx.states[0], thrust, targets, time, *given)
+        found = _gradients(ctx.steps, ctx.states[0], thrust, targets, time, *given)
         return (None, *(torch.from_numpy(slope) for slope in found), None)
 
 
-class Adjoint:
-    """How what a loss depends on after some steps depends on what was before them."""
+def _gradients(
+    steps: Steps, states: Array, thrust: Array, targets: Array, time: Array, body_slope: Array, thrust_slope: Array
+) -> tuple[Array, Array, Array]:
+    """Gradients by the first body (R, 13), the first thrust (R, n) and the targets (R, S, n) of compiled steps.
 
-    def __init__(self, steps: Steps):
-        """For the vehicles of compiled ``steps``."""
-        self._steps = steps
-        self._layout = _layout(steps.shapes)
-        self._run = cast(Code, _function(steps.shapes, Variant.full(steps.terms), 8 * steps.dtype.itemsize))
-
-    def run(
-        self, states: Array, thrust: Array, targets: Array, time: Array, body_slope: Array, thrust_slope: Array
-    ) -> tuple[Array, Array, Array]:
-        """Gradients by the first body (R, 13), the first thrust (R, n) and the targets (R, S, n).
-
-        Args:
-            states: (R, S + 1, 13) before the first step and after each.
-            thrust: (R, n) in N, before the first step.
-            targets: (R, S, n) in N.
-            time: (R,) in s, before the first step.
-            body_slope: (R, 13) gradient by the last state.
-            thrust_slope: (R, n) gradient by the last thrust.
-        """
-        dtype = self._steps.dtype
-        rows, count, thrusters = targets.shape
-        thrusts = self._thrusts(thrust, targets)
-        times = time[:, None, None] + self._steps.h * np.arange(count)[:, None]
-        by_target = np.empty((rows, count, thrusters), dtype)
-        by_body, by_thrust = np.empty((rows, 13), dtype), np.empty((rows, thrusters), dtype)
-        backwards = {"body": states[:, :-1], "thrust": thrusts, "target": targets, "time": times}
-        arrays = {
-            "constants": self._steps.constants,
-            "body slope": readable(body_slope, dtype)[None],
-            "thrust slope": readable(thrust_slope, dtype)[None],
-            **{name: readable(array, dtype)[None, :, ::-1] for name, array in backwards.items()},
-            "target slope": by_target[None, :, ::-1],
-            "final body slope": by_body[None],
-            "final thrust slope": by_thrust[None],
-        }
-        self._run(table(self._layout, arrays, (1, rows, count, 1)).ctypes.data)
-        return by_body, by_thrust, by_target
-
-    def _thrusts(self, thrust: Array, targets: Array) -> Array:
-        """Thrust (R, S, n) before each step."""
-        steps, thrusts = self._steps, [thrust]
-        for step in range(targets.shape[1] - 1):
-            thrusts.append(thrust_after(steps.c, steps.terms, thrusts[-1], targets[:, step], steps.h))
-        return np.stack(thrusts, axis=1)
+    Args:
+        steps: of the vehicles.
+        states: (R, S + 1, 13) before the first step and after each.
+        thrust: (R, n) in N, before the first step.
+        targets: (R, S, n) in N.
+        time: (R,) in s, before the first step.
+        body_slope: (R, 13) gradient by the last state.
+        thrust_slope: (R, n) gradient by the last thrust.
+    """
+    dtype = steps.dtype
+    rows, count, thrusters = targets.shape
+    thrusts = [thrust]  # before each step
+    for step in range(count - 1):
+        thrusts.append(thrust_after(steps.c, steps.terms, thrusts[-1], targets[:, step], steps.h))
+    times = time[:, None, None] + steps.h * np.arange(count)[:, None]
+    by_target = np.empty((rows, count, thrusters), dtype)
+    by_body, by_thrust = np.empty((rows, 13), dtype), np.empty((rows, thrusters), dtype)
+    backwards = {"body": states[:, :-1], "thrust": np.stack(thrusts, axis=1), "target": targets, "time": times}
+    arrays = {
+        "constants": steps.constants,
+        "body slope": readable(body_slope, dtype)[None],
+        "thrust slope": readable(thrust_slope, dtype)[None],
+        **{name: readable(array, dtype)[None, :, ::-1] for name, array in backwards.items()},
+        "target slope": by_target[None, :, ::-1],
+        "final body slope": by_body[None],
+        "final thrust slope": by_thrust[None],
+    }
+    run = cast(Code, code_of(traced_adjoint, steps.shapes, Variant.full(steps.terms), 8 * dtype.itemsize))
+    run(table(_layout(steps.shapes), arrays, (1, rows, count, 1)).ctypes.data)
+    return by_body, by_thrust, by_target
 
 
 @cache
 def _layout(shapes: Shapes) -> Layout:
-    sizes = coefficient_sizes(shapes)
+    sizes = sizes_of(shapes)
     thrusters = sizes["full_thrust"]
     return Layout(
         constants={**sizes, "h": 1},
@@ -108,12 +95,6 @@ def _layout(shapes: Shapes) -> Layout:
         given={"body": 13, "thrust": thrusters, "target": thrusters, "time": 1},
         written={"target slope": thrusters},
     )
-
-
-@cache
-def _function(shapes: Shapes, variant: Variant, bits: int) -> Code | None:
-    name = f"adjoint-{variant.value}-{coefficient_sizes(shapes)['full_thrust']}-{bits}"
-    return load(name, lambda: assembly(traced_adjoint(shapes, variant), LANES[bits], bits))
 
 
 def traced_adjoint(shapes: Shapes, variant: Variant) -> Program:

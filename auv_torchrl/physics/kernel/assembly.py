@@ -19,6 +19,8 @@ from contextlib import contextmanager
 from auv_torchrl.physics.kernel.lines import Lines
 from auv_torchrl.physics.kernel.program import Layout, Program, offsets
 
+# of an AVX2 register, by bits; 8 doubles were slower without AVX-512, and compile three times as long
+LANES = {64: 4, 32: 8}
 MEMORY, FILLED = 4, 5  # words of the table
 COUNTS = 6  # words of the table before the first array
 WORDS = 5  # of each array
@@ -41,22 +43,16 @@ def array_names(layout: Layout) -> list[str]:
     return ["constants", *layout.carried, *layout.given, *layout.written, *final]
 
 
-def assembly(program: Program, lanes: int, bits: int = 64) -> str:
-    """The text of a module that holds the function.
-
-    Args:
-        program: what it computes.
-        lanes: rows that are computed at once.
-        bits: of its numbers, 64 or 32.
-    """
-    return _Writer(program, lanes, bits).module()
+def assembly(program: Program, bits: int = 64) -> str:
+    """The text of a module that holds the function, which computes a program in numbers of 64 or 32 bits."""
+    return _Writer(program, bits).module()
 
 
 class _Writer(Lines):
-    def __init__(self, program: Program, lanes: int, bits: int):
-        super().__init__(lanes, bits)
+    def __init__(self, program: Program, bits: int):
+        super().__init__(LANES[bits], bits)
         self._program, self._layout = program, program.layout
-        self._suffix = f"v{lanes}f{bits}"
+        self._suffix = f"v{self.lanes}f{bits}"
 
     def module(self) -> str:
         declared = [

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
+from auv_torchrl.physics.kernel.native import Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, program
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import Call, differentiated, in_plain_memory
@@ -50,7 +50,7 @@ class RowFunction:
         """Its machine code in a precision; None where there is none."""
         if bits not in self._codes:
             tape, layout, found = self.traced()
-            text = assembly(program(tape, layout, {"found": found}), LANES[bits], bits)
+            text = assembly(program(tape, layout, {"found": found}), bits)
             told = hashlib.sha256(text.encode()).hexdigest()[:16]  # its source is not that of the physics alone
             self._codes[bits] = load(f"{self.name}-{bits}-{told}", lambda: text)
         return self._codes[bits]

@@ -7,10 +7,10 @@ import numpy as np
 
 from auv_torchrl.physics.coefficients import Coefficients
 from auv_torchrl.physics.free_body import free_body_force
-from auv_torchrl.physics.kernel.assembly import COUNTS, STEP, WORDS, array_names, assembly
-from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
+from auv_torchrl.physics.kernel.assembly import COUNTS, STEP, WORDS, array_names
+from auv_torchrl.physics.kernel.native import is_wanted
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, code_of, constants, recorded_coefficients, sizes_of
 from auv_torchrl.physics.kernel.symbols import NAMESPACE, Tape
 from auv_torchrl.physics.kernel.table import Memory, table
 
@@ -30,15 +30,13 @@ class Forces:
             bodies: ``position`` (R, 3), ``rate`` (R, 6) and ``rotation`` (R, 9), read at every call, and ``lost``
                 (R, 1) and ``body force`` (R, 6), written; a lost body is 1 from then on.
         """
-        rows = len(c.lag)
-        variant, shapes = Variant.of(c), tuple(field.shape[1:] for field in c)
+        rows, variant, shapes = len(c.lag), Variant.of(c), tuple(field.shape[1:] for field in c)
         # thrusters that leave the water push otherwise wherever the body is, and are worked out between the stages
-        self._code = _function(shapes, variant) if is_wanted() and variant is not Variant.SURFACE else None
+        self._code = code_of(traced_force, shapes, variant) if is_wanted() and variant is not Variant.SURFACE else None
         if self._code is None:
             return
-        own = np.broadcast_to(np.append(inertia, fastest), (rows, 7))
         arrays = {
-            "constants": np.concatenate([*(np.asarray(field).reshape(rows, -1) for field in c), own], axis=-1)[None],
+            "constants": constants(c, np.float64, (*inertia, fastest)),
             **{name: array[None, :, None] for name, array in bodies.items()},
             "seen lost": bodies["lost"][None, :, None],
             "wrench": np.empty((1, rows, 1, 6)),
@@ -68,14 +66,8 @@ class Forces:
 @cache
 def _layout(shapes: Shapes) -> Layout:
     given = {"position": 3, "rate": 6, "rotation": 9, "seen lost": 1, "wrench": 6}
-    constants = {**coefficient_sizes(shapes), "inertia": 6, "fastest": 1}
-    return Layout(constants=constants, carried={}, given=given, written={"body force": 6, "lost": 1})
-
-
-@cache
-def _function(shapes: Shapes, variant: Variant) -> Code | None:
-    name = f"forces-{coefficient_sizes(shapes)['full_thrust']}-{variant.value}"
-    return load(name, lambda: assembly(traced_force(shapes, variant), LANES[64], 64))
+    read = {**sizes_of(shapes), "inertia": 6, "fastest": 1}
+    return Layout(constants=read, carried={}, given=given, written={"body force": 6, "lost": 1})
 
 
 def traced_force(shapes: Shapes, variant: Variant) -> Program:

@@ -17,10 +17,6 @@ from auv_torchrl.physics.kernel.assembly import CALLBACK, ENTRY, KEPT, TABLE
 log = logging.getLogger(__name__)
 
 CHOICE = "AUV_PHYSICS"  # the environment variable that keeps to numpy where it says so
-LANES = {
-    64: 4,
-    32: 8,
-}  # of an AVX2 register, by bits; 8 doubles were slower without AVX-512, and compile three times as long
 LEVEL = 2  # of code generation: 3 makes nothing faster, nor do LLVM's passes over what is one straight line
 
 _engines: list[Any] = []  # LLVM frees code with its engine, and stumbles over what others had added to it

@@ -9,7 +9,7 @@ from auv_torchrl.physics.kernel.symbols import Operation, Symbols, Tape
 
 @dataclass(frozen=True)
 class Layout:
-    """The arrays of a kernel, by name, with the numbers that each holds per row; see :class:`Kernel` for their axes."""
+    """The arrays of a kernel, by name, with the numbers that each holds per row; ``table.py`` says their axes."""
 
     constants: dict[str, int]  # of a vehicle; they are read once
     carried: dict[str, int]  # read at the first step, and each step leaves them to the next

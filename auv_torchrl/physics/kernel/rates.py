@@ -7,10 +7,9 @@ import numpy as np
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
+from auv_torchrl.physics.kernel.native import is_wanted
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, code_of, constants, recorded_coefficients, sizes_of
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.kinematics import rotation_matrix
@@ -38,15 +37,14 @@ def rates(c: Coefficients, terms: ActiveTerms, states: Array, thrust: Array, tim
         np.broadcast_shapes(vehicles, states.shape[:3], thrust.shape[:3], time.shape),
     )
     shapes = tuple(field.shape[1:] for field in c)
-    run = _function(shapes, Variant.full(terms)) if is_wanted() and 0 not in shape else None
+    run = code_of(traced_rate, shapes, Variant.full(terms)) if is_wanted() and 0 not in shape else None
     if run is None:
         by_step = c.rows((slice(None), None))  # (R, 1, ...) so that steps are a batch axis
         rate = _rate(by_step, terms, states, thrust, time)
         return np.broadcast_to(rate, (*shape, 6))
     found = np.empty((*shape, 6))
-    numbers = [np.asarray(field, np.float64).reshape(shape[1], -1) for field in c]
     arrays = {
-        "constants": np.concatenate(numbers, axis=-1)[None],
+        "constants": constants(c, np.float64),
         "states": readable(states, np.float64),
         "thrust": readable(thrust, np.float64),
         "time": readable(time[..., None], np.float64),
@@ -66,15 +64,9 @@ def _rate(c: Coefficients, terms: ActiveTerms, state: Any, thrust: Any, time: An
 
 @cache
 def _layout(shapes: Shapes) -> Layout:
-    sizes = coefficient_sizes(shapes)
+    sizes = sizes_of(shapes)
     given = {"states": 13, "thrust": sizes["full_thrust"], "time": 1}
     return Layout(constants=sizes, carried={}, given=given, written={"rate": 6})
-
-
-@cache
-def _function(shapes: Shapes, variant: Variant) -> Code | None:
-    name = f"rates-{variant.value}-{coefficient_sizes(shapes)['full_thrust']}"
-    return load(name, lambda: assembly(traced_rate(shapes, variant), LANES[64], 64))
 
 
 def traced_rate(shapes: Shapes, variant: Variant) -> Program:

@@ -1,10 +1,16 @@
-"""Coefficients of a vehicle as a tape records them: all, or what is left of them where little is out of line."""
+"""Coefficients of vehicles as a kernel reads them: all, or what is left of them where little is out of line."""
 
+from collections.abc import Callable, Sequence
 from enum import Enum
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.kernel.assembly import assembly
+from auv_torchrl.physics.kernel.native import Code, load
+from auv_torchrl.physics.kernel.program import Program
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 
 Shapes = tuple[tuple[int, ...], ...]
@@ -35,16 +41,31 @@ class Variant(Enum):
     @staticmethod
     def of(c: Coefficients) -> "Variant":
         """The least that does all that vehicles (R,), numpy, need."""
-        needed, there = ActiveTerms.of(c), Variant.DIAGONAL.terms
+        needed = ActiveTerms.of(c)
         of_motion = (
             "current", "tether", "surface", "lag", "battery_sag", "coupled_drag", "uneven_drag", "coupled_mass",
         )  # fmt: skip
-        more = any(getattr(needed, name) and not getattr(there, name) for name in of_motion)
-        coupled = any(bool((getattr(c, name) * _OFF_DIAGONAL).any()) for name in _MATRICES)
-        return Variant.full(needed) if more or coupled else Variant.DIAGONAL
+        more = any(getattr(needed, name) for name in of_motion) or bool((c.mass_matrix * _OFF_DIAGONAL).any())
+        return Variant.full(needed) if more else Variant.DIAGONAL
 
 
-def coefficient_sizes(shapes: Shapes) -> dict[str, int]:
+def constants(c: Coefficients, dtype: Any, more: Sequence[float] = ()) -> np.ndarray:
+    """All coefficients (1, R, k) of vehicles (R,), and behind them ``more`` numbers, the same for each."""
+    rows = len(c.lag)
+    numbers = [np.asarray(field, dtype).reshape(rows, -1) for field in c]
+    return np.concatenate([*numbers, np.full((rows, len(more)), more, dtype)], axis=-1)[None]
+
+
+@cache
+def code_of(
+    traced: Callable[[Shapes, Variant], Program], shapes: Shapes, variant: Variant, bits: int = 64
+) -> Code | None:
+    """The code of what is traced for vehicles whose coefficients have these shapes; None where LLVM does not run."""
+    name = f"{traced.__name__}-{sizes_of(shapes)['full_thrust']}-{variant.value}-{bits}"
+    return load(name, lambda: assembly(traced(shapes, variant), bits))
+
+
+def sizes_of(shapes: Shapes) -> dict[str, int]:
     """Numbers that each of the coefficients of a vehicle has, by name."""
     return {name: int(np.prod(shape)) for name, shape in zip(Coefficients._fields, shapes, strict=True)}
 

@@ -1,15 +1,13 @@
 """Many Runge-Kutta steps of many vehicles over many windows in one call of compiled code."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
-from auv_torchrl.physics.kernel.assembly import assembly
-from auv_torchrl.physics.kernel.native import LANES, Code, is_wanted, load
+from auv_torchrl.physics.kernel.native import Code, is_wanted
 from auv_torchrl.physics.kernel.program import Layout, Program, program
-from auv_torchrl.physics.kernel.recorded import Shapes, Variant, coefficient_sizes, recorded_coefficients
+from auv_torchrl.physics.kernel.recorded import Shapes, Variant, code_of, constants, recorded_coefficients, sizes_of
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.kernel.table import readable, table
 from auv_torchrl.physics.step import runge_kutta_step
@@ -38,11 +36,9 @@ class Steps:
         self.dtype = c.lag.dtype
         self.layout = _layout(self.shapes)
         variant = variant or Variant.full(terms)
-        self._run = _function(self.shapes, 8 * self.dtype.itemsize, variant) if is_wanted() else None
+        self._run = code_of(traced_step, self.shapes, variant, 8 * self.dtype.itemsize) if is_wanted() else None
         if self._run is not None:
-            rows = len(c.full_thrust)
-            numbers = [np.asarray(field, self.dtype).reshape(rows, -1) for field in c]
-            self.constants = np.concatenate([*numbers, np.full((rows, 1), h, self.dtype)], axis=-1)[None]
+            self.constants = constants(c, self.dtype, (h,))
 
     @property
     def compiled(self) -> bool:
@@ -129,7 +125,7 @@ def _by_number(rows: Array) -> Array:
 
 
 def _layout(shapes: Shapes) -> Layout:
-    sizes = coefficient_sizes(shapes)
+    sizes = sizes_of(shapes)
     thrusters = sizes["full_thrust"]
     return Layout(
         constants={**sizes, "h": 1},
@@ -137,12 +133,6 @@ def _layout(shapes: Shapes) -> Layout:
         given={"target": thrusters, "force": 6},
         written={"states": 13},
     )
-
-
-@cache
-def _function(shapes: Shapes, bits: int, variant: Variant) -> Code | None:
-    name = f"steps-{_layout(shapes).carried['thrust']}-{bits}-{variant.value}"
-    return load(name, lambda: assembly(traced_step(shapes, variant), LANES[bits], bits))
 
 
 def traced_step(shapes: Shapes, variant: Variant) -> Program:

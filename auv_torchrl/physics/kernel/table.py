@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from auv_torchrl.physics.kernel.assembly import COUNTS, WORDS, array_names
-from auv_torchrl.physics.kernel.native import LANES, Code
+from auv_torchrl.physics.kernel.assembly import COUNTS, LANES, WORDS, array_names
+from auv_torchrl.physics.kernel.native import Code
 from auv_torchrl.physics.kernel.program import Layout
 
 Array = np.ndarray[Any, np.dtype[Any]]
