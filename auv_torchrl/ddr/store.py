@@ -22,7 +22,7 @@ from auv_torchrl.vehicle_file import described
 
 log = logging.getLogger(__name__)
 
-MODELS_VERSION = 2  # raise it when a change of the models or their training makes old ones stale
+MODELS_VERSION = 3  # raise it when a change of the models or their training makes old ones stale
 
 
 def load_or_pretrain(
