@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
@@ -76,7 +77,7 @@ def separate(problem: Problem, one: tuple[str, Explanation], other: tuple[str, E
     plans = manoeuvres(vehicle)
     poses = _fly(pair, np.stack(list(plans.values())))
     apart = poses[:, :, 0] - poses[:, :, 1]
-    apart[..., 3:] -= 2 * np.pi * np.round(apart[..., 3:] / (2 * np.pi))
+    apart[..., 3:] = least_turn(apart[..., 3:])
     distance = dict(zip(plans, np.sqrt(((apart / noise) ** 2).mean((0, 2))).tolist(), strict=True))
     best = max(distance, key=lambda name: distance[name])
     if not distance[best] > SEPARATES:

@@ -13,6 +13,7 @@ from auv_torchrl.adaptation import PHASES, Phase
 from auv_torchrl.adaptation.recovery import BACK_M, Happening
 from auv_torchrl.experiment.figures import FLOOR_M, aim, bare, draw_reference, reference_key
 from auv_torchrl.flight import Flight
+from auv_torchrl.flightlog.signals import runs
 from auv_torchrl.palette import MOMENT, NEUTRAL, SERIES, U_S, U_T
 from auv_torchrl.recording import OneFlight
 
@@ -137,9 +138,8 @@ def _mark(axes: Axes, one: OneFlight) -> None:
     for moment in one.moments:
         axes.axvline(moment.time_s, color=MOMENT[moment.happening.name], linewidth=1.6, alpha=0.9, zorder=0.5)
     searching = (one.adapted.phase == PHASES.index(Phase.SEARCHING)).numpy()
-    edges = np.flatnonzero(np.diff(searching.astype(int), prepend=0, append=0))
     time = _time(one)
-    for begin, end in edges.reshape(-1, 2):
+    for begin, end in runs(searching):
         band = float(time[begin]), float(time[min(end, len(time) - 1)])
         axes.axvspan(*band, color=MOMENT["NOTICED"], alpha=0.12, linewidth=0, zorder=0)
 

@@ -19,6 +19,7 @@ import numpy as np
 from auv_torchrl.physics.coefficients import Coefficients
 from auv_torchrl.physics.kinematics import (
     cross,
+    least_turn,
     matvec,
     quaternion_from_euler,
     quaternion_product,
@@ -174,7 +175,7 @@ class Inverse:
         """What the true start moves by (W, n, n) per unit of each of ``n`` entries of reported starts (W, 12)."""
         moved = start[:, None] + STEP * np.eye(12)[entries]
         change = motion_of(self.true_start(moved)) - motion_of(self.true_start(start[:, None]))
-        change[..., 3:6] -= 2 * np.pi * np.round(change[..., 3:6] / (2 * np.pi))
+        change[..., 3:6] = least_turn(change[..., 3:6])
         return change[..., entries].swapaxes(1, 2) / STEP
 
     def reported_rate(self, rate: Floats, true: Floats, reported: Floats) -> Floats:

@@ -58,7 +58,7 @@ def predicts_better(
     file, still = np.zeros_like(width), np.zeros_like(width)
     file[: len(about.file)] = about.file  # what was not fitted is as the file says
     centred = Centred(corrected.vehicle, Nuisance(known.slack, width, (), still), file, known.slack_covariance)
-    return centred, known, judged.chi2 / judged.quadratic.numbers
+    return centred, known, judged.excess
 
 
 def _is_nearer(log: FlightLog, vehicle: Vehicle, than: Vehicle, settings: Settings) -> bool:

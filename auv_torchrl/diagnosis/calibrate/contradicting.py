@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.axes import followable, restricted
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import CONTRADICTED, FEW_CONTRADICTED
 from auv_torchrl.flightlog import POSE, VELOCITY, Episode, Finding, FlightLog, Severity
+from auv_torchrl.flightlog.signals import integral
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_and_rate
 
 STRETCH_S = 2.0  # s over which both are compared, as long as windows are
@@ -68,8 +69,8 @@ def _differences(episode: Episode) -> tuple[Floats, Floats]:
     side = np.sign((quaternion[1:] * quaternion[:-1]).sum(1))  # both signs of a quaternion are one attitude
     quaternion = quaternion * np.cumprod(np.append(1.0, side))[:, None]
     rotation, turning = rotation_and_rate(quaternion, velocity[:, 3:])
-    place = pose[:, :3] - _integral(t, matvec(rotation, velocity[:, :3]))
-    turn = 2 * (quaternion - _integral(t, turning))  # rad, of small turns
+    place = pose[:, :3] - integral(t, matvec(rotation, velocity[:, :3]))
+    turn = 2 * (quaternion - integral(t, turning))  # rad, of small turns
     stretches = np.flatnonzero(np.diff(((t - t[0]) / STRETCH_S).astype(int))) + 1
     return _spans(place, stretches), _spans(turn, stretches)
 
@@ -77,9 +78,3 @@ def _differences(episode: Episode) -> tuple[Floats, Floats]:
 def _spans(values: Floats, edges: np.ndarray) -> Floats:
     """How far values (T, k) range within each stretch."""
     return np.array([np.linalg.norm(np.ptp(part, axis=0)) for part in np.split(values, edges)])
-
-
-def _integral(t: Floats, rate: Floats) -> Floats:
-    """Of rates (T, k) over times (T,), from nothing on."""
-    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, None]
-    return np.concatenate([np.zeros_like(rate[:1]), steps.cumsum(0)])

@@ -63,7 +63,7 @@ def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settin
     errors = errors_by_kind(predictions)
     return Unseen(
         name=flight.name,
-        excess=judged.chi2 / judged.quadratic.numbers,
+        excess=judged.excess,
         others=sound.excess,
         before=before,
         after=after,

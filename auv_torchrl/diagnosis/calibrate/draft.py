@@ -64,7 +64,7 @@ def draft(
     problem, judged = _fit(problem, nuisance, follow, 1)
     flights, centred = parted(healthy, windows), Centred.at(vehicle, nuisance)
     known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
-    as_stated = excess = judged.chi2 / judged.quadratic.numbers
+    as_stated = excess = judged.excess
     near = _usual_excess(problem, judged) < BEYOND_TRIM
     together = follow_all(flights, centred, known, settings, settings.excess) if near else None
     if together is not None:
@@ -75,7 +75,7 @@ def draft(
     guess = approach(windows, vehicle, guessed(vehicle, settings, coefficients, windows))
     problem, follow = follow_windows(Problem.of(windows, guess.vehicle, settings))
     problem, refitted = _fit(problem, guess.nuisance, follow, FITS)
-    if refitted.chi2 / refitted.quadratic.numbers < excess:
+    if refitted.excess < excess:
         moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), guess)
         centred = scaled_as_the_file(guess.moved(*moved))
         strays = _strays(settled(centred), settings)

@@ -81,5 +81,5 @@ def tell(log: FlightLog, reference: Reference, begun: str = "") -> Dive:
     begin = fit_along_motion(problem, Explanation(), follow)  # what changed much would lose windows that are simulated
     fitted = fit_by_simulation(problem, begin.explanation, begin.base)
     told = Told.of(fitted.quadratic, slack_now(problem, fitted.explanation))
-    excess = fitted.chi2 / fitted.quadratic.numbers
+    excess = fitted.excess
     return Dive(log.name, told.A, told.h, dict(problem.rough_noise), excess, log.duration, begun, log.findings)

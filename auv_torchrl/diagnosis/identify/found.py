@@ -27,7 +27,7 @@ class Found:
     @property
     def excess(self) -> float:
         """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
-        return self.best.chi2 / self.best.quadratic.numbers
+        return self.best.excess
 
     @cached_property
     def excess_as_stated(self) -> float:
@@ -40,4 +40,4 @@ class Found:
             return self.excess
         stated = np.array(problem.settings.floor_force)[problem.layout.dof]
         judged = reassess(replace(problem, floor=stated), self.best)
-        return judged.chi2 / judged.quadratic.numbers
+        return judged.excess

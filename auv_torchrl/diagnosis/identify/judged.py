@@ -64,6 +64,11 @@ class Judged:
     slack_marks: SlackMarks | None  # that it was made of, while its values are being fitted
 
     @property
+    def excess(self) -> float:
+        """Chi-square per number."""
+        return self.chi2 / self.quadratic.numbers
+
+    @property
     def nothing_left(self) -> bool:
         """Whether nothing is left beyond the noise."""
         return self.chi2 < self.quadratic.numbers + spread(self)

@@ -51,7 +51,7 @@ def until_still(problem: Problem, judged: Judged) -> Judged:
     """An explanation fitted on while that gains something, in units of what it leaves anyway."""
     for _ in range(FITTED_ON):
         further = fit_by_simulation(problem, judged.explanation, judged.base)
-        left = max(1.0, judged.chi2 / judged.quadratic.numbers)
+        left = max(1.0, judged.excess)
         if not further.evidence > judged.evidence + STILL_GAINS * left:
             break
         judged = further

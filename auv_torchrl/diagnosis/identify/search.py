@@ -67,7 +67,7 @@ def tidied(found: Found, rival: float = -np.inf) -> Found:
     The log likelihood of a rival is that of the best explanation of the same log by another vehicle.
     """
     problem, best, polished = found.problem, found.best, list(found.polished)
-    left = max(1.0, best.chi2 / best.quadratic.numbers)
+    left = max(1.0, best.excess)
     if log_likelihood(problem, best) > rival - CONTENDS * left:
         best = tidy(problem, best, polished)
     none = _nothing(problem, best)

@@ -17,6 +17,7 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_mot
 from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.sensors import MOTION, motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
@@ -73,7 +74,7 @@ def predict(
     starts[:, 1:, layout.start] += SMALL * root.swapaxes(1, 2)
     left = windows.residual(fly(actuate(windows, best), starts)[0])
     change = left[:, 1:] - left[:, :1]
-    change[..., windows.angular] -= 2 * np.pi * np.round(change[..., windows.angular] / (2 * np.pi))
+    change[..., windows.angular] = least_turn(change[..., windows.angular])
     noise = np.array([sigma[channel] for channel in windows.channels])
     spread = np.sqrt(((change / SMALL) ** 2).sum(1) + noise**2 + colour_of(windows, best, settings, state.start))
     errors, states, reported = [], [], []

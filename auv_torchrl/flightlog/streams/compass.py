@@ -15,7 +15,13 @@ from threadpoolctl import threadpool_limits
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.flightlog.streams.stream import Floats, Stream, Streams
-from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, quaternion_product, rotation_matrix
+from auv_torchrl.physics.kinematics import (
+    least_turn,
+    matvec,
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_matrix,
+)
 
 COMPASSES = ("compass", "compass_2", "compass_3")  # streams
 SURE = 0.999  # quantile that what is found must exceed if there were nothing
@@ -144,8 +150,7 @@ def _steered(attitude: Stream, gyro: Stream | None) -> Floats:
     step = np.concatenate([np.cos(size / 2), 0.5 * np.sinc(size / (2 * np.pi)) * turned], axis=-1)
     expected = quaternion_product(q[:-1], step)
     beside = quaternion_product(q[1:], expected * np.array([1.0, -1.0, -1.0, -1.0]))  # in the earth frame
-    correction = 2 * np.arctan2(beside[:, 3], beside[:, 0])
-    correction -= 2 * np.pi * np.round(correction / (2 * np.pi))
+    correction = least_turn(2 * np.arctan2(beside[:, 3], beside[:, 0]))
     correction[(np.diff(attitude.t) > PAUSE_S) | ~np.isfinite(correction)] = 0.0
     heading = angles[:, 2] - np.concatenate([[0.0], np.cumsum(correction)])
     return np.concatenate([angles[:, :2], heading[:, None]], axis=-1)
