@@ -60,6 +60,11 @@ class Judgement:
     stranger: int | None = None  # number of the vehicle, where it is a stranger
     unseen: tuple[str, ...] = ()  # effects that it said would leave no mark on the log
 
+    @property
+    def said(self) -> str:
+        """All that is named, or the verdict."""
+        return " + ".join(self.named) or self.verdict
+
 
 def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicle: Vehicle) -> Judgement:
     """Compare the answer to a case with its label; what is found on a stranger counts from what it is."""

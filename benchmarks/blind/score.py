@@ -1,14 +1,13 @@
 """What all judgements together say: the figures that the issue asks for, and tables for people."""
 
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from auv_torchrl.effects import EFFECTS
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score_damage import by_damage, damage_targets
-from benchmarks.blind.statistics import Share, calibration_error, quantile, reliability
-from benchmarks.blind.table import Table
+from benchmarks.blind.statistics import Bin, Share, calibration_error, median, quantile, reliability
+from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
 
 INFLUENCE_EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0, math.inf)  # standard deviations of the sensors, after 2 s
 
@@ -26,14 +25,13 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
     failed = of_families(judgements, "failures")
     known = [j for j in judgements if j.family in ("single", "single_slack", "failures", "pair")]
     p_truth = [j.probability_of_truth for j in calibration_cases(judgements) if j.probability_of_truth is not None]
+    mean_p = number(p_truth, lambda v: sum(v) / len(v), ".3f")
     errors = [error for j in single for error in j.errors.values()]
     covered, covered_slack = ([held for j in group for held in j.covered.values()] for group in (single, slack))
     closed = [j.closed for j in known if j.closed is not None]
 
-    mean_p = _number(p_truth, lambda v: sum(v) / len(v), ".3f")
-
     def thrusters(group: list[Judgement]) -> Share:
-        return Share.of([j.thrusters_right for j in group if j.thrusters_right is not None])
+        return Share.of(j.thrusters_right for j in group)
 
     def all_named(group: list[Judgement]) -> Share:
         return Share.of([j.named == (j.truth,) and bool(j.thrusters_right) for j in group])
@@ -58,22 +56,13 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
         ("expected calibration error", "≤ 0.08", "≤ 0.04", f"{calibration_error(calibration(judgements)):.3f}"),
         ("95 % intervals that hold the truth", "88 to 99 %", "92 to 98 %", Share.of(covered)),
         ("… with the 3 % slack that they allow for", "", "", Share.of(covered_slack)),
-        ("parameter error, median", "≤ 4 %", "≤ 2 %", _number(errors, lambda v: quantile(v, 0.5), ".1%")),
-        ("parameter error, 90th percentile", "≤ 15 %", "≤ 8 %", _number(errors, lambda v: quantile(v, 0.9), ".1%")),
-        ("closed share, median, known effects", "≥ 0.90", "≥ 0.97", _number(closed, lambda v: quantile(v, 0.5), ".3f")),
+        ("parameter error, median", "≤ 4 %", "≤ 2 %", number(errors, median, ".1%")),
+        ("parameter error, 90th percentile", "≤ 15 %", "≤ 8 %", number(errors, lambda v: quantile(v, 0.9), ".1%")),
+        ("closed share, median, known effects", "≥ 0.90", "≥ 0.97", number(closed, median, ".3f")),
         *damage_targets(judgements),
-        ("CPU seconds per log, median / largest", "≤ 60", "≤ 10", _seconds(judgements)),
+        ("CPU seconds per log, median / largest", "≤ 60", "≤ 10", median_and_largest([j.cpu_s for j in judgements])),
     ]  # fmt: skip
-    return Table("Targets", ("", "must", "aim", "measured (95 % interval)"), [(*row[:3], str(row[3])) for row in rows])
-
-
-def _number(values: Sequence[float], of: Callable[[Sequence[float]], float], form: str) -> str:
-    return f"{of(values):{form}} (n = {len(values)})" if values else "–"
-
-
-def _seconds(judgements: Sequence[Judgement]) -> str:
-    seconds = [j.cpu_s for j in judgements]
-    return f"{quantile(seconds, 0.5):.1f} / {max(seconds):.1f}"
+    return targets("Targets", rows)
 
 
 def calibration_cases(judgements: Iterable[Judgement]) -> list[Judgement]:
@@ -81,7 +70,7 @@ def calibration_cases(judgements: Iterable[Judgement]) -> list[Judgement]:
     return of_families(judgements, "single", "single_slack", "no_gap", "no_gap_slack")
 
 
-def calibration(judgements: Iterable[Judgement]) -> list:
+def calibration(judgements: Iterable[Judgement]) -> list[Bin]:
     """Bins of the reliability diagram; a class that was declared indistinguishable counts as one answer."""
     cases = [j for j in calibration_cases(judgements) if j.probability is not None]
     return reliability([j.probability or 0.0 for j in cases], [j.right_class for j in cases])
@@ -95,16 +84,14 @@ def by_effect(judgements: Iterable[Judgement]) -> Table:
         if mine := [j for j in cases if j.truth == name]:
             errors = [e for j in mine if j.family == "single" for e in j.errors.values()]
             p = [j.probability_of_truth for j in mine if j.probability_of_truth is not None]
-            thrusters = Share.of([j.thrusters_right for j in mine if j.thrusters_right is not None])
-            wrong = Counter(j.answer for j in mine if not j.right)
             rows.append(
                 (
                     name,
-                    f"{sum(j.right for j in mine)}/{len(mine)}",
-                    f"{thrusters.hits}/{thrusters.n}" if thrusters.n else "",
+                    Share.of(j.right for j in mine).fraction,
+                    Share.of(j.thrusters_right for j in mine).fraction,
                     f"{sum(p) / len(p):.2f}" if p else "–",
-                    f"{quantile(errors, 0.5):.1%}" if errors else "–",
-                    ", ".join(f"{answer} {n}" for answer, n in wrong.most_common()),
+                    f"{median(errors):.1%}" if errors else "–",
+                    counted(j.answer for j in mine if not j.right),
                 )
             )
     head = ("effect", "named first", "thrusters", "mean probability", "median parameter error", "instead")
@@ -136,8 +123,8 @@ def no_gap(judgements: Iterable[Judgement]) -> Table:
     for family, text in (("no_gap", "exactly nominal"), ("no_gap_slack", "3 % slack on everything")):
         cases = of_families(judgements, family)
         alarms = [j for j in cases if j.verdict != "no_gap"]
-        named = Counter(", ".join(j.named) or j.verdict for j in alarms)
-        rows.append((text, str(Share.of([j.verdict != "no_gap" for j in cases])), _counted(named)))
+        named = counted(", ".join(j.named) or j.verdict for j in alarms)
+        rows.append((text, str(Share(len(alarms), len(cases))), named))
     return Table("No gap", ("vehicle", "false alarms", "as"), rows)
 
 
@@ -174,9 +161,9 @@ def by_condition(judgements: Iterable[Judgement]) -> Table:
     if onset:
         errors = [j.onset_error_s for j in onset if j.onset_error_s is not None]
         within = Share.of([j.onset_error_s is not None and j.onset_error_s < 2.0 for j in onset])
-        median = f", median error {quantile(errors, 0.5):.1f} s" if errors else ""
+        middle = f", median error {median(errors):.1f} s" if errors else ""
         rows.append(("effect that begins during a log of 120 s", str(Share.of([j.right for j in onset]))))
-        rows.append(("… its onset found within 2 s", f"{within}{median}"))
+        rows.append(("… its onset found within 2 s", f"{within}{middle}"))
     return Table("By length, noise and simulator", ("", "named first"), rows)
 
 
@@ -191,13 +178,22 @@ def failures(judgements: Iterable[Judgement]) -> Table:
             truth = " + ".join((*j.effects, j.damage))
         else:
             truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
-        answer = (" + ".join(j.named) or j.verdict) + (" (other thrusters)" if wrong_thrusters else "")
+        answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
         if j.right_class:
             answer += " (declared, or the same by another name)"
-        shows = "" if j.influence is None else f"{j.influence:.1f}"
-        rows.append((j.case, j.family, truth, shows, f"{answer} {j.message}".strip(), j.verdict, _share(j.probability)))
-    head = ("case", "family", "truth", "shows", "answer", "verdict", "its probability")
-    return Table("Cases that fail", head, rows)
+        rows.append(failure(j, j.family, truth, answer))
+    return failed("family", rows)
+
+
+def failure(j: Judgement, group: str, truth: str, answer: str) -> tuple[str, ...]:
+    """The row of a case that is not right."""
+    shows = "" if j.influence is None else f"{j.influence:.1f}"
+    return j.case, group, truth, shows, f"{answer} {j.message}".strip(), j.verdict, _share(j.probability)
+
+
+def failed(group: str, rows: list[tuple[str, ...]]) -> Table:
+    """The table of such rows, in which the cases are of some groups."""
+    return Table("Cases that fail", ("case", group, "truth", "shows", "answer", "verdict", "its probability"), rows)
 
 
 def tables(judgements: Sequence[Judgement]) -> list[Table]:
@@ -212,7 +208,3 @@ def _share(value: float | None) -> str:
 
 def _tick(right: bool) -> str:
     return "yes" if right else "no"
-
-
-def _counted(counter: Counter[str]) -> str:
-    return ", ".join(f"{name} {n}" for name, n in counter.most_common())

@@ -1,6 +1,5 @@
 """What the judgements say about a vehicle with a set of sensors."""
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -9,8 +8,8 @@ from auv_torchrl.effects import EFFECTS, get_effect
 from benchmarks.blind.faults import FAULTS, LOAD, THRUSTER, UNSEEN
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score import failures
-from benchmarks.blind.statistics import Share, quantile
-from benchmarks.blind.table import Table
+from benchmarks.blind.statistics import Share, median
+from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
 
 LEAST = {"stock": ("≥ 90 %", "≥ 97 %"), "dvl": ("≥ 95 %", "≥ 99 %"), "mocap": ("", "")}  # of what is named: must, aim
 ALARMS = ("≤ 3 %", "≤ 1 %")
@@ -29,7 +28,6 @@ def set_numbers(judgements: Sequence[Judgement], sensors: str) -> Table:
     healthy = [j for j in judgements if j.fault is None]
     errors = [error for j in judgements for error in j.errors.values()]
     covered = [held for j in judgements for held in j.covered.values()]
-    seconds = [j.cpu_s for j in judgements]
     numbered = Share.of([_with_number(j) for j in thrusters])
     declared, first = (Share.of([getattr(j, name) for j in loads]) for name in ("right_class", "right"))
     told = Share.of([j.right_class for j in offsets])
@@ -41,11 +39,10 @@ def set_numbers(judgements: Sequence[Judgement], sensors: str) -> Table:
         ("no gap: false alarms", *ALARMS, Share.of([j.verdict != "no_gap" for j in healthy])),
         ("something else named, for more likely than not", "", "", Share.of([_blamed(j) for j in judgements])),
         ("95 % intervals that hold the truth", "", "", Share.of(covered)),
-        ("parameter error, median", "", "", f"{quantile(errors, 0.5):.1%} (n = {len(errors)})" if errors else "–"),
-        ("CPU seconds per log, median / largest", "", "", f"{quantile(seconds, 0.5):.1f} / {max(seconds):.1f}"),
+        ("parameter error, median", "", "", number(errors, median, ".1%")),
+        ("CPU seconds per log, median / largest", "", "", median_and_largest([j.cpu_s for j in judgements])),
     ]
-    title = f"Sensors: {sensors}"
-    return Table(title, ("", "must", "aim", "measured (95 % interval)"), [(*row[:3], str(row[3])) for row in rows])
+    return targets(f"Sensors: {sensors}", rows)
 
 
 def by_fault(judgements: Iterable[Judgement]) -> Table:
@@ -54,16 +51,14 @@ def by_fault(judgements: Iterable[Judgement]) -> Table:
     rows = []
     for fault in FAULTS:
         if mine := _of(judgements, [fault]):
-            numbers = Share.of([j.thrusters_right for j in mine if j.thrusters_right is not None])
             errors = [error for j in mine for error in j.errors.values()]
-            wrong = Counter(" + ".join(j.named) or j.verdict for j in mine if not j.right)
             rows.append(
                 (
                     fault,
-                    f"{sum(j.right for j in mine)}/{len(mine)}",
-                    f"{numbers.hits}/{numbers.n}" if numbers.n else "",
-                    f"{quantile(errors, 0.5):.1%}" if errors else "–",
-                    ", ".join(f"{answer} {n}" for answer, n in wrong.most_common()),
+                    Share.of(j.right for j in mine).fraction,
+                    Share.of(j.thrusters_right for j in mine).fraction,
+                    f"{median(errors):.1%}" if errors else "–",
+                    counted(j.said for j in mine if not j.right),
                 )
             )
     return Table("Faults", ("fault", "named first", "thrusters", "median parameter error", "instead"), rows)

@@ -1,13 +1,12 @@
 """What the judgements say about vehicles whose file is wrong, of which healthy flights were given."""
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from auv_torchrl.effects import EFFECTS
 from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import of_families, outside
-from benchmarks.blind.statistics import Share, quantile
-from benchmarks.blind.table import Table
+from benchmarks.blind.score import failed, failure, of_families, outside
+from benchmarks.blind.statistics import Share, median
+from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
 
 
 def stranger_tables(judgements: Sequence[Judgement], flights: int) -> list[Table]:
@@ -20,25 +19,24 @@ def stranger_numbers(judgements: Sequence[Judgement], flights: int) -> Table:
     """The targets with what was measured."""
     single, pairs = of_families(judgements, "single"), of_families(judgements, "pair")
     healthy, unknown = of_families(judgements, "no_gap"), of_families(judgements, "outside")
-    numbered = [j.thrusters_right for j in single if j.thrusters_right is not None]
+    numbered = Share.of(j.thrusters_right for j in single)
     covered = [held for j in judgements for held in j.covered.values()]
     errors = [error for j in single for error in j.errors.values()]
-    seconds = [j.cpu_s for j in judgements]
+    seconds = median_and_largest([j.cpu_s for j in judgements])
     rows = [
         ("single effect: named, and nothing else", "≥ 85 %", "≥ 95 %", Share.of([_alone(j) for j in single])),
         ("… or one declared indistinguishable from it", "", "", Share.of([_declared(j) for j in single])),
         ("… named first, whatever else is named", "", "", Share.of([j.right for j in single])),
-        ("thrusters at fault named (exchangeable ones declared)", "≥ 95 %", "≥ 99 %", Share.of(numbered)),
+        ("thrusters at fault named (exchangeable ones declared)", "≥ 95 %", "≥ 99 %", numbered),
         ("pairs: both found, and nothing else", "", "", Share.of([j.right for j in pairs])),
         ("… up to what was declared indistinguishable", "", "", Share.of([j.right_class for j in pairs])),
         ("no gap: false alarms", "≤ 5 %", "≤ 2 %", Share.of([j.verdict != "no_gap" for j in healthy])),
         ("outside the library: not called explained", "≥ 85 %", "≥ 95 %", Share.of([j.right for j in unknown])),
         ("95 % intervals that hold the truth", "88 to 99 %", "92 to 98 %", Share.of(covered)),
-        ("parameter error, median", "", "", f"{quantile(errors, 0.5):.1%} (n = {len(errors)})" if errors else "–"),
-        ("CPU seconds per log, calibration included, median / largest", "", "", _median_and_largest(seconds)),
+        ("parameter error, median", "", "", number(errors, median, ".1%")),
+        ("CPU seconds per log, calibration included, median / largest", "", "", seconds),
     ]
-    head = ("", "must", "aim", "measured (95 % interval)")
-    return Table(f"Strangers, {flights} healthy flights", head, [(*row[:3], str(row[3])) for row in rows])
+    return targets(f"Strangers, {flights} healthy flights", rows)
 
 
 def by_effect(judgements: Iterable[Judgement]) -> Table:
@@ -47,16 +45,14 @@ def by_effect(judgements: Iterable[Judgement]) -> Table:
     rows = []
     for name in EFFECTS:
         if mine := [j for j in cases if j.truth == name]:
-            numbers = Share.of([j.thrusters_right for j in mine if j.thrusters_right is not None])
             errors = [error for j in mine for error in j.errors.values()]
-            instead = Counter(_answer(j) for j in mine if not _alone(j))
             rows.append(
                 (
                     name,
-                    f"{sum(_alone(j) for j in mine)}/{len(mine)}",
-                    f"{numbers.hits}/{numbers.n}" if numbers.n else "",
-                    f"{quantile(errors, 0.5):.1%}" if errors else "–",
-                    ", ".join(f"{answer} {n}" for answer, n in instead.most_common()),
+                    Share.of(_alone(j) for j in mine).fraction,
+                    Share.of(j.thrusters_right for j in mine).fraction,
+                    f"{median(errors):.1%}" if errors else "–",
+                    counted(j.said for j in mine if not _alone(j)),
                 )
             )
     head = ("effect", "named, and nothing else", "thrusters", "median parameter error", "instead")
@@ -67,10 +63,10 @@ def by_stranger(judgements: Iterable[Judgement]) -> Table:
     """Each vehicle with what was right about it."""
     judgements = list(judgements)
     rows = []
-    for number in sorted({j.stranger for j in judgements if j.stranger is not None}):
-        mine = [j for j in judgements if j.stranger == number]
-        seconds = _median_and_largest([j.cpu_s for j in mine])
-        rows.append((str(number), mine[0].plant, f"{sum(_alone(j) for j in mine)}/{len(mine)}", seconds))
+    for stranger in sorted({j.stranger for j in judgements if j.stranger is not None}):
+        mine = [j for j in judgements if j.stranger == stranger]
+        seconds = median_and_largest([j.cpu_s for j in mine])
+        rows.append((str(stranger), mine[0].plant, Share.of(_alone(j) for j in mine).fraction, seconds))
     head = ("stranger", "simulator", "right, and nothing else named", "CPU seconds, median / largest")
     return Table("Vehicles", head, rows)
 
@@ -79,18 +75,13 @@ def wrong(judgements: Iterable[Judgement]) -> Table:
     """Every case of which the answer is not the truth and nothing else."""
     rows = []
     for j in judgements:
-        numbers = j.thrusters_right is False
-        if _alone(j) and not numbers:
+        wrong_thrusters = j.thrusters_right is False
+        if _alone(j) and not wrong_thrusters:
             continue
-        shows = "" if j.influence is None else f"{j.influence:.1f}"
-        answer = _answer(j) + (" (other thrusters)" if numbers else "")
+        answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
         answer += " (declared)" if _declared(j) and not _alone(j) else ""
-        probability = "–" if j.probability is None else f"{j.probability:.2f}"
-        truth = j.outside or " + ".join(j.effects) or j.truth
-        told = f"{answer} {j.message}".strip()
-        rows.append((j.case, str(j.stranger), truth, shows, told, j.verdict, probability))
-    head = ("case", "stranger", "truth", "shows", "answer", "verdict", "its probability")
-    return Table("Cases that fail", head, rows)
+        rows.append(failure(j, str(j.stranger), j.outside or " + ".join(j.effects) or j.truth, answer))
+    return failed("stranger", rows)
 
 
 def _alone(judgement: Judgement) -> bool:
@@ -104,11 +95,3 @@ def _declared(judgement: Judgement) -> bool:
 
 def _as_many(judgement: Judgement) -> bool:
     return judgement.truth == "unknown" or len(judgement.named) == len(judgement.effects)
-
-
-def _answer(judgement: Judgement) -> str:
-    return " + ".join(judgement.named) or judgement.verdict
-
-
-def _median_and_largest(seconds: Sequence[float]) -> str:
-    return f"{quantile(seconds, 0.5):.1f} / {max(seconds):.1f}"

@@ -1,7 +1,7 @@
 """Shares with intervals, calibration."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +16,10 @@ class Share(NamedTuple):
     n: int
 
     @staticmethod
-    def of(outcomes: Sequence[bool]) -> "Share":
-        """Count the outcomes that are true."""
-        return Share(int(sum(outcomes)), len(outcomes))
+    def of(outcomes: Iterable[bool | None]) -> "Share":
+        """Count the outcomes that are true; None is no outcome."""
+        known = [outcome for outcome in outcomes if outcome is not None]
+        return Share(sum(known), len(known))
 
     @property
     def value(self) -> float:
@@ -34,6 +35,11 @@ class Share(NamedTuple):
         centre = (self.hits + z2 / 2) / (self.n + z2)
         half = Z_95 / (self.n + z2) * math.sqrt(self.hits * (self.n - self.hits) / self.n + z2 / 4)
         return max(0.0, centre - half), min(1.0, centre + half)
+
+    @property
+    def fraction(self) -> str:
+        """Without the interval; empty where nothing was counted."""
+        return f"{self.hits}/{self.n}" if self.n else ""
 
     def __str__(self) -> str:
         if not self.n:
@@ -65,3 +71,8 @@ def calibration_error(bins: Sequence[Bin]) -> float:
 def quantile(values: Sequence[float], q: float) -> float:
     """Quantile; NaN of nothing."""
     return float(np.quantile(values, q)) if len(values) else math.nan
+
+
+def median(values: Sequence[float]) -> float:
+    """Median; NaN of nothing."""
+    return quantile(values, 0.5)
