@@ -12,12 +12,12 @@ from auv_torchrl.command import checking_input, command
 from auv_torchrl.settings import check
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.examine import examine, read_answers
+from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.fly import fly
 from benchmarks.blind.judge import judge
 from benchmarks.blind.parts import Part
 from benchmarks.blind.report import markdown, publish, write_report
 from benchmarks.blind.schema import BlindSchema, register
-from benchmarks.blind.score import failures
 from benchmarks.blind.seal import answers_folder, is_sealed, open_labels, seal
 from benchmarks.blind.sensor_sets import sensor_set
 
@@ -43,12 +43,12 @@ def main(config: DictConfig) -> None:
     asked = {"cases": config.cases, "seed": config.seed, **part.asked}
     command = " ".join(["python -m benchmarks.blind", *(f"{name}={value}" for name, value in asked.items())])
     tables = part.tables(judgements)
-    text = write_report(judgements, answers, command, tables)
+    pictures = draw_figures(judgements, answers) if part.name is None else []
+    text = write_report(judgements, answers, command, tables, pictures)
     if config.publish:
         with checking_input():
             publish(text, answers, Path(config.publish), part.name)
-    failed = failures(judgements) if tables is None else tables[-1]
-    log.info("%s\n\n%s\n\nresults: %s", markdown(part.targets(judgements)), markdown(failed), answers)
+    log.info("%s\n\n%s\n\nresults: %s", markdown(tables[0]), markdown(tables[-1]), answers)
 
 
 def fly_and_seal(config: DictConfig, part: Part, folder: Path) -> None:

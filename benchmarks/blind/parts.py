@@ -11,9 +11,9 @@ from omegaconf import DictConfig
 
 from benchmarks.blind.cases import Case, draw_cases
 from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import numbers
-from benchmarks.blind.score_sensors import set_numbers, set_tables
-from benchmarks.blind.score_strangers import stranger_numbers, stranger_tables
+from benchmarks.blind.score import tables
+from benchmarks.blind.score_sensors import set_tables
+from benchmarks.blind.score_strangers import stranger_tables
 from benchmarks.blind.strangers import draw_stranger_cases, healthy_flights
 from benchmarks.blind.table import Table
 
@@ -61,14 +61,8 @@ class Part:
         drawn = draw_stranger_cases(cases, self.shares, seed)
         return [*drawn, *healthy_flights(drawn, self.strangers)]
 
-    def targets(self, judgements: Sequence[Judgement]) -> Table:
-        """What the project asks for, with what was measured."""
-        if self.strangers is not None:
-            return stranger_numbers(judgements, self.strangers)
-        return numbers(judgements) if self.sensors is None else set_numbers(judgements, self.sensors)
-
-    def tables(self, judgements: Sequence[Judgement]) -> list[Table] | None:
-        """All tables; None for those of the main part."""
+    def tables(self, judgements: Sequence[Judgement]) -> list[Table]:
+        """All tables: first what the project asks for with what was measured, last the cases that fail."""
         if self.strangers is not None:
             return stranger_tables(judgements, self.strangers)
-        return None if self.sensors is None else set_tables(judgements, self.sensors)
+        return tables(judgements) if self.sensors is None else set_tables(judgements, self.sensors)

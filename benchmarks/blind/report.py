@@ -6,9 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from auv_torchrl.files import write_whole
-from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import tables
 from benchmarks.blind.seal import write_json
 from benchmarks.blind.table import Table
 
@@ -28,22 +26,12 @@ def markers(part: str | None) -> tuple[str, str]:
 
 
 def write_report(
-    judgements: Sequence[Judgement], folder: Path, command: str, shown: Sequence[Table] | None = None
+    judgements: Sequence[Judgement], folder: Path, command: str, tables: Sequence[Table], pictures: Sequence[Path]
 ) -> str:
-    """Write results.json, results.md and pictures to ``folder``; give back the Markdown.
-
-    ``shown`` are the tables of a part of the benchmark, which has no pictures; None are those of the main part.
-    """
+    """Write results.json and results.md to ``folder``, where the pictures are; give back the Markdown."""
     write_json(folder / "results.json", [asdict(j) for j in judgements])
-    pictures = draw_figures(judgements, folder) if shown is None else []
-    shown = tables(judgements) if shown is None else shown
-    text = "\n\n".join(
-        [
-            f"{len(judgements)} sealed logs; `{command}`.",
-            *(markdown(t) for t in shown),
-            *map(_picture, pictures),
-        ]
-    )
+    head = f"{len(judgements)} sealed logs; `{command}`."
+    text = "\n\n".join([head, *map(markdown, tables), *map(_picture, pictures)])
     write_whole(folder / "results.md", (text.replace(f"({FIGURES}/", "(") + "\n").encode())
     return text
 

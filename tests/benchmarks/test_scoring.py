@@ -12,6 +12,7 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import FAMILIES, draw_cases
+from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.fly import fly
 from benchmarks.blind.hand_over import hand_over
 from benchmarks.blind.judge import judge
@@ -185,7 +186,8 @@ def test_labels_are_sealed(tmp_path):
 def test_report_fills_the_document_between_its_markers(labels, tmp_path):
     """Tables and pictures land between the markers, twice the same, and the rest of the document stays."""
     judgements = [judge(str(i), label, perfect(label), VEHICLE) for i, label in enumerate(labels)]
-    text = write_report(judgements, tmp_path, "make blind CASES=60")
+    pictures = draw_figures(judgements, tmp_path)
+    text = write_report(judgements, tmp_path, "make blind CASES=60", tables(judgements), pictures)
     document = tmp_path / "docs" / "diagnosis.md"
     document.parent.mkdir()
     document.write_text(f"# Before\n{BEGIN}\nworn out\n{END}\nafter\n")
