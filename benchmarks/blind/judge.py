@@ -9,7 +9,7 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.vehicle import Vehicle
 from benchmarks.blind.judge_damage import Named, judge_damage
 from benchmarks.blind.strangers import as_flown, with_changes
-from benchmarks.blind.thrusters import split_entry, thrusters_right
+from benchmarks.blind.thrusters import declared_groups, same_class, thrusters_right
 
 NOT_EXPLAINED = ("partly_explained", "unexplained")
 NO_MARK = " would leave no mark on this log"  # the end of a sentence under cannot_tell
@@ -74,7 +74,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     verdict, named = diagnosis["verdict"], tuple(effect["name"] for effect in diagnosis["effects"])
     first = named[0] if named else {"no_gap": "no_gap", "error": "error", "refused": "error"}.get(verdict, "unknown")
     truth, effects = label["truth"], tuple(label["effects"])
-    declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
+    declared = declared_groups(diagnosis)
     beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
     right, right_class = _rightness(label, verdict, named, first, declared, beside)
     unseen = tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
@@ -150,25 +150,14 @@ def _same_sets(truth: tuple[str, ...], named: tuple[str, ...], declared: list[li
     """Whether the answer names the truth up to what it declared indistinguishable."""
     if len(truth) != len(named):
         return False
-
-    def allowed(effect: str) -> set[str]:
-        groups = [{split_entry(entry)[0] for entry in group} for group in declared]
-        return {effect}.union(*(group for group in groups if effect in group))
-
     left = list(truth)
     for effect in named:
-        match = next((t for t in left if t in allowed(effect)), None)
+        allowed = same_class(effect, declared)
+        match = next((t for t in left if t in allowed), None)
         if match is None:
             return False
         left.remove(match)
     return True
-
-
-def _of_class(effect: str, declared: list[list[str]], probabilities: Mapping[str, float]) -> float:
-    """Probability of all effects that were declared indistinguishable from this one, itself included."""
-    groups = [{split_entry(entry)[0] for entry in group} for group in declared]
-    members = {effect}.union(*(group for group in groups if effect in group))
-    return min(1.0, sum(probabilities.get(name, 0.0) for name in members))
 
 
 def _probability(answer: str, diagnosis: Mapping[str, Any], groups: list[list[str]]) -> float | None:
@@ -183,7 +172,9 @@ def _probability(answer: str, diagnosis: Mapping[str, Any], groups: list[list[st
         own = candidates[answer]
     else:
         own = 0.0 if candidates and diagnosis["verdict"] not in ("error", "refused") else None
-    return max(own, _of_class(answer, groups, candidates)) if own is not None and groups else own
+    if own is None or not groups:
+        return own
+    return max(own, min(1.0, sum(candidates.get(name, 0.0) for name in same_class(answer, groups))))
 
 
 def _parameters(

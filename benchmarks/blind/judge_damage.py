@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.thrusters import split_entry, thrusters_right
+from benchmarks.blind.thrusters import declared_groups, same_class, split_entry, thrusters_right
 
 HELD_TRUE = 0.5  # probability above which an effect is an answer
 SAID = {  # in the sentence with which a log is refused, by what would be the code of a finding
@@ -41,10 +41,9 @@ class Named(NamedTuple):
 def judge_damage(label: Mapping[str, Any], diagnosis: Mapping[str, Any], refused: str, vehicle: Vehicle) -> Named:
     """Compare an answer, or the sentence with which the log was refused, with the label of a damaged log."""
     by, found = label["named_by"], diagnosis["effects"]
-    declared = [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
-    groups = [{split_entry(entry)[0] for entry in group} for group in declared]
+    declared = declared_groups(diagnosis)
     names = {effect["name"] for effect in found}
-    beside = names.union(*(group for group in groups if group & names))
+    beside = names.union(*(same_class(name, declared) for name in names))
     named = _names_it(by, diagnosis.get("findings", ())) or bool(beside & set(by["effects"])) or _says_it(by, refused)
     at_fault = thrusters_right(label, found, declared, vehicle)
     true = set(by["effects"]) | set(label["effects"])
@@ -52,7 +51,7 @@ def judge_damage(label: Mapping[str, Any], diagnosis: Mapping[str, Any], refused
     wrong = []
     for effect in found:
         name = effect["name"]
-        mine = {name}.union(*(group for group in groups if name in group))
+        mine = same_class(name, declared)
         faulty = name in label["effects"] and at_fault is False
         allowed = any(name == one and (not some or set(effect["thrusters"]) <= some) for one, some in excused)
         if effect["probability"] > HELD_TRUE and (faulty or not mine & true) and not allowed:

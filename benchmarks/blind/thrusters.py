@@ -1,4 +1,4 @@
-"""Which thrusters are at fault, by a label, by an answer and by what the answer declares exchangeable."""
+"""Which thrusters are at fault, by a label and by an answer, and what the answer declares exchangeable."""
 
 import re
 from collections.abc import Mapping
@@ -12,6 +12,17 @@ def split_entry(entry: str) -> tuple[str, frozenset[int]]:
     """Effect and thrusters of an entry such as ``thruster_gain 5`` or ``thruster_gain:5``."""
     effect = max((name for name in EFFECTS if entry.startswith(name)), key=len, default=entry)
     return effect, frozenset(int(number) for number in re.findall(r"\d+", entry.removeprefix(effect)))
+
+
+def declared_groups(diagnosis: Mapping[str, Any]) -> list[list[str]]:
+    """The entries that an answer declared indistinguishable, group by group."""
+    return [group for group in diagnosis.get("indistinguishable", ()) if len(group) > 1]
+
+
+def same_class(effect: str, declared: list[list[str]]) -> set[str]:
+    """Effects that were declared indistinguishable from this one, itself included."""
+    groups = [{split_entry(entry)[0] for entry in group} for group in declared]
+    return {effect}.union(*(group for group in groups if effect in group))
 
 
 def thrusters_at_fault(effect: str, values: Mapping[str, float], vehicle: Vehicle) -> frozenset[int] | None:
