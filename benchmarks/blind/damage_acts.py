@@ -82,16 +82,13 @@ def spikes(columns: Columns, rng: Rng) -> Damaged:
 
 def repeats(columns: Columns, rng: Rng) -> Damaged:
     """Rows repeat all measurements of the row before."""
-    count = len(columns["t"])
-    fresh = _begins(columns) | (rng.random(count) >= REPEATED)
-    return _held(columns, np.maximum.accumulate(np.where(fresh, np.arange(count), 0)))
+    return _held(columns, _latest(_begins(columns) | (rng.random(len(columns["t"])) >= REPEATED)), _measured(columns))
 
 
 def slow_sensor(columns: Columns, rng: Rng) -> Damaged:
     """All measurements come at a lower rate than the rows and are held in between."""
-    index = np.arange(len(columns["t"]))
-    first = np.maximum.accumulate(np.where(_begins(columns), index, 0))
-    return _held(columns, index - (index - first) % SLOW_ROWS)
+    index, first = np.arange(len(columns["t"])), _latest(_begins(columns))
+    return _held(columns, index - (index - first) % SLOW_ROWS, _measured(columns))
 
 
 def jump(columns: Columns, rng: Rng) -> Damaged:
@@ -123,11 +120,9 @@ def scaled_velocity(columns: Columns, rng: Rng) -> Damaged:
 
 def late_velocity(columns: Columns, rng: Rng) -> Damaged:
     """Velocities lag behind the pose."""
-    index = np.arange(len(columns["t"]))
-    first = np.maximum.accumulate(np.where(_begins(columns), index, 0))
+    index, first = np.arange(len(columns["t"])), _latest(_begins(columns))
     step = float(np.median(np.diff(columns["t"])))
-    source = np.maximum(index - round(rng.uniform(0.3, 0.6) / step), first)
-    return {**columns, **{name: columns[name][source] for name in VELOCITIES}}, VELOCITIES
+    return _held(columns, np.maximum(index - round(rng.uniform(0.3, 0.6) / step), first), VELOCITIES)
 
 
 def nothing(columns: Columns, rng: Rng) -> Damaged:
@@ -155,6 +150,11 @@ def _begins(columns: Columns) -> np.ndarray:
     return np.concatenate(([True], np.diff(columns["episode"]) != 0))
 
 
-def _held(columns: Columns, source: np.ndarray) -> Damaged:
-    names = _measured(columns)
+def _latest(true: np.ndarray) -> np.ndarray:
+    """The last row up to each at which something was true, (T,); 0 before."""
+    return np.maximum.accumulate(np.where(true, np.arange(len(true)), 0))
+
+
+def _held(columns: Columns, source: np.ndarray, names: tuple[str, ...]) -> Damaged:
+    """Columns of which each row has what stands in its source row."""
     return {**columns, **{name: columns[name][source] for name in names}}, names

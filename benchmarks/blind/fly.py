@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
@@ -209,13 +208,8 @@ def _change(plant: Plant, rows: slice, changes: Changes) -> None:
 def _influence(draw: Draw, flight: Flight, vehicle: Vehicle) -> dict[str, float]:
     """How much each effect shows when all others are known."""
     base = with_changes(loosened(vehicle, draw.slack) if draw.slack else vehicle, draw.base)
-    flown, found = base, {}
-    for name, values in draw.values.items():
-        flown = get_effect(name).apply(flown, values)
+    flown, found = with_changes(base, [draw.values]), {}
     for left_out in (*draw.values, *([draw.case.outside] if draw.case.outside else [])):
-        known = base
-        for name, values in draw.values.items():
-            if name != left_out:
-                known = get_effect(name).apply(known, values)
-        found[left_out] = influence(known, flown, flight.pose, flight.velocity, flight.commands, CONTROL_DT)
+        known = with_changes(base, [{name: values for name, values in draw.values.items() if name != left_out}])
+        found[left_out] = influence(known, flown, flight.pose, flight.velocity, flight.commands)
     return found

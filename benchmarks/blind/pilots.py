@@ -46,23 +46,28 @@ class Pilots:
         """Demands (rows, 4) that keep station: surge, sway, heave, yaw."""
         rows = np.arange(len(pose))
         target = self.set_points[(self.set_point_times < time).sum(axis=1), rows]
-        cos, sin = np.cos(pose[:, 5]), np.sin(pose[:, 5])
-        away = target[:, :3] - pose[:, :3]
-        turn = np.remainder(target[:, 3] - pose[:, 5] + np.pi, 2 * np.pi) - np.pi
-        body = [cos * away[:, 0] + sin * away[:, 1], -sin * away[:, 0] + cos * away[:, 1], away[:, 2], turn]
-        error = np.column_stack(body)
         here = np.column_stack((pose[:, :3], pose[:, 5]))
-        moved = np.zeros_like(here) if self.before is None else here - self.before
-        moved[:, 3] = np.remainder(moved[:, 3] + np.pi, 2 * np.pi) - np.pi
+        moved = np.zeros_like(here) if self.before is None else _apart(here, self.before)
         self.before = here
-        rate = moved / dt
-        body_rate = np.column_stack(
-            (cos * rate[:, 0] + sin * rate[:, 1], -sin * rate[:, 0] + cos * rate[:, 1], rate[:, 2], rate[:, 3])
-        )
-        self.filtered += 0.3 * (body_rate - self.filtered)
+        error = _in_body(_apart(target, here), pose[:, 5])
+        self.filtered += 0.3 * (_in_body(moved / dt, pose[:, 5]) - self.filtered)
         self.sum = np.clip(self.sum + error * dt, -2.0, 2.0)
         demand = self.proportional * error + self.integral * self.sum - self.derivative * self.filtered
         return np.clip(demand, -0.8, 0.8)
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Differences (rows, 4) of positions and headings, these the short way round."""
+    difference = one - other
+    difference[:, 3] = np.remainder(difference[:, 3] + np.pi, 2 * np.pi) - np.pi
+    return difference
+
+
+def _in_body(earth: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Ways or rates (rows, 4) along the axes of level bodies."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    north, east, down, turn = earth.T
+    return np.column_stack((cos * north + sin * east, -sin * north + cos * east, down, turn))
 
 
 class Signals:

@@ -27,6 +27,7 @@ from benchmarks.blind.sizes import (
     draw_failures,
     draw_values,
 )
+from benchmarks.blind.strangers import with_changes
 
 VEHICLE = load_vehicle("paper")
 # m. Roll and pitch move in MuJoCo and are held in the foreign simulator, which three effects notice; a command that is
@@ -179,10 +180,8 @@ def test_what_is_wholly_known_has_no_influence(plant):
 
     pose, velocity, _, sent = record(SealedPlant(swimming, []), command, 240, CONTROL_DT)
     for row, wrong in enumerate(SENSED):
-        flown = VEHICLE
-        for name, values in sensed(*wrong).items():
-            flown = get_effect(name).apply(flown, values)
-        logged = pose[[row]], velocity[[row]], sent[[row]], CONTROL_DT
+        flown = with_changes(VEHICLE, [sensed(*wrong)])
+        logged = pose[[row]], velocity[[row]], sent[[row]]
         assert influence(flown, flown, *logged) < 1.0, wrong
         assert influence(VEHICLE, flown, *logged) > CLEAR_AT, wrong
 
