@@ -5,6 +5,7 @@ import logging
 import time
 import traceback
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +27,14 @@ log = logging.getLogger(__name__)
 def examine(folder: Path, answers: Path, workers: int) -> None:
     """Write the answer to every case that has none yet to ``answers``; it sees the logs and the tasks alone."""
     answers.mkdir(exist_ok=True)
-    manifest = read_manifest(folder)
-    tasks, flown = manifest["tasks"], sensor_set(manifest["settings"].get("sensors")).vehicle
-    open_tasks = {name: task for name, task in tasks.items() if not (answers / f"{name}.json").exists()}
-    if len(open_tasks) < len(tasks):
-        log.info("%d of %d logs were diagnosed before", len(tasks) - len(open_tasks), len(tasks))
-    if not open_tasks:
+    tasks = read_manifest(folder)["tasks"]
+    names = [name for name in tasks if not (answers / f"{name}.json").exists()]
+    if len(names) < len(tasks):
+        log.info("%d of %d logs were diagnosed before", len(tasks) - len(names), len(tasks))
+    if not names:
         return
-    jobs = [(folder, answers, name, task, flown) for name, task in open_tasks.items()]
-    answered = each(_answer, jobs, workers, in_order=False)
-    for _ in tqdm(answered, total=len(jobs), desc="diagnosed", unit="log", disable=None):
+    answered = each(partial(examine_one, folder, answers), names, workers, in_order=False)
+    for _ in tqdm(answered, total=len(names), desc="diagnosed", unit="log", disable=None):
         pass
 
 
@@ -46,14 +45,8 @@ def read_answers(folder: Path, answers: Path) -> dict[str, dict[str, Any]]:
 
 def examine_one(folder: Path, answers: Path, name: str) -> None:
     """Write the answer to one case to ``answers``."""
-    manifest = read_manifest(folder)
-    flown = sensor_set(manifest["settings"].get("sensors")).vehicle
-    _answer((folder, answers, name, manifest["tasks"][name], flown))
-
-
-def _answer(job: tuple[Path, Path, str, dict[str, Any], str]) -> None:
-    folder, answers, name, task, flown = job
-    settings = load_settings()
+    manifest, settings = read_manifest(folder), load_settings()
+    task, flown = manifest["tasks"][name], sensor_set(manifest["settings"].get("sensors")).vehicle
     if task["left_out"]:
         settings = replace(settings, ignored=(*settings.left_out, task["left_out"]))
     began, cpu = time.perf_counter(), time.process_time()
