@@ -50,10 +50,6 @@ class Damage:
     axes: tuple[str, ...] = POSES  # what is flown with it
     healthy: bool = False  # the fault is in the healthy log too
 
-    def needs(self) -> frozenset[str]:
-        """The columns that a log must have for this damage."""
-        return frozenset(self.axes)
-
 
 def shows_fault(damage: Damage, fault: str, values: dict[str, float]) -> bool:
     """Whether the rest of a damaged log still shows a fault of these values."""
@@ -76,7 +72,7 @@ def damaged(columns: Columns, damage: Damage, rng: Rng) -> Damaged:
     Raises:
         ValueError: for a log that lacks a column that the damage needs.
     """
-    if missing := damage.needs() - set(columns):
+    if missing := set(damage.axes) - set(columns):
         raise ValueError(f"{damage.name} needs {', '.join(sorted(missing))}: the log has {', '.join(columns)}")
     return damage.act(columns, rng)
 

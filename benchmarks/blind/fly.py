@@ -20,9 +20,9 @@ from benchmarks.blind.foreign_heavy import ForeignHeavy
 from benchmarks.blind.influence import CLEAR_AT, influence
 from benchmarks.blind.logged import Flight, flight_log, measured_acceleration, measured_velocity, noise_of
 from benchmarks.blind.mujoco_plant import MujocoPlant, loosened
-from benchmarks.blind.outside import OUTSIDE, Motion, Outside
+from benchmarks.blind.outside import OUTSIDE, Outside
 from benchmarks.blind.pilots import Pilots
-from benchmarks.blind.plant import Influences, Plant, Reported, Slack
+from benchmarks.blind.plant import Influences, Motion, Plant, Reported, Slack
 from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.blind.sizes import draw_failures, draw_values
 from benchmarks.blind.strangers import Changes, draw_flight, draw_stranger, with_changes
@@ -176,7 +176,7 @@ class SealedPlant:
 
     def step(self, commands: np.ndarray) -> None:
         """Hold what arrives of the commands for one control step."""
-        time, motion = self._time, Motion(*self._plant.true_motion())
+        time, motion = self._time, self._plant.true_motion()
         reaching, influences = commands.copy(), Influences.none(*commands.shape)
         for part, draw in self._draws:
             if draw.onset_s is not None and time - CONTROL_DT < draw.onset_s <= time:

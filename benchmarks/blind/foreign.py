@@ -8,7 +8,7 @@ at 5 ms. The numbers of Table 1, the geometry and the effects are written a seco
 import numpy as np
 
 from benchmarks.blind.foreign_vehicles import FULL_THRUST, ForeignVehicles
-from benchmarks.blind.plant import Influences, Reported
+from benchmarks.blind.plant import Influences, Motion, Reported
 
 STEP = 0.005  # s
 LONGEST_DELAY = 1.0  # s
@@ -20,7 +20,7 @@ class ForeignPlant(ForeignVehicles):
     def __init__(self, rows: int, control_dt: float) -> None:
         """Make nominal vehicles."""
         super().__init__(rows)
-        self.control_dt, self.thrusters = control_dt, 6
+        self.control_dt = control_dt
 
     def reset(self, position: np.ndarray, yaw: np.ndarray, velocity: np.ndarray) -> None:
         """Start at (rows, 3) m, (rows,) rad, with u, v, w, r (rows, 4) in m/s and rad/s and silent thrusters."""
@@ -29,9 +29,8 @@ class ForeignPlant(ForeignVehicles):
         self.thrust = np.zeros((self.rows, 6))
         self.time = 0.0
         self._steps = 0
-        self._sent = np.zeros(
-            (round(LONGEST_DELAY / self.control_dt) + 2, self.rows, 6)
-        )  # rings, newest at the pointer
+        # rings, newest at the pointer
+        self._sent = np.zeros((round(LONGEST_DELAY / self.control_dt) + 2, self.rows, 6))
         self._trace = np.zeros((round(LONGEST_DELAY / STEP) + 1, self.rows, 4))
         self._trace[:] = np.column_stack((self.position, self.yaw))
 
@@ -123,8 +122,8 @@ class ForeignPlant(ForeignVehicles):
         velocity[:, :3], velocity[:, 5] = self.velocity[:, :3], self.velocity[:, 3]  # fixed to the body, at once
         return Reported(pose, velocity)
 
-    def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position (rows, 3), yaw (rows,) and body velocity (rows, 6) that are true now."""
+    def true_motion(self) -> Motion:
+        """How the vehicles truly move now."""
         velocity = np.zeros((self.rows, 6))
         velocity[:, :3], velocity[:, 5] = self.velocity[:, :3], self.velocity[:, 3]
-        return self.position, self.yaw, velocity
+        return Motion(self.position, self.yaw, velocity)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from benchmarks.blind.plant import Influences, Reported, Slack
+from benchmarks.blind.plant import Influences, Motion, Reported, Slack
 
 STEP = 0.005  # s
 MASS, INERTIA = 13.5, (0.26, 0.23, 0.37)  # kg, kg m^2; Table A1, as all below
@@ -39,8 +39,6 @@ def _push() -> np.ndarray:
 
 class ForeignHeavy:
     """A batch of BlueROV2 Heavy, one row per vehicle."""
-
-    thrusters = 8
 
     def __init__(self, rows: int, control_dt: float) -> None:
         """Make nominal vehicles."""
@@ -154,6 +152,6 @@ class ForeignHeavy:
         pitch = -np.arcsin(np.clip(r[:, 2, 0], -1.0, 1.0))
         return np.column_stack((np.arctan2(r[:, 2, 1], r[:, 2, 2]), pitch, np.arctan2(r[:, 1, 0], r[:, 0, 0])))
 
-    def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position (rows, 3), yaw (rows,) and body velocity (rows, 6) that are true now."""
-        return self.position, self._angles()[:, 2], self.velocity
+    def true_motion(self) -> Motion:
+        """How the vehicles truly move now."""
+        return Motion(self.position, self._angles()[:, 2], self.velocity)

@@ -11,7 +11,7 @@ from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
-from benchmarks.blind.plant import Influences, Reported, Slack
+from benchmarks.blind.plant import Influences, Motion, Reported, Slack
 
 _FAR = 1e4  # m, where the tether that stands for a constant earth-frame force is anchored
 
@@ -21,7 +21,7 @@ class MujocoPlant:
 
     def __init__(self, vehicle: Vehicle, rows: int, control_dt: float) -> None:
         """Make ``rows`` vehicles like the nominal one."""
-        self.rows, self.control_dt, self.thrusters = rows, control_dt, vehicle.thrusters
+        self.rows = rows
         self.simulator = MujocoSimulator(vehicle.expand(rows), control_dt)
 
     def loosen(self, rows: slice, slack: Slack) -> None:
@@ -74,10 +74,10 @@ class MujocoPlant:
         seen = self.simulator.report()
         return Reported(seen.pose, seen.velocity)
 
-    def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position (rows, 3), yaw (rows,) and body velocity (rows, 6) that are true now."""
+    def true_motion(self) -> Motion:
+        """How the vehicles truly move now."""
         state = self.simulator.state
-        return state.position, euler_angles(state.quaternion)[2], state.velocity
+        return Motion(state.position, euler_angles(state.quaternion)[2], state.velocity)
 
 
 def loosened(vehicle: Vehicle, slack: Slack) -> Vehicle:

@@ -1,19 +1,9 @@
 """Effects that no library entry describes: the right verdict is partly explained or unexplained."""
 
-from typing import NamedTuple
-
 import numpy as np
 from typing_extensions import override
 
-from benchmarks.blind.plant import Influences
-
-
-class Motion(NamedTuple):
-    """True motion of some vehicles now."""
-
-    position: np.ndarray  # (rows, 3) m, earth
-    yaw: np.ndarray  # (rows,) rad
-    velocity: np.ndarray  # (rows, 6) body
+from benchmarks.blind.plant import Influences, Motion
 
 
 class Outside:

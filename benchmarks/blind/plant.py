@@ -26,6 +26,14 @@ class Reported(NamedTuple):
     velocity: np.ndarray  # (rows, 6) body frame, m/s and rad/s
 
 
+class Motion(NamedTuple):
+    """True motion of some vehicles now."""
+
+    position: np.ndarray  # (rows, 3) m, earth
+    yaw: np.ndarray  # (rows,) rad
+    velocity: np.ndarray  # (rows, 6) body
+
+
 class Slack(NamedTuple):
     """Factors by which a vehicle differs from its model although nothing is wrong with it."""
 
@@ -42,8 +50,6 @@ class Slack(NamedTuple):
 
 class Plant(Protocol):
     """A batch of simulated vehicles, nominal at first, one row per vehicle."""
-
-    thrusters: int
 
     def loosen(self, rows: slice, slack: Slack) -> None:
         """Give some vehicles slack."""
@@ -65,6 +71,6 @@ class Plant(Protocol):
         """What noiseless sensors report now."""
         ...
 
-    def true_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position (rows, 3), yaw (rows,) and body velocity (rows, 6) that are true now."""
+    def true_motion(self) -> Motion:
+        """How the vehicles truly move now."""
         ...

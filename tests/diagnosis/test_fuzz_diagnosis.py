@@ -95,7 +95,7 @@ def columns_of(example, edits):
             break
         if name in EDITS:
             columns = EDITS[name](columns, rng)
-        elif DAMAGES[name].needs() <= set(columns):
+        elif set(DAMAGES[name].axes) <= set(columns):
             columns, _ = damaged(columns, DAMAGES[name], rng)
     return columns
 
