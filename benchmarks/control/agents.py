@@ -15,12 +15,9 @@ from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.envs import make_fleet
 from auv_torchrl.evaluation import Metrics, draw_starts, fly
-from auv_torchrl.paths import config_path
-from auv_torchrl.scenario import read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from auv_torchrl.yaml_file import read_yaml
-from benchmarks.control.source import BACKEND, STORE
+from benchmarks.control.source import BACKEND, STORE, ranges, shipped_scenario
 
 SCENARIOS = ("pose_delay", "command_delay", "thruster_lag", "current", "payload", "drag", "sensor_noise")
 STARTS, STARTS_SEED, BOX_M = 100, 2023, 1.0  # those of train.py
@@ -29,16 +26,15 @@ STARTS, STARTS_SEED, BOX_M = 100, 2023, 1.0  # those of train.py
 def flown(policy: SourcePolicy, vehicle: Vehicle, name: str | None) -> Metrics:
     """How the policy flies the vehicle in a scenario, None for none, without adaptation."""
     exam = StationKeeping().for_evaluation(BOX_M)
-    scenario = name and read_scenario(name, read_yaml(config_path("scenario", name), "scenario"), vehicle)
-    fleet = make_fleet(BACKEND, vehicle, exam, STARTS, scenario=scenario or None, seed=0)
+    scenario = None if name is None else shipped_scenario(name, vehicle)
+    fleet = make_fleet(BACKEND, vehicle, exam, STARTS, scenario=scenario, seed=0)
     return Metrics.of(fly(fleet, policy.module, draw_starts(exam, STARTS, STARTS_SEED), exam.steps))
 
 
 def row(agent: str, seed: int, store: Path) -> str:
     """One line of the table."""
     vehicle = load_vehicle("paper")
-    ranges = read_yaml(config_path("randomization", "paper"), "randomization")
-    policy = train_source(vehicle, StationKeeping(), load_agent_config(agent), ranges, seed, BACKEND, store)
+    policy = train_source(vehicle, StationKeeping(), load_agent_config(agent), ranges("paper"), seed, BACKEND, store)
     last, nominal = policy.metadata["curve"][-1], flown(policy, vehicle, None)
     errors = [f"{flown(policy, vehicle, name).mean_m:.4f}" for name in SCENARIOS]
     numbers = [f"{last['cpu_s']:.0f}", f"{last['wall_s']:.0f}", f"{nominal.mean_m:.4f}", f"{nominal.worst_m:.4f}"]

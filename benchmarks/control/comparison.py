@@ -11,16 +11,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-import yaml
 
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.files import write_whole
-from auv_torchrl.paths import PROJECT, config_names, config_path
-from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.paths import PROJECT, config_names
+from auv_torchrl.scenario import Scenario
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control.comparison_tables import Cell, draw, report
-from benchmarks.control.methods import METHODS, Bench, ranges
-from benchmarks.control.source import STORE, source_policy
+from benchmarks.control.methods import METHODS, Bench
+from benchmarks.control.source import STORE, ranges, shipped_scenario, source_policy
 
 CELLS = PROJECT / "outputs" / "comparison"
 PICTURE = PROJECT / "docs" / "comparison.png"
@@ -66,8 +65,7 @@ def main() -> None:
     for method in arguments.methods:
         table[method] = {}
         for name in arguments.scenarios:
-            config = yaml.safe_load(config_path("scenario", name).read_text())
-            bench = replace(blank, scenario=read_scenario(name, config, vehicle))
+            bench = replace(blank, scenario=shipped_scenario(name, vehicle))
             table[method][name] = cell(bench, method, arguments.cells, arguments.fresh)
     print(report(table, arguments.count, nominal))
     draw(table, arguments.picture)

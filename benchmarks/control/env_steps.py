@@ -8,14 +8,13 @@ import statistics
 import time
 
 import torch
-import yaml
 from tensordict import TensorDictBase
 from torchrl.envs import EnvBase, TransformedEnv
 
 from auv_torchrl.envs import MujocoFleet, RandomizeVehicle, TorchFleet
-from auv_torchrl.paths import config_path
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from benchmarks.control.source import ranges
 
 REPEATS = 3  # the median is reported, since other programs disturb
 
@@ -64,7 +63,7 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     vehicle = load_vehicle(arguments.vehicle)
-    ranges = yaml.safe_load(config_path("randomization", arguments.randomization).read_text())
+    drawn = ranges(arguments.randomization)
     print(
         f"Thousands of control steps of 0.05 s per CPU second on one thread (wall time on a GPU), vehicle "
         f"{arguments.vehicle}, randomization {arguments.randomization}, observation, reward and reset included.\n"
@@ -75,7 +74,7 @@ def main() -> None:
             print("| vehicles | " + " | ".join(columns) + " |")
             print("|---" * (len(columns) + 1) + "|")
         rates = [
-            steps_per_second(TransformedEnv(env, RandomizeVehicle(vehicle, ranges)), wall=env.device.type == "cuda")
+            steps_per_second(TransformedEnv(env, RandomizeVehicle(vehicle, drawn)), wall=env.device.type == "cuda")
             for env in columns.values()
         ]
         print(f"| {count} | " + " | ".join(f"{rate / 1e3:.1f}" for rate in rates) + " |")

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
@@ -18,26 +17,19 @@ from auv_torchrl.adaptation.recovery import Recovery, recoveries
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
 from auv_torchrl.evaluation import Policy, draw_starts
-from auv_torchrl.paths import config_path
-from auv_torchrl.scenario import Change, Scenario, read_scenario
+from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks.control.least_delay import least_delays
-from benchmarks.control.source import STORE, source_policy
+from benchmarks.control.source import STORE, shipped_scenario, source_policy
 
 FAULTS = ("swap", "thruster_gain", "reversed", "reversed_and_dead", "cycle", "two_reversed", "triple_fault")
 EARLIEST_S, LATEST_S = 5.0, 15.0  # the fault comes at a random time between
 CONDITIONS = {  # name: (what the water and the sensors do all along, settings of the adapter)
-    "still water": ((), {}),
-    "current of 0.1 m/s": (({"current": {"north": 0.07, "east": 0.07}},), {}),
-    "pose alone, 2 mm and 0.2°": (({"sensor_noise": {"position": 0.002, "attitude": 0.0035}},), {"sensed": "pose"}),
+    "still water": ({}, {}),
+    "current of 0.1 m/s": ({"current": {"north": 0.07, "east": 0.07}}, {}),
+    "pose alone, 2 mm and 0.2°": ({"sensor_noise": {"position": 0.002, "attitude": 0.0035}}, {"sensed": "pose"}),
 }
-
-
-def changes(vehicle: Vehicle, config: dict, start_s: float = 0.0) -> tuple[Change, ...]:
-    """The changes of a scenario file's content, from ``start_s`` on."""
-    effects = {label: {**settings, "start_s": start_s} for label, settings in config.items()}
-    return read_scenario("bench", {"effects": effects}, vehicle).changes
 
 
 def fly_fault(
@@ -45,10 +37,9 @@ def fly_fault(
 ) -> tuple[AdaptedFlight, torch.Tensor]:
     """Flights of ``count`` adapted vehicles, and when each met the fault."""
     lasting, overrides = CONDITIONS[condition]
-    acting = tuple(change for config in lasting for change in changes(vehicle, config))
+    acting = read_scenario("bench", {"effects": lasting}, vehicle).changes
     if fault is not None:
-        config = yaml.safe_load(config_path("scenario", fault).read_text())["effects"]
-        acting += changes(vehicle, config, EARLIEST_S)
+        acting += tuple(replace(c, start_s=EARLIEST_S) for c in shipped_scenario(fault, vehicle).changes)
     task = replace(StationKeeping().for_evaluation(1.0), episode_s=seconds + 1, thruster_commands=True)
     fleet = TorchFleet(vehicle, task, count, scenario=Scenario("bench", acting), seed=seed)
     draws = torch.rand(count, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
@@ -25,11 +24,10 @@ from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.flight import Flight
-from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.tasks import StationKeeping, Task
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.control.source import BACKEND, source_policy
+from benchmarks.control.source import BACKEND, ranges, source_policy, training_s
 
 BUDGET = Excitation(episodes=4, episode_s=15.0)  # of target data, for every method that learns before the judged flight
 NEVER_SETTLED = 1e-9  # standard error of DDR's map: the dither stays on, for the flight is paid for
@@ -85,16 +83,6 @@ class Bench:
         return fly(fleet, policy, draw_starts(task, self.count, seed=2023), task.steps)
 
 
-def cpu_s(policy: SourcePolicy) -> float:
-    """What its training took, whenever that was."""
-    return policy.metadata["curve"][-1]["cpu_s"]
-
-
-def ranges(name: str) -> dict[str, Any]:
-    """What ``conf/randomization`` says."""
-    return yaml.safe_load(config_path("randomization", name).read_text())
-
-
 def ddr(bench: Bench, kind: str) -> Attempt:
     """The paper's method: target data with dither, then a map fitted to all of it."""
     models = load_or_pretrain(bench.vehicle, bench.task(), bench.policies)
@@ -135,7 +123,7 @@ def particles(bench: Bench) -> Attempt:
     spent = time.process_time() - began
     policy = source_policy(bench.vehicle, bench.policies, weighed.ranges(), short())
     notes = {"effective_number": weighed.effective_number}
-    return Attempt(bench.fly(policy.module), BUDGET.seconds, spent + cpu_s(policy), notes)
+    return Attempt(bench.fly(policy.module), BUDGET.seconds, spent + training_s(policy), notes)
 
 
 def diagnosed(bench: Bench) -> Attempt:
@@ -177,13 +165,13 @@ def closing(bench: Bench, found: Diagnosed) -> Closed:
 
 def tuning_s(closed: Closed) -> float:
     """CPU seconds of its training, if there was any."""
-    return cpu_s(closed.policy) if closed.tuned else 0.0
+    return training_s(closed.policy) if closed.tuned else 0.0
 
 
 def robust(bench: Bench) -> Attempt:
     """One policy trained over wide ranges of all effects that a vehicle may meet."""
     policy = source_policy(bench.vehicle, bench.policies, ranges("wide"))
-    return Attempt(bench.fly(policy.module), 0.0, cpu_s(policy))
+    return Attempt(bench.fly(policy.module), 0.0, training_s(policy))
 
 
 def short() -> AgentConfig:

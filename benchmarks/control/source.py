@@ -1,4 +1,4 @@
-"""The source policies that the benches fly."""
+"""What the benches fly: source policies, and scenarios and randomizations as they are shipped."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,12 +7,29 @@ from typing import Any
 from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
-from auv_torchrl.paths import PROJECT
+from auv_torchrl.paths import PROJECT, config_path
+from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.yaml_file import read_yaml
 
 BACKEND = "mujoco"
 STORE = PROJECT / "outputs" / "policies"
+
+
+def shipped_scenario(name: str, vehicle: Vehicle) -> Scenario:
+    """What ``conf/scenario`` says."""
+    return read_scenario(name, read_yaml(config_path("scenario", name), "scenario"), vehicle)
+
+
+def ranges(name: str) -> dict[str, Any]:
+    """What ``conf/randomization`` says."""
+    return read_yaml(config_path("randomization", name), "randomization")
+
+
+def training_s(policy: SourcePolicy) -> float:
+    """CPU seconds that its training took, whenever that was."""
+    return policy.metadata["curve"][-1]["cpu_s"]
 
 
 def source_policy(

@@ -14,20 +14,18 @@ from pathlib import Path
 
 import numpy as np
 import torch
-import yaml
 from tqdm import tqdm
 
 from auv_torchrl.agents.config import AGENTS, load_agent_config
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.files import write_whole
-from auv_torchrl.paths import PROJECT, config_names, config_path
-from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.paths import PROJECT, config_names
+from auv_torchrl.scenario import Scenario
 from auv_torchrl.tasks import read_task
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control.comparison_tables import RECOVERED_M, metres
-from benchmarks.control.methods import ranges
-from benchmarks.control.source import BACKEND, STORE
+from benchmarks.control.source import BACKEND, STORE, ranges, shipped_scenario, training_s
 from benchmarks.control.tracking import BOX_M, Course
 
 KINDS = ("station_keeping", "waypoints", "lemniscate")  # a point, one after the other, a moving one
@@ -56,7 +54,7 @@ def flown(course: Course, source: SourcePolicy, scenario: Scenario | None, cells
 
 def summary(task: str, agent: str, source: SourcePolicy, nominal: Means, found: Mapping[str, Means]) -> str:
     """One line of the first table: an agent on a task, over all scenarios."""
-    cells = [task, agent, f"{source.metadata['curve'][-1]['cpu_s']:.0f}", metres(nominal[WAYS[0]])]
+    cells = [task, agent, f"{training_s(source):.0f}", metres(nominal[WAYS[0]])]
     near = nominal[WAYS[0]] < RECOVERED_M  # on the way to a waypoint even a sound vehicle is not
     for way in WAYS:
         errors = [means[way] for means in found.values()]
@@ -88,8 +86,7 @@ def main() -> None:
     asked = parser.parse_args()
     torch.set_num_threads(1)
     vehicle, seed = load_vehicle("paper"), 0
-    configs = {name: yaml.safe_load(config_path("scenario", name).read_text()) for name in asked.scenarios}
-    scenarios = {name: read_scenario(name, config, vehicle) for name, config in configs.items()}
+    scenarios = {name: shipped_scenario(name, vehicle) for name in asked.scenarios}
     lines, tables = [], []
     for kind in asked.tasks:
         task, agents = read_task({"name": kind}), {}

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-import yaml
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
@@ -20,17 +19,15 @@ from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.evaluation import Metrics, Policy, draw_starts, fly
-from auv_torchrl.paths import config_path
-from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.scenario import Scenario
 from auv_torchrl.tasks import TASKS, Lemniscate, Task, Tracking
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from benchmarks.control.methods import ranges
-from benchmarks.control.source import BACKEND, STORE
+from benchmarks.control.methods import INTEGRAL
+from benchmarks.control.source import BACKEND, STORE, ranges, shipped_scenario, training_s
 
 CURVES = tuple(name for name, kind in TASKS.items() if issubclass(kind, Tracking))
 BOX_M = 1.0  # m, starts lie within it around the beginning of the path
 SEED = 2023  # of the starts
-INTEGRAL = (0.5, 0.5, 0.5, 0.2)  # 1/(m s) and 1/(rad s), as in the comparison of all methods
 
 
 class Course:
@@ -96,8 +93,7 @@ def main() -> None:
     vehicle, trained_on = load_vehicle("paper"), Lemniscate()
     agent = load_agent_config()
     source = train_source(vehicle, trained_on, agent, ranges("paper"), 0, BACKEND, arguments.policies)
-    reversed_ = read_scenario("reversed", yaml.safe_load(config_path("scenario", "reversed").read_text()), vehicle)
-    took = source.metadata["curve"][-1]["cpu_s"]
+    reversed_, took = shipped_scenario("reversed", vehicle), training_s(source)
     print(
         f"Mean distance to the moving reference in m for t ≥ 10 s of 20 s, {arguments.count} starts in ±{BOX_M:g} m, "
         f"vehicle paper, every path at the settings of its file (lemniscate: 2 m × 1 m at 0.3 m/s). One policy, u_s, "

@@ -7,7 +7,6 @@ from typing import Any, cast
 
 import pytest
 import torch
-import yaml
 
 from auv_torchrl.adaptation import load_adaptation_config
 from auv_torchrl.adaptation.flight import cost_per_step
@@ -18,8 +17,6 @@ from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr import PretrainingConfig
 from auv_torchrl.ddr.store import load_or_pretrain
 from auv_torchrl.evaluation import Metrics
-from auv_torchrl.paths import config_path
-from auv_torchrl.scenario import read_scenario
 from auv_torchrl.tasks import Lemniscate, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control import __main__ as bench_command
@@ -29,6 +26,7 @@ from benchmarks.control.comparison_tables import CLOSED, ORACLE, SOURCE, Cell, d
 from benchmarks.control.fault_recovery import CONDITIONS, fly_fault, row
 from benchmarks.control.least_delay import least_delays
 from benchmarks.control.methods import METHODS, Bench
+from benchmarks.control.source import shipped_scenario
 from benchmarks.control.tasks import WAYS, by_scenario, flown, summary
 from benchmarks.control.tracking import Course
 
@@ -38,11 +36,10 @@ VEHICLE = load_vehicle("paper")
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     """The swap, flown by a PID instead of a trained policy, for little longer than until errors count."""
-    swap = read_scenario("swap", yaml.safe_load(config_path("scenario", "swap").read_text()), VEHICLE)
     pilot = SourcePolicy(cast(Any, PID(StationKeeping())), {"hash": "pid"})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(methods, "StationKeeping", partial(StationKeeping, episode_s=13.0))
-        yield Bench(VEHICLE, swap, tmp_path_factory.mktemp("policies"), 2, pilot)
+        yield Bench(VEHICLE, shipped_scenario("swap", VEHICLE), tmp_path_factory.mktemp("policies"), 2, pilot)
 
 
 @pytest.mark.slow
