@@ -8,9 +8,8 @@ some a thruster fades by 1 % a dive from the fourth dive on; others stay as they
 import argparse
 import logging
 import platform
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +21,7 @@ from auv_torchrl.diagnosis.dives.said import label_of
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from benchmarks import show_progress
 from benchmarks.dives.fly import Series, fly_series
 
 log = logging.getLogger(__name__)
@@ -79,9 +79,8 @@ def fading_table(outcomes: Sequence[Outcome]) -> list[str]:
         judged = outcome.judged
         alarm = judged.alarms[0] if judged.alarms else None
         named = outcome.labels([alarm.number, *alarm.rivals]) if alarm else "–"
-        found, size, since = [], "–", "–"
-        for change in judged.changes:
-            found.append(outcome.labels([change.number, *change.rivals]))
+        found = [outcome.labels([change.number, *change.rivals]) for change in judged.changes]
+        size, since = "–", "–"
         if judged.changes:
             shift = judged.changes[0].shifts[0]
             size = f"{-100 * shift.size:.2f} ± {196 * shift.deviation:.2f} %" if shift.is_drift else "a step"
@@ -94,10 +93,9 @@ def fading_table(outcomes: Sequence[Outcome]) -> list[str]:
 def sound_line(outcomes: Sequence[Outcome]) -> str:
     """How many false alarms there were."""
     dives = sum(outcome.judged.series.value.shape[1] - REFERENCE for outcome in outcomes)
-    alarms = [alarm for outcome in outcomes for alarm in outcome.judged.alarms]
-    names = [o.labels([alarm.number]) for o in outcomes for alarm in o.judged.alarms]
+    names = [outcome.labels([alarm.number]) for outcome in outcomes for alarm in outcome.judged.alarms]
     said = f" ({', '.join(names)})" if names else ""
-    return f"{len(outcomes)} sound vehicles, {dives} dives behind the reference; false alarms: {len(alarms)}{said}."
+    return f"{len(outcomes)} sound vehicles, {dives} dives behind the reference; false alarms: {len(names)}{said}."
 
 
 def report(fading: Sequence[Outcome], sound: Sequence[Outcome], seed: int) -> list[str]:
@@ -123,7 +121,7 @@ def publish(lines: Sequence[str]) -> None:
     PAGE.write_text("\n".join([before + BEGIN, *lines, END + after]), encoding="utf-8")
 
 
-def main(show: Callable[[str], object] = lambda line: sys.stdout.write(f"{line}\n")) -> None:
+def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--seed", type=int, default=0)
@@ -132,8 +130,7 @@ def main(show: Callable[[str], object] = lambda line: sys.stdout.write(f"{line}\
     parser.add_argument("--dives", type=int, default=50, help="of each of these, behind the reference")
     parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.name}")
     options = parser.parse_args()
-    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
-    log.setLevel(logging.INFO)
+    show_progress()
     torch.set_num_threads(1)
     vehicle = load_vehicle(VEHICLE)
     numbered = [i % vehicle.thrusters + 1 for i in range(options.fading)]
@@ -141,8 +138,7 @@ def main(show: Callable[[str], object] = lambda line: sys.stdout.write(f"{line}\
     fading = [run(f"thruster {t}", vehicle, faded(t, s)) for t, s in zip(numbered, seeds, strict=False)]
     sound = [run("none", vehicle, Series(REFERENCE + options.dives, s)) for s in seeds[options.fading :]]
     lines = report(fading, sound, options.seed)
-    for line in lines:
-        show(line)
+    print("\n".join(lines))
     if options.publish:
         publish(lines)
 

@@ -6,7 +6,6 @@ for in the folder that ``AUV_TORCHRL_DATA`` names, else in ``../shared/data``; w
 
 import argparse
 import logging
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import torch
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.files import write_whole
 from auv_torchrl.paths import PROJECT
+from benchmarks import show_progress
 from benchmarks.real import DATA, ardusub, bluerov2, haizhe
 
 log = logging.getLogger(__name__)
@@ -103,16 +103,13 @@ def main() -> None:
         parser.error(f"no part named {', '.join(sorted(unknown))}: give some of {', '.join(PARTS)}")
     if options.publish and options.parts:
         parser.error("--publish writes all parts: leave their names out")
-    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
-    for ours in (log, logging.getLogger("benchmarks")):
-        ours.setLevel(logging.INFO)  # progress; libraries stay silent
+    show_progress()
     torch.set_num_threads(1)
     page = []
     for line in sections(options.data, options.parts or list(PARTS)):
         page.append(line)
         if not options.publish:
-            sys.stdout.write(line + "\n")
-            sys.stdout.flush()
+            print(line, flush=True)
     if options.publish:
         write_whole(PAGE, "\n".join(page).encode())
 

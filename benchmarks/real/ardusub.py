@@ -8,7 +8,6 @@ folder that ``AUV_TORCHRL_DATA`` names, else in ``../shared/data``.
 
 import argparse
 import logging
-import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +20,7 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
 from auv_torchrl.diagnosis.verdict import FoundEffect, Verdict
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks import show_progress
 from benchmarks.real import DATA
 from benchmarks.real.altered import Change, carried, exchanged, multiplied, without_position
 
@@ -147,15 +147,14 @@ def _values(effect: str, values: dict[str, float]) -> str:
     return f"{effect} " + ", ".join(f"{name} {value:.2f}" for name, value in values.items())
 
 
-def find_cases(data: Path, names: Sequence[str], with_healthy: bool, cases: Iterable[Case] = CASES) -> list[Case]:
+def find_cases(data: Path, names: Sequence[str], with_healthy: bool, cases: Iterable[Case]) -> list[Case]:
     """Those whose flights are there; those whose are not are named."""
     here = []
     for case in cases:
-        needed = [case.file, case.healthy] if with_healthy else [case.file]
-        absent = [name for name in needed if name is None or not (data / FOLDER / f"{name}.BIN").is_file()]
         if names and case.name not in names:
             continue
-        if absent:
+        needed = [case.file, case.healthy] if with_healthy else [case.file]
+        if absent := [name for name in needed if name is None or not (data / FOLDER / f"{name}.BIN").is_file()]:
             lacks = ", ".join(f"{name}.BIN" if name else "a sound flight of the same sensors" for name in absent)
             log.info("%s is left out: %s lacks %s", case.name, data / FOLDER, lacks)
             continue
@@ -178,13 +177,11 @@ def main() -> None:
     cases = ALTERED if options.altered else CASES
     if unknown := set(options.names) - {case.name for case in cases}:
         parser.error(f"no log named {', '.join(sorted(unknown))}: give some of {', '.join(c.name for c in cases)}")
-    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
-    log.setLevel(logging.INFO)  # progress; libraries stay silent
+    show_progress()
     torch.set_num_threads(1)
     here = find_cases(options.data, options.names, options.healthy, cases)
     for line in table(run(case, options.data / FOLDER, options.vehicle, options.healthy) for case in here):
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

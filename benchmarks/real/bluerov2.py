@@ -7,7 +7,6 @@ with what was found added. Prints Markdown; ``--folds`` lets every run be the th
 
 import argparse
 import logging
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from auv_torchrl.physics import rest_state
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from benchmarks import show_progress
 
 log = logging.getLogger(__name__)
 VEHICLE = "bluerov2_heavy"
@@ -119,8 +119,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help=f"with {', '.join(f'{name}.csv' for name in RUNS)}")
     parser.add_argument("--folds", action="store_true", help="let every run be the one that is left out")
     options = parser.parse_args()
-    logging.basicConfig(format="%(message)s", stream=sys.stderr, force=True)
-    log.setLevel(logging.INFO)  # progress; libraries stay silent
+    show_progress()
     torch.set_num_threads(1)
     try:
         flights = read_runs(options.folder)
@@ -128,7 +127,7 @@ def main() -> None:
         parser.error(str(error))
     tests = [TEST, *(name for name in RUNS if name != TEST)] if options.folds else [TEST]
     results = [leave_out(test, flights) for test in tests]
-    sys.stdout.write("\n".join([*table(results), "", *words(results[0].diagnosis), ""]))
+    print("\n".join([*table(results), "", *words(results[0].diagnosis)]))
 
 
 if __name__ == "__main__":

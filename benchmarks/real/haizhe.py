@@ -6,7 +6,6 @@ diagnosed, each run by itself and in groups of eight. ``docs/real.md`` says wher
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -171,7 +170,7 @@ def main() -> None:
     settings = load_settings()
     settings = replace(settings, prior_none=options.none) if options.none else settings
     scored = score(read_classes(options.data / FILE), settings, options.seed)
-    sys.stdout.write("\n".join([*table(scored), ""]))
+    print("\n".join(table(scored)))
 
 
 if __name__ == "__main__":
