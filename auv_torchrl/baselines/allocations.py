@@ -31,8 +31,8 @@ class RecursiveLeastSquares(ThrusterTransform):
         super().__init__(vehicle)
         self.motion = SourceMotion(vehicle, task.control_dt)
         self.sensing = Sensing(load_adaptation_config(), count)
-        low, high = (array(limit) for limit in self.actuation.share_limits)
-        self.allocation = Allocation(1.0 / np.square(self.motion.full_wrench), low, high)
+        limits = map(array, self.actuation.share_limits)
+        self.allocation = Allocation(1.0 / np.square(self.motion.full_wrench), *limits)
         self.forgetting = float(np.exp(-task.control_dt / memory_s))
         n = vehicle.thrusters
         self.effectiveness = np.broadcast_to(self.motion.per_share, (count, _D, n)).copy()
@@ -69,10 +69,10 @@ class TrueMap(ThrusterTransform):
 
     def __init__(self, source: Vehicle, target: Vehicle):
         super().__init__(source)
-        low, high = (array(limit) for limit in self.actuation.share_limits)
         self._nominal = array(controlled_allocation(source))
         self._true = array(controlled_allocation(target))[None]
-        self._allocation = Allocation(1.0 / np.square(np.abs(self._nominal).sum(-1)), low, high)
+        limits = map(array, self.actuation.share_limits)
+        self._allocation = Allocation(1.0 / np.square(np.abs(self._nominal).sum(-1)), *limits)
 
     def thrusts(self, nominal: Array) -> Array:
         """Thrusts (N, n) whose wrench on the target is that of ``nominal`` (N, n) on the source."""
