@@ -59,10 +59,7 @@ def reliability_diagram(judgements: Sequence[Judgement]) -> Figure | None:
         return None
     figure, axes = plt.subplots(figsize=(4.5, 4.2))
     axes.plot([0, 1], [0, 1], color=NEUTRAL, linewidth=1)
-    x, y = [b.probability for b in bins], [b.right.value for b in bins]
-    low, high = np.transpose([b.right.interval for b in bins])
-    error = np.maximum([np.subtract(y, low), np.subtract(high, y)], 0)
-    axes.errorbar(x, y, error, fmt="o", color=U_T, capsize=2)
+    axes.errorbar([b.probability for b in bins], *_bars([b.right for b in bins]), fmt="o", color=U_T, capsize=2)
     for b in bins:
         place = (b.probability, b.right.value)
         axes.annotate(str(b.right.n), place, (-5, -10), textcoords="offset points", fontsize=7, ha="right")
@@ -86,12 +83,16 @@ def severity(judgements: Sequence[Judgement]) -> Figure | None:
             unseen.append(Share.of([j.verdict == "no_gap" for j in mine]))
     figure, axes = plt.subplots(figsize=(5.5, 3.6))
     for shares, colour, label in ((named, U_T, "effect named first"), (unseen, NEUTRAL, "no gap seen")):
-        y = [s.value for s in shares]
-        low, high = np.transpose([s.interval for s in shares])
-        error = np.maximum([np.subtract(y, low), np.subtract(high, y)], 0)
-        axes.errorbar(centre, y, error, fmt="o-", color=colour, capsize=2, label=label)
+        axes.errorbar(centre, *_bars(shares), fmt="o-", color=colour, capsize=2, label=label)
     axes.set(xscale="log", ylim=(-0.02, 1.02), ylabel="share of the logs")
     axes.set_xlabel("error at 2 s without the effect, in standard deviations of the sensors")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.legend(fontsize=8, loc="center right")
     return figure
+
+
+def _bars(shares: Sequence[Share]) -> tuple[np.ndarray, np.ndarray]:
+    """Values (n,), and how far their intervals reach below and above (2, n)."""
+    value = np.array([share.value for share in shares])
+    low, high = np.transpose([share.interval for share in shares])
+    return value, np.maximum([value - low, high - value], 0)
