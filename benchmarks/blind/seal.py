@@ -6,7 +6,7 @@ The digest of the labels is written down before anything is diagnosed and compar
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,11 +14,40 @@ import auv_torchrl.diagnosis
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, raw_columns, write_columns
 from benchmarks.blind.cases import HEALTHY
-from benchmarks.blind.hand_over import hand_over
+from benchmarks.blind.damage_acts import Columns
+from benchmarks.blind.damages import DAMAGES, damaged, shows_fault
 
 MANIFEST = "manifest.json"
 LABELS = Path("sealed") / "labels.json"
 LOGS = "logs"
+
+
+class HandedOver(NamedTuple):
+    """The files of a case."""
+
+    log: Columns
+    healthy: Columns | None
+    named_by: dict[str, Any] | None  # for the label: how an answer names the damage; None without one
+
+
+def hand_over(flown: FlightLog, label: dict[str, Any]) -> HandedOver:
+    """Columns of the log and of the healthy log of a case, the damage that the label says done to the log."""
+    numbers = [episode.number for episode in flown.episodes]
+    healthy = raw_columns(flown.only(numbers[-label["healthy"] :])) if label["healthy"] else None
+    columns = raw_columns(flown.only(numbers[: len(numbers) - label["healthy"]]))
+    if label["damage"] is None:
+        return HandedOver(columns, healthy, None)
+    damage = DAMAGES[label["damage"]]
+    columns, which = damaged(columns, damage, np.random.default_rng(label["damage_seed"]))
+    faults = label["values"]
+    named_by = {
+        "codes": damage.codes,
+        "columns": which if damage.mentions else (),
+        "effects": damage.effects,
+        "partly": damage.partly,
+        "shows_fault": bool(faults) and all(shows_fault(damage, fault, values) for fault, values in faults.items()),
+    }
+    return HandedOver(columns, healthy, named_by)
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -63,7 +92,7 @@ def seal(folder: Path, settings: dict[str, Any], flown: list[tuple[FlightLog, di
     write_json(folder / MANIFEST, {"settings": settings, "labels_sha256": digest, "tasks": tasks})
 
 
-def _write_once(columns: dict[str, np.ndarray], path: Path) -> None:
+def _write_once(columns: Columns, path: Path) -> None:
     if not path.exists():
         write_columns(columns, path)
 

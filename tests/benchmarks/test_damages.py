@@ -12,12 +12,11 @@ from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case, draw_cases
 from benchmarks.blind.damages import BOTH, DAMAGES, FAULTS, can_show, damaged, shows_fault
 from benchmarks.blind.fly import fly
-from benchmarks.blind.hand_over import hand_over
 from benchmarks.blind.judge import judge
 from benchmarks.blind.judge_damage import SAID
 from benchmarks.blind.score import numbers
 from benchmarks.blind.score_damage import by_damage
-from benchmarks.blind.seal import log_path, open_labels, read_manifest, seal
+from benchmarks.blind.seal import hand_over, log_path, open_labels, read_manifest, seal
 
 VEHICLE = load_vehicle("paper")
 FUTURE = {"position_scale", "velocity_scale", "depth_bias", "depth_scale", "clock_scale"}  # may be in the library

@@ -14,11 +14,10 @@ from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import FAMILIES, draw_cases
 from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.fly import fly
-from benchmarks.blind.hand_over import hand_over
 from benchmarks.blind.judge import judge
 from benchmarks.blind.report import BEGIN, END, markdown, publish, write_report
 from benchmarks.blind.score import numbers, tables
-from benchmarks.blind.seal import LABELS, is_sealed, open_labels, read_manifest, seal
+from benchmarks.blind.seal import LABELS, hand_over, is_sealed, open_labels, read_manifest, seal
 from benchmarks.blind.statistics import Share, calibration_error, reliability
 from benchmarks.blind.thrusters import thrusters_at_fault
 

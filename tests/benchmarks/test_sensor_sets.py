@@ -14,12 +14,12 @@ from benchmarks.blind.cases import draw_cases
 from benchmarks.blind.faults import FAULTS, WEAK, draw_fault
 from benchmarks.blind.fly import fly
 from benchmarks.blind.foreign_heavy import ForeignHeavy
-from benchmarks.blind.hand_over import hand_over
 from benchmarks.blind.judge import NO_MARK, judge
 from benchmarks.blind.mujoco_plant import MujocoPlant
 from benchmarks.blind.plant import Influences, Slack
 from benchmarks.blind.report import markdown, markers, publish
 from benchmarks.blind.score_sensors import set_numbers, set_tables
+from benchmarks.blind.seal import hand_over
 from benchmarks.blind.sensor_sets import SENSOR_SETS
 from tests.benchmarks.test_scoring import blind_eye, perfect
 

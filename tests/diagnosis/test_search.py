@@ -32,7 +32,7 @@ from auv_torchrl.flightlog import read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
 from benchmarks.blind.fly import fly as sealed_flights
-from benchmarks.blind.hand_over import hand_over
+from benchmarks.blind.seal import hand_over
 
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)
