@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from auv_torchrl.files import write_whole
+from benchmarks import replace_between
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.seal import write_json
 from benchmarks.blind.table import Table
@@ -51,16 +52,11 @@ def publish(text: str, pictures: Path, document: Path, part: str | None = None) 
     Raises:
         ValueError: if the document does not have both markers, in order.
     """
-    first, last = markers(part)
-    before, begin, rest = document.read_text(encoding="utf-8").partition(first)
-    _, end, after = rest.partition(last)
-    if not begin or not end:
-        raise ValueError(f"{document} has no {first} followed by {last}: put both where the tables belong")
+    replace_between(document, *markers(part), f"\n\n{text}\n\n")
     (document.parent / FIGURES).mkdir(exist_ok=True)
     for name in CAPTIONS:
         if (pictures / f"{name}.png").exists():
             shutil.copyfile(pictures / f"{name}.png", document.parent / FIGURES / f"{name}.png")
-    write_whole(document, f"{before}{first}\n\n{text}\n\n{last}{after}".encode())
 
 
 def _picture(path: Path) -> str:

@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.dives.said import label_of
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from benchmarks import show_progress
+from benchmarks import replace_between, show_progress
 from benchmarks.dives.fly import Series, fly_series
 
 log = logging.getLogger(__name__)
@@ -115,10 +115,7 @@ def report(fading: Sequence[Outcome], sound: Sequence[Outcome], seed: int) -> li
 
 def publish(lines: Sequence[str]) -> None:
     """Write the tables into the page, between its marks."""
-    page = PAGE.read_text(encoding="utf-8")
-    before, rest = page.split(BEGIN)
-    _, after = rest.split(END)
-    PAGE.write_text("\n".join([before + BEGIN, *lines, END + after]), encoding="utf-8")
+    replace_between(PAGE, BEGIN, END, "\n".join(["", *lines, ""]))
 
 
 def main() -> None:

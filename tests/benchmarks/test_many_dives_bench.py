@@ -22,6 +22,16 @@ def test_dives_differ_in_trim_and_current_and_are_drawn_again_alike():
     assert one[0].axes == ("x", "y", "z", "yaw")
 
 
+def test_a_page_without_its_marks_is_refused(tmp_path, monkeypatch):
+    """What it lacks is named, and the page stays as it was."""
+    page = tmp_path / "dives.md"
+    page.write_text(f"# Dives\n{bench.BEGIN}\n")
+    monkeypatch.setattr(bench, "PAGE", page)
+    with pytest.raises(ValueError, match=f"followed by {bench.END}: put both"):
+        bench.publish(["| thruster 2 |"])
+    assert page.read_text() == f"# Dives\n{bench.BEGIN}\n"
+
+
 @pytest.mark.slow
 def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
     """Of three sound dives and six that lose 2 % of thruster 2 each, it alone is named before 8 % are lost."""
