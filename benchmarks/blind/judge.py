@@ -190,7 +190,7 @@ def _parameters(
         if answer is None:
             continue
         declared, nominal = get_effect(effect).member_parameters(vehicle), get_effect(effect).nominal(vehicle)
-        for unit in {p.unit for p in declared.values() if not p.discrete}:
+        for unit in dict.fromkeys(p.unit for p in declared.values() if not p.discrete):
             members = [k for k, p in declared.items() if p.unit == unit and not p.discrete]
             true = {k: values.get(k, nominal[k]) for k in members}
             size = math.hypot(*(true[k] - nominal[k] for k in members))

@@ -85,6 +85,14 @@ def test_one_value_of_all_thrusters_counts_once(labels, apart, numbers_told):
     assert list(judge("limits", label, perfect(label), VEHICLE).covered.values()) == [True] * numbers_told
 
 
+def test_errors_come_in_the_order_of_the_parameters(labels):
+    """Of mass, weight and place, so that the same answers give the same file of results, entry by entry."""
+    of_one = next(label for label in labels if label["family"] == "single")
+    values = {"payload": {"mass": 3.0, "weight": 5.0, "x": 0.1, "y": 0.0, "z": 0.0}}
+    label = {**of_one, "truth": "payload", "effects": ["payload"], "values": values}
+    assert list(judge("load", label, perfect(label), VEHICLE).errors) == ["payload [kg]", "payload [N]", "payload [m]"]
+
+
 def test_seeing_nothing_gets_no_marks(labels):
     """An answer of no gap is right where there is none, and nowhere else."""
     judgements = [judge(str(i), label, blind_eye(label), VEHICLE) for i, label in enumerate(labels)]
