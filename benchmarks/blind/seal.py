@@ -80,12 +80,12 @@ def seal(folder: Path, settings: dict[str, Any], flown: list[tuple[FlightLog, di
         name = flight_log.name
         if label["family"] == HEALTHY:
             continue
-        handed = hand_over(flight_log, label)
+        handed, healthy_name = hand_over(flight_log, label), f"{name}_healthy"
         _write_once(handed.log, log_path(folder, name))
         if handed.healthy is not None:
-            _write_once(handed.healthy, log_path(folder, healthy_name(name)))
+            _write_once(handed.healthy, log_path(folder, healthy_name))
         labels[name] = {**label, "named_by": handed.named_by}
-        healthy = sound.get(label["stranger"], []) if handed.healthy is None else [healthy_name(name)]
+        healthy = sound.get(label["stranger"], []) if handed.healthy is None else [healthy_name]
         tasks[name] = {"left_out": label["left_out"], "healthy": healthy}
     write_json(folder / LABELS, labels)
     digest = _digest(folder / LABELS)
@@ -95,11 +95,6 @@ def seal(folder: Path, settings: dict[str, Any], flown: list[tuple[FlightLog, di
 def _write_once(columns: Columns, path: Path) -> None:
     if not path.exists():
         write_columns(columns, path)
-
-
-def healthy_name(name: str) -> str:
-    """The name of the healthy log of a case."""
-    return f"{name}_healthy"
 
 
 def is_sealed(folder: Path, settings: dict[str, Any]) -> bool:

@@ -17,6 +17,7 @@ from benchmarks.blind.judge_damage import SAID
 from benchmarks.blind.score import numbers
 from benchmarks.blind.score_damage import by_damage
 from benchmarks.blind.seal import hand_over, log_path, open_labels, read_manifest, seal
+from tests.benchmarks.test_scoring import gain_label
 
 VEHICLE = load_vehicle("paper")
 FUTURE = {"position_scale", "velocity_scale", "depth_bias", "depth_scale", "clock_scale"}  # may be in the library
@@ -170,10 +171,9 @@ def label(damage="depth_zero", effects=(), values=None):
         "codes": d.codes, "columns": ("z",) if d.mentions else (), "effects": d.effects, "partly": d.partly,
         "shows_fault": bool(effects),
     }  # fmt: skip
-    return {
-        "family": "damaged_fault" if effects else "damaged", "plant": "mujoco", "truth": "damage", "effects": effects,
-        "outside": None, "left_out": None, "scale": 1.0, "episodes": 6, "episode_s": 30.0, "noise": 1.0,
-        "onset_s": None, "values": values, "influence": {}, "damage": damage, "named_by": by,
+    return gain_label(1) | {
+        "family": "damaged_fault" if effects else "damaged", "truth": "damage", "effects": effects,
+        "values": values, "influence": {}, "damage": damage, "named_by": by,
     }  # fmt: skip
 
 
