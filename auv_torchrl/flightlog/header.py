@@ -22,6 +22,7 @@ _FOREIGN = {
     b"ULog": "a PX4 log",
     b"\xa3\x95": "an ArduPilot log",
 }
+SAID = "# auv-log: "  # begins a remark with what a converted log says beside its columns
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|", re.IGNORECASE)
 
@@ -31,6 +32,7 @@ class Header(NamedTuple):
 
     names: list[str]
     skipped: int  # lines above it: blank ones and remarks
+    said: str  # by ``auv-log convert`` about the columns, as JSON; empty where there is nothing
 
 
 def first_bytes(path: Path, count: int) -> bytes:
@@ -90,7 +92,8 @@ def read_header(path: Path) -> Header:
             else "give the names of the columns as first line, such as t,x,y,z,yaw,cmd_1"
         )
         raise FlightLogError(f"{path.name} has no header, its first line holds numbers: {remedy}")
-    return Header(names, len(remarks))
+    said = next((remark.removeprefix(SAID) for remark in remarks if remark.startswith(SAID)), "")
+    return Header(names, len(remarks), said)
 
 
 def check_number(name: str, columns: int) -> None:

@@ -8,7 +8,7 @@ from auv_torchrl.flightlog.info import info_lines, table_lines
 from auv_torchrl.flightlog.readers import read_streams
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.table import read_table
-from auv_torchrl.flightlog.writer import write_columns
+from auv_torchrl.flightlog.writer import write_table
 
 _TABLES = (".csv", ".parquet", ".pq")
 
@@ -58,5 +58,5 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     table = read_table(files[0]) if streams is None else tabulate(streams, options)
     for finding in table.findings:
         print(finding, file=sys.stderr)
-    write_columns(table.columns, output, replace)
+    write_table(table, output, replace)
     print(f"{output}: {len(table.row)} rows of {' '.join(table.columns)}")

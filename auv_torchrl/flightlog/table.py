@@ -1,10 +1,11 @@
 """A CSV or Parquet file as columns of float64, read block by block so that its text is never held at once."""
 
+import json
 import logging
 import os
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,14 @@ import pyarrow.csv
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.header import check_number, first_bytes, read_header
-from auv_torchrl.flightlog.log import Floats, SampleErrors
+from auv_torchrl.flightlog.log import AXES, Floats, SampleErrors
 
 log = logging.getLogger(__name__)
 
 MAX_ROWS = 5_000_000  # 14 h at 100 Hz; 0.5 GB as float64
 _PARQUET = b"PAR1"
+SAID_KEY = b"auv-log"  # of the same in Parquet
+MEASURED = "measured"  # column, 1 in rows in which something was measured
 _BLOCK_BYTES = 8 << 20
 _BATCH_ROWS = 100_000
 _NOT_FINITE = ("", "nan", "inf", "+inf", "-inf")
@@ -44,6 +47,11 @@ class Table:
     def episode(self) -> Floats:
         """(T,) number of the episode of each row; 0 where the file does not say."""
         return self.columns.get("episode", np.zeros(len(self.row)))
+
+    @property
+    def said(self) -> str:
+        """What the log of a vehicle says beside its columns, as JSON: how its samples err, and its parameters."""
+        return json.dumps({**asdict(self.errors), "autopilot": dict(self.autopilot)})
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -72,7 +80,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 def _read_csv(path: Path) -> Table:
     if path.suffix.lower() in (".parquet", ".pq"):
         raise FlightLogError(f"{path.name} is not a Parquet file although it is named so: export it again")
-    names, skipped = read_header(path)
+    names, skipped, said = read_header(path)
     bad_rows: list[int] = []
     lengths: list[int] = []
 
@@ -109,7 +117,7 @@ def _read_csv(path: Path) -> Table:
                 rows=(min(bad_rows), max(bad_rows)),
             )
         )
-    return Table(path.name, columns, kept, tuple(findings))
+    return _as_said(Table(path.name, columns, kept, tuple(findings)), said)
 
 
 def _read_parquet(path: Path) -> Table:
@@ -117,9 +125,29 @@ def _read_parquet(path: Path) -> Table:
 
     with ParquetFile(path) as file:
         check_number(path.name, len(file.schema_arrow.names))
+        said = (file.schema_arrow.metadata or {}).get(SAID_KEY, b"").decode()
         columns, texts = _collect(path.name, file.schema_arrow.names, file.iter_batches(batch_size=_BATCH_ROWS))
     row = np.arange(1, len(next(iter(columns.values()), ())) + 1)
-    return Table(path.name, columns, row, tuple(_text_findings(texts, row)))
+    return _as_said(Table(path.name, columns, row, tuple(_text_findings(texts, row))), said)
+
+
+def _as_said(table: Table, said: str) -> Table:
+    """The table with what ``auv-log convert`` said of it; as it is where that is nothing."""
+    if not said:
+        return table
+    try:
+        content = json.loads(said)
+        drift = {axis: float(rate) for axis, rate in content["drift"].items() if axis in AXES}
+        errors = SampleErrors(float(content["snapshot_s"]), drift)
+        autopilot = {name: float(value) for name, value in content["autopilot"].items()}
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise FlightLogError(
+            f"{table.name}: what auv-log said of it is damaged ({error}): convert the log again, or remove the remark"
+        ) from error
+    columns = dict(table.columns)
+    measured = columns.pop(MEASURED, None)
+    told = {"units_known": True, "errors": errors, "autopilot": autopilot}
+    return replace(table, columns=columns, measured=None if measured is None else measured > 0, **told)
 
 
 def _collect(name, names, batches) -> tuple[dict[str, Floats], dict[str, list[tuple[int, str]]]]:

@@ -9,7 +9,9 @@ import pyarrow as pa
 import pyarrow.csv
 
 from auv_torchrl.files import whole
+from auv_torchrl.flightlog.header import SAID
 from auv_torchrl.flightlog.log import AXES, FlightLog
+from auv_torchrl.flightlog.table import MEASURED, SAID_KEY, Table
 
 _DIGITS = 6  # micrometres and microradians
 
@@ -23,8 +25,24 @@ def write_flightlog(log: FlightLog, path: str | os.PathLike[str], replace: bool 
     return write_columns(raw_columns(log), path, replace)
 
 
-def write_columns(columns: Mapping[str, np.ndarray], path: str | os.PathLike[str], replace: bool = False) -> Path:
+def write_table(table: Table, path: str | os.PathLike[str], replace: bool = False) -> Path:
+    """Write the log of a vehicle as :func:`write_columns` does, with all that a diagnosis reads of it.
+
+    Raises:
+        FileExistsError: if the file is there and is not to be replaced.
+    """
+    columns = dict(table.columns)
+    if table.measured is not None:
+        columns[MEASURED] = table.measured.astype(float)
+    return write_columns(columns, path, replace, table.said if table.units_known else "")
+
+
+def write_columns(
+    columns: Mapping[str, np.ndarray], path: str | os.PathLike[str], replace: bool = False, said: str = ""
+) -> Path:
     """Write columns (T,) by name, as they are, to a file of the same format; atomic.
+
+    ``said`` is what is to be said of them: a remark above them, in Parquet an entry of the schema.
 
     Raises:
         FileExistsError: if the file is there and is not to be replaced.
@@ -35,12 +53,14 @@ def write_columns(columns: Mapping[str, np.ndarray], path: str | os.PathLike[str
     table = pa.table(dict(columns))
     with whole(path) as partial:
         if path.suffix.lower() in (".parquet", ".pq"):
-            from pyarrow.parquet import write_table  # here, not above: few logs are
+            from pyarrow import parquet  # here, not above: few logs are
 
-            write_table(table, partial)
+            parquet.write_table(table.replace_schema_metadata({SAID_KEY: said} if said else None), partial)
         else:
             rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
-            pyarrow.csv.write_csv(pa.table(rounded), partial)
+            with partial.open("wb") as file:
+                file.write(f"{SAID}{said}\n".encode() if said else b"")
+                pyarrow.csv.write_csv(pa.table(rounded), file)
     return path
 
 

@@ -8,6 +8,9 @@ import torch
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.validate.confirm import confirm
+from auv_torchrl.diagnosis.validate.predict import errors_by_kind, predict
 from auv_torchrl.diagnosis.volts import volts_findings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import prepare
@@ -17,6 +20,7 @@ from auv_torchrl.vehicle import load_vehicle
 PAPER = load_vehicle("paper")
 RATED = changed(PAPER, volts=torch.tensor(16.0))
 SAG = 0.5  # of the thrust per minute
+FORCE = np.full(4, 0.5)  # N, N m
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +39,19 @@ def test_volts_explain_fading_before_the_battery_may(log):
     found = diagnose(log, PAPER)
     assert [effect.name for effect in found.effects] == ["battery_sag"]
     assert found.effects[0].parameters["rate"].value == pytest.approx(SAG, abs=0.05)
+
+
+def test_mujoco_flies_with_the_logged_volts(log):
+    """Where volts take thrust, MuJoCo flies as the plain model predicts; at full volts it flies elsewhere."""
+    rated, full = hold(RATED), hold(PAPER)
+    predictions = predict(
+        log, [rated, full], load_settings(), {"x": 0.002, "y": 0.002, "z": 0.002, "yaw": 0.004}, FORCE
+    )
+    plain = errors_by_kind(predictions)["position_m"]
+    found = confirm(predictions, [rated, full]).position_m
+    assert plain is not None and found is not None
+    assert found.before == pytest.approx(plain.before, abs=0.005)  # by the mean volts of each stretch
+    assert found.after[-1] > 4 * found.before[-1]
 
 
 def test_volts_are_told(log):

@@ -57,6 +57,29 @@ def test_convert_writes_what_the_diagnosis_reads(tmp_path, capsys):
     assert "exists" in refused(capsys, "convert", str(EXCERPT), f"output={tmp_path / 'log.csv'}")
 
 
+def test_convert_keeps_what_the_log_says_of_its_samples(tmp_path, capsys):
+    """Snapshots of commands, drift of estimates, rows without a sample and parameters: without them a log is wrong."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    direct = read_flightlog(EXCERPT, vehicle)
+    assert direct.errors.snapshot_s > 0 and direct.autopilot
+    for suffix in ("csv", "parquet"):
+        path = tmp_path / f"log.{suffix}"
+        main(["convert", str(EXCERPT), f"output={path}"])
+        again = read_flightlog(path, vehicle)
+        assert (again.errors, again.autopilot) == (direct.errors, direct.autopilot)
+        for one, other in zip(again.episodes, direct.episodes, strict=True):
+            assert one.filled == pytest.approx(other.filled)
+
+
+def test_a_remark_of_convert_that_is_damaged_is_refused(tmp_path):
+    """What it says of the samples is not left out in silence."""
+    path = tmp_path / "log.csv"
+    main(["convert", str(EXCERPT), f"output={path}"])
+    path.write_text(path.read_text().replace('"drift"', '"drfit"', 1))
+    with pytest.raises(FlightLogError, match="convert the log again"):
+        read_flightlog(path, load_vehicle("bluerov2_heavy"))
+
+
 def test_what_the_command_cannot_do_is_one_line(tmp_path, capsys):
     """No file, no format, no such action, no such key."""
     assert "none of info, convert" in refused(capsys, "show", str(EXCERPT))

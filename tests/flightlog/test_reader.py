@@ -67,8 +67,8 @@ def test_a_log_that_cannot_be_written_leaves_nothing(flown, monkeypatch, tmp_pat
     log = write_flightlog(flown, tmp_path / f"log.{suffix}")
     before = log.read_bytes()
 
-    def broken_off(table, path):
-        path.write_bytes(b"t,x")
+    def broken_off(table, target):
+        (target.write_bytes if suffix == "parquet" else target.write)(b"t,x")
         raise OSError("disk full")
 
     monkeypatch.setattr("pyarrow.csv.write_csv", broken_off)

@@ -18,8 +18,9 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_by_kind
 from auv_torchrl.diagnosis.verdict import Confirmation
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.physics import State, prepare
+from auv_torchrl.physics import Coefficients, State, prepare
 from auv_torchrl.physics.step import memory_length
+from auv_torchrl.physics.thrusters import at_volts
 from auv_torchrl.simulator import replay
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import Vehicle
@@ -64,9 +65,11 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
     parts = windows.held.shape[2]
     held = windows.held.reshape(len(windows.held), -1, windows.held.shape[-1])
     control_dt = windows.dt / parts
-    each = in_report_time.expand(number, width).reshape(-1)  # indexing would load half of torch's compiler
-    simulator = MujocoSimulator(cast(Vehicle, each), control_dt)
     steps = windows.steps + late_steps(windows, c)
+    share = thrust_shares(windows, c, steps)[..., None]
+    each = in_report_time.expand(number, width)
+    each = changed(each, gain=each.gain * torch.from_numpy(share)).reshape(-1)
+    simulator = MujocoSimulator(cast(Vehicle, each), control_dt)
     memory = memory_length(float(in_report_time.delay.max()), control_dt)
     begin, episode = parts * windows.start[:, None], windows.episode[:, None]
     ago = np.clip(begin - 1 - np.arange(memory), 0, None)
@@ -76,10 +79,18 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
         position=flat[:, :3],
         quaternion=flat[:, 3:7],
         velocity=flat[:, 7:],
-        thrust=actuate(windows, one).thrust.reshape(number * width, -1),
+        thrust=(actuate(windows, one).thrust / share).reshape(number * width, -1),
         commands=np.repeat(held[episode, ago], width, axis=0),
         time=(windows.time[:, None] - late).reshape(-1),
     )
     simulator.resume(start)
     commands = np.repeat(held[episode, ahead], width, axis=0)
     return replay(simulator, commands).states[:, ::parts].reshape(number, width, steps + 1, 13)
+
+
+def thrust_shares(windows: Windows, c: Coefficients, steps: int) -> Floats:
+    """What the logged volts leave of the thrust of vehicles, on average over each window, (W, V); else 1."""
+    if windows.volts is None:
+        return np.ones((len(windows), len(c.volts)))
+    grid = np.clip(windows.start[:, None] + np.arange(steps), 0, windows.volts.shape[1] - 1)
+    return at_volts(c.rows((slice(None), None)), windows.volts[windows.episode[:, None], grid][:, None]).mean(-1)
