@@ -3,6 +3,7 @@
 python -m benchmarks.control.table2 [POLICIES]
 """
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -54,9 +55,11 @@ def training_times(runs: list[Results]) -> str:
 
 def main() -> None:
     """Measure every case and print Markdown."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("policies", type=Path, nargs="?", default=STORE, help="folder of trained policies")
+    policies = parser.parse_args().policies
     torch.set_num_threads(1)
     schema.register()
-    policies = Path(sys.argv[1]) if len(sys.argv) > 1 else STORE
     runs = []
     for vehicle, box_m, scenario in CASES:
         for seed in SEEDS:
