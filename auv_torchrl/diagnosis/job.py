@@ -33,6 +33,6 @@ def answer(config: DictConfig) -> None:
             kept=request.kept,
         )
     folder = Path(HydraConfig.get().runtime.output_dir)
-    log.info("\n%s\n", summary_table(diagnosis))  # before the files, so that a full disk does not keep it
+    log.info("\n%s\n", summary_table(diagnosis, request.said))  # before the files, so that a full disk does not keep it
     write_files(diagnosis, request.vehicle, folder, replace=True)  # of an unfinished run; others are refused before
     log.info("report.html, diagnosis.json and scenario.yaml are in %s", folder)

@@ -13,6 +13,8 @@ from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding
 from auv_torchrl.flightlog.log import Floats
 
+NO_MARK = "would leave no mark on this log"  # of an effect, in Diagnosis.cannot_tell
+
 
 def how_sure(clause: str, probability: float) -> str:
     """A clause as a fact where it is one, else behind "probably", or "perhaps" where it may as well be untrue."""

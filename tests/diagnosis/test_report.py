@@ -22,10 +22,11 @@ from rerun.chunk import RrdReader
 from auv_torchrl.diagnosis.report import report_page, summary_table, write_files
 from auv_torchrl.diagnosis.report.svg import decades, estimated, number, ticks
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect, Verdict
+from auv_torchrl.diagnosis.verdict import NO_MARK, Diagnosis, Errors, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
+from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.paths import config_names
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
@@ -280,6 +281,37 @@ def test_the_table_names_value_and_interval(diagnosis):
     ):
         assert text in table
     assert "not defined" in summary_table(no_gap())
+
+
+def test_the_table_warns_of_what_the_diagnosis_found_and_not_twice():
+    """Warnings and errors with their remedies, each once and not if they were printed before; no infos."""
+    unfollowed = Finding(Severity.WARNING, "axes_not_followed", "x and y cannot be used without yaw", "Log yaw too")
+    known = Finding(Severity.ERROR, "gap", "1.20 s without data", "Log on")
+    minor = Finding(Severity.INFO, "sensor_noise", "white noise of the sensors")
+    to_set = Finding(Severity.WARNING, "motor_direction", "it is -1", "Set it to 1", param=(("MOT_4_DIRECTION", 1),))
+    diagnosis = replace(no_gap(), findings=(unfollowed, known, minor, unfollowed, to_set))
+    table = summary_table(diagnosis, said={known.sentence})
+    assert table.count("  warning: x and y cannot be used without yaw. Log yaw too.") == 1
+    assert known.sentence not in table and minor.sentence not in table
+    assert table.count("Set it to 1") == 1
+    assert f"  error: {known.sentence}. Log on." in summary_table(diagnosis)
+
+
+def test_the_table_says_what_the_log_cannot_tell_but_for_effects_without_a_mark():
+    """What is not measured and what is at its bound; effects without a mark, a dozen of them, are on the page alone."""
+    silent = ("yaw is not measured", f"gyro_bias {NO_MARK}", "thruster_lag: rate is at its bound 0.9 1/s")
+    table = summary_table(replace(no_gap(), cannot_tell=silent))
+    assert "  Yaw is not measured.\n" in table and "rate is at its bound 0.9" in table
+    assert "gyro_bias" not in table
+
+
+def test_the_table_keeps_words_and_numbers_apart():
+    """No verdict is said twice, and the widest errors leave two spaces between columns."""
+    wide = Errors((0.00059,) * 4, (0.00082,) * 4, (0.00021,) * 4)
+    gap = replace(no_gap().gap, position_m=wide)
+    table = summary_table(replace(no_gap(), summary="No gap: it flies as it should.", gap=gap))
+    assert table.startswith("No gap: it flies")
+    assert "(0.00021)  0.00059" in table
 
 
 @pytest.mark.parametrize(
