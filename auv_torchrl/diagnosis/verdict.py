@@ -145,7 +145,7 @@ class Gap:
     yaw_rad: Errors | None = None
     velocity: Errors | None = None  # of the linear velocity, m/s
     dof: dict[str, Errors] = field(default_factory=dict)  # m and rad from poses, m/s and rad/s from velocities
-    closed: float | None = None  # None where the error before is within the floor
+    closed: float | None = None  # None where the error before is within the floor, or the simulator diverges
     held_out_episodes: tuple[int, ...] = ()
     confirmed: Confirmation | None = None  # in MuJoCo; None where no effect was found to put there
 

@@ -305,6 +305,20 @@ def test_the_table_says_what_the_log_cannot_tell_but_for_effects_without_a_mark(
     assert "gyro_bias" not in table
 
 
+def test_a_simulator_that_diverges_without_the_effects_is_not_said_to_show_no_gap(diagnosis, paper):
+    """Console and page say that it diverges, and how errors shrink at the last horizon that has numbers."""
+    position = Errors((0.02, 0.3, 1.4, np.nan), (0.01, 0.02, 0.087, 0.2), (0.01, 0.01, 0.01, 0.01))
+    gap = replace(diagnosis.gap, position_m=position, yaw_rad=None, closed=None)
+    lost = replace(diagnosis, gap=gap)
+    words = "without the effects the simulator diverges; position 1.4 → 0.087 m at 2 s"
+    assert f"share of the gap closed: not defined, {words}" in summary_table(lost)
+    page = report_page(lost, paper)
+    assert f"No share can be told: {words}." in page and "no more than the floor" not in page
+    unseen = replace(position, after=(0.01, 0.02, 0.087, np.nan))  # no sample that late
+    told = summary_table(replace(lost, gap=replace(gap, position_m=unseen)))
+    assert "diverges" not in told and "held-out flight shows none" in told
+
+
 def test_the_table_keeps_words_and_numbers_apart():
     """No verdict is said twice, and the widest errors leave two spaces between columns."""
     wide = Errors((0.00059,) * 4, (0.00082,) * 4, (0.00021,) * 4)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.svg import between, estimated, number
-from auv_torchrl.diagnosis.report.wording import measured_errors, sentence, to_do, words
+from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, to_do, words
 from auv_torchrl.diagnosis.verdict import NO_MARK, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
 
@@ -63,7 +63,8 @@ def _errors(diagnosis: Diagnosis) -> list[str]:
         return f"{name:<16}" + "".join(f"{cell:>{width}}" for cell in row)
 
     lines = [line("held-out error", (f"{h:g} s" for h in gap.horizon_s)), *(line(*row) for row in rows.items())]
-    closed = "not defined, held-out flight shows none" if gap.closed is None else percent(gap.closed)
+    why_not = diverged(diagnosis) or "held-out flight shows none"
+    closed = f"not defined, {why_not}" if gap.closed is None else percent(gap.closed)
     lines.append(f"before → after (floor); share of the gap closed: {closed}")
     if confirmed is not None:
         flown_lines = (line(*row) for row in flown.items())
