@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
-from auv_torchrl.diagnosis.report import report_page, summary_table, write_files
+from auv_torchrl.diagnosis.report import named_files, report_page, summary_table, write_files
 from auv_torchrl.diagnosis.report.svg import decades, estimated, number, ticks
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import NO_MARK, Diagnosis, Errors, Estimate, FoundEffect, Verdict
@@ -176,10 +176,14 @@ def test_names_of_files_cannot_smuggle_markup(diagnosis, paper):
 
 
 def test_all_files_are_written_and_none_twice(diagnosis, paper, tmp_path):
-    """A folder gets every file complete; a second time is refused."""
+    """A folder gets every file complete, the console names those for people; a second time is refused."""
     written = write_files(diagnosis, paper, tmp_path / "out")
     names = {"report.html", "diagnosis.json", "scenario.yaml", "randomization.yaml", "predictions.parquet"}
     assert {path.name for path in written} == names | {"advice.param", "next_experiment.csv", "diagnosis.rrd"}
+    named = "report.html, diagnosis.json, scenario.yaml, advice.param and next_experiment.csv"
+    assert named_files(written) == named
+    few = write_files(no_gap(), paper, tmp_path / "few")
+    assert named_files(few) == "report.html, diagnosis.json and scenario.yaml"
     assert {path.name for path in (tmp_path / "out").iterdir()} == {path.name for path in written}
     with pytest.raises(FileExistsError, match=r"report\.html"):
         write_files(diagnosis, paper, tmp_path / "out")
