@@ -83,6 +83,19 @@ def test_an_unbounded_interval_is_null_in_the_file(diagnosis):
     assert from_json(content).effects[0].parameters["gain_4"] == open_ended
 
 
+def test_errors_that_have_no_number_come_back_without_one(diagnosis):
+    """Where a simulation diverges or nothing was measured the file has null, and reads; not so anywhere else."""
+    position = Errors((0.02, 0.3, 1.4, np.nan), (0.01, 0.02, 0.087, 0.2), (0.01, 0.01, 0.01, 0.01))
+    lost = replace(diagnosis, gap=replace(diagnosis.gap, position_m=position))
+    content = json.loads(json.dumps(to_json(lost), allow_nan=False))
+    found = from_json(content).gap.position_m
+    assert found is not None and found.after == position.after
+    np.testing.assert_equal(found.before, position.before)
+    content["gap"]["horizon_s"][0] = None
+    with pytest.raises(ValueError, match=r"horizon_s\[0\] is None instead of a number"):
+        from_json(content)
+
+
 def test_another_version_is_refused(diagnosis):
     """A file of another version is an error that names both."""
     with pytest.raises(ValueError, match="version 2.*version 1"):
