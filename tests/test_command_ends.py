@@ -246,8 +246,8 @@ def test_signs_that_a_terminal_lacks_are_spelt(monkeypatch):
     raw = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
     spell_signs()
-    print("── ±1 m, ≥ 5, 0.2 → 0.1, 99\u202f%, flüg", flush=True)
-    assert raw.getvalue() == b"-- +-1 m, >= 5, 0.2 -> 0.1, 99 %, fl\\xfcg\n"
+    print("── ±1 m, ≥ 5, 0.2 → 0.1, 99\u202f%, “no effect”, flüg", flush=True)
+    assert raw.getvalue() == b'-- +-1 m, >= 5, 0.2 -> 0.1, 99 %, "no effect", fl\\xfcg\n'
 
 
 @pytest.mark.parametrize(

@@ -61,10 +61,20 @@ def restricted(log: FlightLog, axes: tuple[str, ...]) -> FlightLog:
     return replace(log, axes=kept, episodes=tuple(with_axes(episode, kept) for episode in log.episodes))
 
 
+def hidden_freedoms(problem: Problem) -> list[str]:
+    """The degrees of freedom in which the vehicle moves and that the log does not measure."""
+    moves = np.flatnonzero(problem.vehicle.free.numpy() > 0)
+    return [DEGREES_OF_FREEDOM[d] for d in moves if d not in problem.layout.dof]
+
+
+def examined(problem: Problem) -> tuple[str, ...]:
+    """The degrees of freedom that the log measures, where these are not all in which the vehicle moves; else none."""
+    return tuple(DEGREES_OF_FREEDOM[d] for d in problem.layout.dof) if hidden_freedoms(problem) else ()
+
+
 def unseen(problem: Problem) -> list[str]:
     """Sentences about the degrees of freedom in which the vehicle moves and that the log does not measure."""
-    moves = np.flatnonzero(problem.vehicle.free.numpy() > 0)
-    hidden = [DEGREES_OF_FREEDOM[d] for d in moves if d not in problem.layout.dof]
+    hidden = hidden_freedoms(problem)
     if not hidden:
         return []
     remedies = dict.fromkeys(REMEDY[name] for name in hidden)

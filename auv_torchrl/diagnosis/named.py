@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
-from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
+from auv_torchrl.diagnosis.verdict import NO_MARK, Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 
 
@@ -72,7 +72,7 @@ def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tu
     sentences = [
         *(f"{name} hides behind the filter of the autopilot" for name in filtered),
         *unseen(problem),
-        *(f"{name} would leave no mark on this log" for name in blind),
+        *(f"{name} {NO_MARK}" for name in blind),
     ]
     for knob in found.best.explanation.fitted:
         p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]

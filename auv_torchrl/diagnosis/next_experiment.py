@@ -82,8 +82,8 @@ def separate(problem: Problem, one: tuple[str, Explanation], other: tuple[str, E
     best = max(distance, key=lambda name: distance[name])
     if not distance[best] > SEPARATES:
         return None
-    names = " from ".join(name.replace("_", " ") for name, _ in (one, other))
-    why = f"{best} tells {names}: they would end up {distance[best]:.0f} times the noise apart"
+    names = " and ".join(f"“{name.replace('_', ' ')}”" for name, _ in (one, other))
+    why = f"{best} tells {names} apart, by {distance[best]:.0f} times the noise"
     return _planned(why, plans[best])
 
 
@@ -100,7 +100,7 @@ def explore(vehicle: Vehicle, where: Where) -> NextExperiment | None:
 
 
 def _called(explanation: Explanation) -> str:
-    return " and ".join(explanation.effects) or "no effect"
+    return " + ".join(explanation.effects) or "no effect"
 
 
 def _planned(why: str, commands: Floats) -> NextExperiment:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
-from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches
+from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches
 from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
 from auv_torchrl.diagnosis.calibrate.floor import shown_floor, stated_floor
@@ -120,13 +120,13 @@ def diagnose(
     confirmed = confirm(predictions, [before, after]) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
     where = locate(problem, found, effects, verdict, looked.onset)
-    summary = said_first(summarise(outcome, effects, where, gap, corrected.sentences), verdict, doubted)
+    summary = summarise(outcome, effects, where, gap, corrected.sentences, examined(problem))
     report("done", 1.0)
     return Diagnosis(
         log=log.name,
         vehicle=vehicle_name,
         verdict=verdict,
-        summary=said_too(summary, findings, effects),
+        summary=said_too(said_first(summary, verdict, doubted), findings, effects),
         where=where,
         effects=effects,
         candidates=tuple(Candidate(name, p) for name, p in probability.items()),

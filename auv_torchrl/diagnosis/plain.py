@@ -17,7 +17,11 @@ import numpy as np
 
 from auv_torchrl.files import write_text
 
-OPEN = {"low": -math.inf, "high": math.inf}  # ends of an interval, null where it is open; other numbers are finite
+OPEN = {
+    "low": -math.inf,
+    "high": math.inf,
+}  # ends of an interval, null where it is open; others but those LOST are finite
+LOST = ("before", "after", "floor")  # errors by horizon, null where a simulation diverges or nothing was measured
 Kind = TypeVar("Kind")
 
 
@@ -105,8 +109,11 @@ def _read_tuple(kinds: tuple[Any, ...], content: Any, where: str) -> tuple[Any, 
         kinds = kinds[:1] * len(content)
     if len(kinds) != len(content):
         raise _wrong(where, content, f"{len(kinds)} entries")
+    lost = where.rpartition(".")[2] in LOST
     entries = enumerate(zip(kinds, content, strict=True))
-    return tuple(_read(kind, entry, f"{where}[{i}]") for i, (kind, entry) in entries)
+    return tuple(
+        math.nan if lost and entry is None else _read(kind, entry, f"{where}[{i}]") for i, (kind, entry) in entries
+    )
 
 
 def _read_one(kind: type, content: Any, where: str) -> Any:

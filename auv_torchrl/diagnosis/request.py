@@ -38,6 +38,12 @@ class Request:
         """All of them as one, joined once."""
         return join(self.logs)
 
+    @property
+    def said(self) -> frozenset[str]:
+        """What the findings say that were printed when the logs were read, by themselves and in the joined log."""
+        told = ((flight.name, finding.sentence) for flight in self.logs for finding in flight.findings)
+        return frozenset(sentence for name, said in told for sentence in (said, f"{name}: {said}"))
+
 
 def read_request(config: DictConfig) -> Request:
     """Read every file that the config names.

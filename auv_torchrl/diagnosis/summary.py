@@ -21,15 +21,18 @@ def summarise(
     where: Where,
     gap: Gap,
     corrected: tuple[str, ...] = (),
+    examined: tuple[str, ...] = (),
 ) -> str:
     """What was found, how sure that is and how much of the gap; where to look for what was not found.
 
     Where no cause is likelier than not, what is sure stands first: that something unknown acts.
 
     ``corrected`` is what the coefficients that were wrong mean to a pilot, what matters most first: one is said here.
+    ``examined`` are the degrees of freedom that the log measures, where the vehicle moves in others too.
     """
     if verdict is Verdict.NO_GAP and not effects:
-        return SOUND if within_floor(gap) else SLACK
+        said = SOUND if within_floor(gap) else SLACK
+        return said.replace(":", f" in {', '.join(examined)}:", 1) if examined else said
     named, perhaps = (
         "; ".join(effect.told for effect in effects if not effect.calibrates and effect.is_likely is likely)
         for likely in (True, False)

@@ -13,6 +13,8 @@ from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding
 from auv_torchrl.flightlog.log import Floats
 
+NO_MARK = "would leave no mark on this log"  # of an effect, in Diagnosis.cannot_tell
+
 
 def how_sure(clause: str, probability: float) -> str:
     """A clause as a fact where it is one, else behind "probably", or "perhaps" where it may as well be untrue."""
@@ -143,7 +145,7 @@ class Gap:
     yaw_rad: Errors | None = None
     velocity: Errors | None = None  # of the linear velocity, m/s
     dof: dict[str, Errors] = field(default_factory=dict)  # m and rad from poses, m/s and rad/s from velocities
-    closed: float | None = None  # None where the error before is within the floor
+    closed: float | None = None  # None where the error before is within the floor, or the simulator diverges
     held_out_episodes: tuple[int, ...] = ()
     confirmed: Confirmation | None = None  # in MuJoCo; None where no effect was found to put there
 

@@ -7,7 +7,7 @@ import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.axes import followable, restricted, steep_stretches, unseen
+from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches, unseen
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -55,7 +55,10 @@ def test_a_full_pose_is_kept(log):
 
 def test_unseen_degrees_of_freedom_are_named_with_their_thrusters(log):
     """Without depth heave is unseen, and with it the vertical thrusters; the remedy names the column."""
-    (sentence,) = unseen(problem_of(restricted(log, ("x", "y", "yaw"))))
+    assert examined(problem_of(log)) == ()
+    problem = problem_of(restricted(log, ("x", "y", "yaw")))
+    assert examined(problem) == ("surge", "sway", "yaw")
+    (sentence,) = unseen(problem)
     for words in ("heave is not measured", "thrusters 5, 6 do", "z or w"):
         assert words in sentence
 

@@ -8,7 +8,7 @@ from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.validate.confirm import confirm, fly_again
-from auv_torchrl.diagnosis.validate.predict import errors_by_kind, held_out_windows, predict
+from auv_torchrl.diagnosis.validate.predict import closed_share, errors_by_kind, held_out_windows, predict
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics.kinematics import euler_angles
@@ -47,6 +47,17 @@ def test_mujoco_confirms_the_effect_that_was_flown(effect):
     assert found.before == pytest.approx(plain.before, rel=0.02, abs=0.003)
     assert np.all(np.array(found.after) < 2 * np.array(found.floor))
     assert confirmed.closed > 0.9
+
+
+@pytest.mark.parametrize("lost", [np.nan, np.inf])
+def test_no_share_is_told_where_the_simulator_diverges(lost):
+    """Neither beyond all numbers nor at infinity is there a gap of which a share could be closed."""
+    vehicles = [HELD, apply_values(HELD, {"thruster_gain": {"gain_2": 0.4}})]
+    log = fly(HELD, {"thruster_gain": {"gain_2": 0.4}}, seed=5, episodes=1, seconds=6.0)
+    predictions = predict(log, vehicles, SETTINGS, NOISE, FORCE)
+    assert closed_share(predictions) == pytest.approx(1.0, abs=0.1)
+    predictions.error[0, 0, -1] = lost
+    assert closed_share(predictions) is None
 
 
 def test_mujoco_flies_commands_that_change_within_a_grid_step():

@@ -14,8 +14,9 @@ from auv_torchrl.diagnosis.calibrate.crossvalidation import (
     without_odd_ones,
 )
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate, leave_out
-from auv_torchrl.diagnosis.calibrate.wording import no_better_lines
+from auv_torchrl.diagnosis.calibrate.wording import flight_lines, no_better_lines, refusal
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.verdict import Errors
 from tests.diagnosis.healthy_flights import FAULT, FILE, flown
 
 SETTINGS = load_settings()
@@ -114,5 +115,21 @@ def test_a_flight_that_gains_nothing_from_the_others_is_named():
     assert no_better_lines([good, near]) == []
     (line,) = no_better_lines([good, same])
     assert "predicted no better than by the file (9.90 floors of error, 10.00 before)" in line
-    assert len(no_better_lines([good, same, lost])) == 2
+    assert len(no_better_lines([good, same, same])) == 2
     assert no_better_lines([same, same]) == []
+    assert no_better_lines([good, lost]) == [], "nothing is kept: the refusal says what to do"
+
+
+def test_a_refusal_says_what_to_do_once():
+    """Go on with the vehicle as it was; and where some flights gain, until there are more like those that do not."""
+    good, lost = unseen(1.0), replace(unseen(1.0, 10.0, np.nan), name="deep.csv")
+    assert refusal("both fly off", "paper", [lost]) == "both fly off; nothing was written: go on with vehicle=paper"
+    said = refusal("it flies off", "paper", [good, lost])
+    assert "go on with vehicle=paper until there are more flights like deep.csv" in said
+
+
+def test_errors_of_a_flight_are_told_as_before_and_after():
+    """With an arrow, as by a diagnosis: "0.123 to 0.0035" would be a range."""
+    flown = replace(unseen(1.0), horizons_s=(2.0,), position_m=Errors((0.123,), (0.0035,), (0.002,)))
+    (line,) = flight_lines([flown])
+    assert line.endswith("position 0.123 → 0.0035 m at 2 s")

@@ -48,7 +48,16 @@ def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
     assert other.values(problem.vehicle)["thruster_gain"] == {"gain_6": pytest.approx(0.4, abs=0.02)}
     plan = choose_experiment(problem, weak, Verdict.EXPLAINED, Where())
     assert plan is not None
-    assert "thruster" in plan.why and "gain 5 from gain 6" in plan.why
+    assert "thruster" in plan.why and "tells “gain 5” and “gain 6” apart" in plan.why
+
+
+def test_explanations_of_several_effects_or_none_can_be_told_apart_by_eye(marked):
+    """The names of two explanations are quoted, and effects that act together are joined by a plus."""
+    both = found(marked, Knob("battery_sag", ("rate",), 0.4), Knob("thruster_gain", ("gain_5",), 0.4))
+    both.polished.append(SimpleNamespace(explanation=Explanation(()), evidence=-1.0))
+    plan = choose_experiment(marked[0], both, Verdict.EXPLAINED, Where())
+    assert plan is not None
+    assert "tells “battery sag + thruster gain” and “no effect” apart, by" in plan.why
 
 
 def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(marked):

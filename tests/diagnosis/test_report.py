@@ -19,13 +19,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
-from auv_torchrl.diagnosis.report import report_page, summary_table, write_files
+from auv_torchrl.diagnosis.report import named_files, report_page, summary_table, write_files
 from auv_torchrl.diagnosis.report.svg import decades, estimated, number, ticks
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect, Verdict
+from auv_torchrl.diagnosis.verdict import NO_MARK, Diagnosis, Errors, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
+from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.paths import config_names
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
@@ -80,6 +81,19 @@ def test_an_unbounded_interval_is_null_in_the_file(diagnosis):
     content = json.loads(json.dumps(to_json(replace(diagnosis, effects=(effect,))), allow_nan=False))
     assert content["effects"][0]["parameters"]["gain_4"]["high"] is None
     assert from_json(content).effects[0].parameters["gain_4"] == open_ended
+
+
+def test_errors_that_have_no_number_come_back_without_one(diagnosis):
+    """Where a simulation diverges or nothing was measured the file has null, and reads; not so anywhere else."""
+    position = Errors((0.02, 0.3, 1.4, np.nan), (0.01, 0.02, 0.087, 0.2), (0.01, 0.01, 0.01, 0.01))
+    lost = replace(diagnosis, gap=replace(diagnosis.gap, position_m=position))
+    content = json.loads(json.dumps(to_json(lost), allow_nan=False))
+    found = from_json(content).gap.position_m
+    assert found is not None and found.after == position.after
+    np.testing.assert_equal(found.before, position.before)
+    content["gap"]["horizon_s"][0] = None
+    with pytest.raises(ValueError, match=r"horizon_s\[0\] is None instead of a number"):
+        from_json(content)
 
 
 def test_another_version_is_refused(diagnosis):
@@ -175,10 +189,14 @@ def test_names_of_files_cannot_smuggle_markup(diagnosis, paper):
 
 
 def test_all_files_are_written_and_none_twice(diagnosis, paper, tmp_path):
-    """A folder gets every file complete; a second time is refused."""
+    """A folder gets every file complete, the console names those for people; a second time is refused."""
     written = write_files(diagnosis, paper, tmp_path / "out")
     names = {"report.html", "diagnosis.json", "scenario.yaml", "randomization.yaml", "predictions.parquet"}
     assert {path.name for path in written} == names | {"advice.param", "next_experiment.csv", "diagnosis.rrd"}
+    named = "report.html, diagnosis.json, scenario.yaml, advice.param and next_experiment.csv"
+    assert named_files(written) == named
+    few = write_files(no_gap(), paper, tmp_path / "few")
+    assert named_files(few) == "report.html, diagnosis.json and scenario.yaml"
     assert {path.name for path in (tmp_path / "out").iterdir()} == {path.name for path in written}
     with pytest.raises(FileExistsError, match=r"report\.html"):
         write_files(diagnosis, paper, tmp_path / "out")
@@ -280,6 +298,51 @@ def test_the_table_names_value_and_interval(diagnosis):
     ):
         assert text in table
     assert "not defined" in summary_table(no_gap())
+
+
+def test_the_table_warns_of_what_the_diagnosis_found_and_not_twice():
+    """Warnings and errors with their remedies, each once and not if they were printed before; no infos."""
+    unfollowed = Finding(Severity.WARNING, "axes_not_followed", "x and y cannot be used without yaw", "Log yaw too")
+    known = Finding(Severity.ERROR, "gap", "1.20 s without data", "Log on")
+    minor = Finding(Severity.INFO, "sensor_noise", "white noise of the sensors")
+    to_set = Finding(Severity.WARNING, "motor_direction", "it is -1", "Set it to 1", param=(("MOT_4_DIRECTION", 1),))
+    diagnosis = replace(no_gap(), findings=(unfollowed, known, minor, unfollowed, to_set))
+    table = summary_table(diagnosis, said={known.sentence})
+    assert table.count("  warning: x and y cannot be used without yaw. Log yaw too.") == 1
+    assert known.sentence not in table and minor.sentence not in table
+    assert table.count("Set it to 1") == 1
+    assert f"  error: {known.sentence}. Log on." in summary_table(diagnosis)
+
+
+def test_the_table_says_what_the_log_cannot_tell_but_for_effects_without_a_mark():
+    """What is not measured and what is at its bound; effects without a mark, a dozen of them, are on the page alone."""
+    silent = ("yaw is not measured", f"gyro_bias {NO_MARK}", "thruster_lag: rate is at its bound 0.9 1/s")
+    table = summary_table(replace(no_gap(), cannot_tell=silent))
+    assert "  Yaw is not measured.\n" in table and "rate is at its bound 0.9" in table
+    assert "gyro_bias" not in table
+
+
+def test_a_simulator_that_diverges_without_the_effects_is_not_said_to_show_no_gap(diagnosis, paper):
+    """Console and page say that it diverges, and how errors shrink at the last horizon that has numbers."""
+    position = Errors((0.02, 0.3, 1.4, np.nan), (0.01, 0.02, 0.087, 0.2), (0.01, 0.01, 0.01, 0.01))
+    gap = replace(diagnosis.gap, position_m=position, yaw_rad=None, closed=None)
+    lost = replace(diagnosis, gap=gap)
+    words = "without the effects the simulator diverges; position 1.4 → 0.087 m at 2 s"
+    assert f"share of the gap closed: not defined, {words}" in summary_table(lost)
+    page = report_page(lost, paper)
+    assert f"No share can be told: {words}." in page and "no more than the floor" not in page
+    unseen = replace(position, after=(0.01, 0.02, 0.087, np.nan))  # no sample that late
+    told = summary_table(replace(lost, gap=replace(gap, position_m=unseen)))
+    assert "diverges" not in told and "held-out flight shows none" in told
+
+
+def test_the_table_keeps_words_and_numbers_apart():
+    """No verdict is said twice, and the widest errors leave two spaces between columns."""
+    wide = Errors((0.00059,) * 4, (0.00082,) * 4, (0.00021,) * 4)
+    gap = replace(no_gap().gap, position_m=wide)
+    table = summary_table(replace(no_gap(), summary="No gap: it flies as it should.", gap=gap))
+    assert table.startswith("No gap: it flies")
+    assert "(0.00021)  0.00059" in table
 
 
 @pytest.mark.parametrize(

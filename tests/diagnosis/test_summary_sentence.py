@@ -63,6 +63,18 @@ def test_no_gap_is_told_from_slack(factor, sentence):
     assert summarise(Verdict.NO_GAP, (), Where(), gap) == sentence
 
 
+@pytest.mark.parametrize(
+    ("factor", "begins"), [(1.2, "No gap in heave, yaw: the"), (5.0, "No fault in heave, yaw: this")]
+)
+def test_no_gap_is_claimed_of_what_was_examined_alone(factor, begins):
+    """Where a vehicle moves in more than the log measures, the sentence names what it measures."""
+    position = FOUND.gap.position_m
+    assert position is not None
+    position = replace(position, before=tuple(factor * f for f in position.floor))
+    gap = replace(FOUND.gap, position_m=position, yaw_rad=None, closed=None)
+    assert summarise(Verdict.NO_GAP, (), Where(), gap, examined=("heave", "yaw")).startswith(begins)
+
+
 @pytest.mark.parametrize("verdict", Verdict)
 def test_every_verdict_is_a_sentence(verdict):
     """With as little as there may be to say, a sentence with a capital and one full stop comes out."""

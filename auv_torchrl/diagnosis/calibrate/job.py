@@ -23,7 +23,7 @@ from auv_torchrl.diagnosis.calibrate.crossvalidation import (
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_attitude
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
 from auv_torchrl.diagnosis.calibrate.vehicle_file import vehicle_yaml
-from auv_torchrl.diagnosis.calibrate.wording import console_lines, head_lines
+from auv_torchrl.diagnosis.calibrate.wording import console_lines, head_lines, refusal
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.logs import names
@@ -70,7 +70,7 @@ def keep(config: DictConfig, paths: Sequence[Path], output: Path) -> None:
             "flight; nothing was written"
         )
     if reason := why_not(flights):
-        raise NotWorthKeeping(f"{reason}: go on with vehicle={asked.name}; nothing was written")
+        raise NotWorthKeeping(refusal(reason, asked.name, flights))
     used = [flight for flight in asked.healthy if flight.name not in {odd.name for odd in left_out}]
     about = {
         "logs": [flight.name for flight in used],

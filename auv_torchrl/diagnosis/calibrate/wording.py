@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auv_torchrl.command.errors import one_line
-from auv_torchrl.diagnosis.calibrate.crossvalidation import Unseen, pooled
+from auv_torchrl.diagnosis.calibrate.crossvalidation import Unseen, pooled, why_not
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS
@@ -58,17 +58,25 @@ def odd_lines(left_out: Sequence[Unseen]) -> list[str]:
 
 
 def no_better_lines(flights: Sequence[Unseen]) -> list[str]:
-    """Flights that gain nothing, where the others gain enough for all."""
-    behind = [flight for flight in flights if not flight.gains]
-    if len(behind) == len(flights):
+    """Flights that gain nothing, where the others gain enough for all: else nothing is kept, and that is said."""
+    if why_not(flights):
         return []
     return [
         one_line(
             f"{flight.name} is predicted no better than by the file ({flight.after:.2f} floors of error, "
             f"{flight.before:.2f} before): others do not show what it does. Give more flights like it"
         )
-        for flight in behind
+        for flight in flights
+        if not flight.gains
     ]
+
+
+def refusal(reason: str, vehicle: str, flights: Sequence[Unseen]) -> str:
+    """That nothing is kept, and what to do: fly on as before, and give what may help where some flights gain."""
+    behind = ", ".join(flight.name for flight in flights if not flight.gains)
+    some = any(flight.gains for flight in flights) and behind
+    until = f" until there are more flights like {behind}: the others do not show what it does" if some else ""
+    return f"{reason}; nothing was written: go on with vehicle={vehicle}{until}"
 
 
 def flight_lines(flights: Sequence[Unseen]) -> list[str]:
@@ -81,7 +89,7 @@ def flight_lines(flights: Sequence[Unseen]) -> list[str]:
             if errors is None:
                 continue
             told = [
-                f"{errors.before[place]:.3g} to {errors.after[place]:.3g} {unit} at {horizon:g} s"
+                f"{errors.before[place]:.3g} → {errors.after[place]:.3g} {unit} at {horizon:g} s"
                 for place, horizon in enumerate(flight.horizons_s)
                 if horizon in SHOWN_S
             ]

@@ -1,7 +1,7 @@
 """The files that a diagnosis leaves in its folder."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,8 @@ from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.files import encoded, write_whole
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import Vehicle
+
+_FOR_PROGRAMS = ("randomization.yaml", "predictions.parquet", "diagnosis.rrd")
 
 
 def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: bool = False) -> list[Path]:
@@ -59,6 +61,12 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
         write_whole(folder / name, content)
     record_diagnosis(diagnosis, vehicle, paths[-1])
     return paths
+
+
+def named_files(paths: Iterable[Path]) -> str:
+    """Of the files of :func:`write_files`, the names of those that people open, load or fly."""
+    *names, last = (path.name for path in paths if path.name not in _FOR_PROGRAMS)
+    return f"{', '.join(names)} and {last}"
 
 
 def _bytes(write: Callable[[pa.Table, pa.NativeFile], object], table: pa.Table) -> bytes:

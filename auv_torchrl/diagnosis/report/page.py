@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.configured import set_wrong, to_change
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.svg import between, estimated, number
-from auv_torchrl.diagnosis.report.wording import measured_errors, sentence, words
+from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, words
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
@@ -93,6 +93,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         to_change=to_change(diagnosis),
         leads=_leads(diagnosis),
         after=_after(diagnosis),
+        diverged=diverged(diagnosis),
         figures=_figures(diagnosis.windows),
         gap_charts=_gap_charts(diagnosis),
         confirmed=measured_errors(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],

@@ -1,6 +1,9 @@
 """Names and clauses as people write them."""
 
+import math
+
 from auv_torchrl.diagnosis.configured import set_wrong
+from auv_torchrl.diagnosis.report.svg import number
 from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Gap
 
 
@@ -18,6 +21,22 @@ def measured_errors(gap: Gap | Confirmation) -> list[tuple[str, str, Errors]]:
     """What was measured, with its unit and errors."""
     kinds = (("position", "m", gap.position_m), ("heading", "rad", gap.yaw_rad), ("velocity", "m/s", gap.velocity))
     return [(name, unit, errors) for name, unit, errors in kinds if errors is not None]
+
+
+def diverged(diagnosis: Diagnosis) -> str:
+    """That no share can be told because the simulator as it was diverges, and how errors shrink; else nothing."""
+    gap, told, diverges = diagnosis.gap, [], False
+    for name, unit, errors in measured_errors(gap):
+        shown = [row for row in zip(gap.horizon_s, errors.before, errors.after, strict=True) if math.isfinite(row[2])]
+        numbers = [row for row in shown if math.isfinite(row[1])]
+        diverges = diverges or len(numbers) < len(shown)
+        if numbers:
+            horizon, before, after = numbers[-1]
+            told.append(f"; {name} {number(before, 2)} → {number(after, 2)} {unit} at {horizon:g} s")
+    if gap.closed is not None or not diverges:
+        return ""
+    without = "the effects" if diagnosis.effects else "calibration"
+    return f"without {without} the simulator diverges{''.join(told)}"
 
 
 def to_do(diagnosis: Diagnosis) -> list[str]:

@@ -113,10 +113,13 @@ def cut_stretches(log: FlightLog, settings: Settings) -> tuple[Windows, int]:
 
 @DIVERGING
 def closed_share(p: Predictions) -> float | None:
-    """Share of the gap that is closed, over all channels and horizons in units of the floor; None without a gap."""
+    """Share of the gap that is closed, over all channels and horizons in units of the floor.
+
+    None without a gap, or where the first vehicle diverges.
+    """
     scaled = p.error / p.spread[:, None]
     share = [_rms(scaled[:, v][p.windows.trust > 0]) for v in (0, 1)]
-    if not share[0] > WITHIN_FLOOR:
+    if not WITHIN_FLOOR < share[0] < np.inf:
         return None
     return float(np.clip((share[0] - share[1]) / (share[0] - 1.0), 0.0, 1.0))
 
