@@ -9,12 +9,13 @@ from typing import Any
 
 import hydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import ChoiceSweep, Override
 from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.command.errors import BadInput, one_line
+from auv_torchrl.config_source import SCHEMA
 from auv_torchrl.paths import CONF, config_names
 from auv_torchrl.settings import choices
 
@@ -95,7 +96,7 @@ def _quoted(name: str) -> str:
 
 
 def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequence[str]) -> None:
-    """Refuse what Hydra would take and nothing would read: ``+key=value`` without such a key, and ``group=null``.
+    """Refuse what Hydra would take and nothing would read: ``+key=value`` without such a key, ``group=null``, a schema.
 
     Args:
         config_name: of the command.
@@ -114,8 +115,16 @@ def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequ
             _refuse_unknown(config_name, key, groups)
         if added and parsed.package is not None:
             raise BadInput(f"{given}: give +{key}=... without @{parsed.package}")
-        if not parsed.is_delete() and (CONF / key).is_dir() and parsed.value() is None:
-            raise BadInput(f"{given}: there are {', '.join(config_names(key))}")
+        if not parsed.is_delete() and (CONF / key).is_dir():
+            _refuse_unread(given, key, parsed.value())
+
+
+def _refuse_unread(given: str, group: str, value: Any) -> None:
+    if value is None:
+        raise BadInput(f"{given}: there are {', '.join(config_names(group))}")
+    for name in value.list if isinstance(value, ChoiceSweep) else [value]:
+        if str(name).endswith(SCHEMA) and name not in config_names(group):
+            raise BadInput(_unknown_option(group, str(name)))
 
 
 def _refuse_unknown(config_name: str, key: str, groups: Sequence[str]) -> None:
@@ -152,6 +161,10 @@ def unknown_key(config_name: str, key: str, groups: Sequence[str] = ()) -> str:
     return f"no config key {name!r}{f' in {parent}' if parent else ''}: {choices([name], known)}"
 
 
+def _unknown_option(group: str, name: str) -> str:
+    return f"no {group} named {name!r}: there are {', '.join(config_names(group))}"
+
+
 def explain(config_name: str, error: Exception) -> str:
     """One line out of an error of Hydra or OmegaConf, with the keys there are."""
     if isinstance(error, OverrideParseException):
@@ -166,7 +179,7 @@ def explain(config_name: str, error: Exception) -> str:
     if missing := re.search(r"Could not override '([^']+)'\.\s*To append", text):
         return unknown_key(config_name, missing[1])
     if absent := re.search(r"Could not (?:find|load) '([^']+)/([^/']+)'", text):
-        return f"no {absent[1]} named {absent[2]!r}: there are {', '.join(config_names(absent[1]))}"
+        return _unknown_option(absent[1], absent[2])
     cause = error.__cause__
     reason = str(cause).split("\n    full_key")[0] if cause is not None else ""
     return one_line(f"{text.strip()}: {reason}" if reason and reason not in text else text)
