@@ -83,6 +83,7 @@ def train(monkeypatch, capsys):
         (f"policies={__file__}", ["policies", "give a folder"]),
         like_another("box_m=inf", ["box_m is inf", "above 0"]),
         ("agent.loss=a=b", ["agent.loss", "in quotes"]),
+        ("flight.csv", ["flight.csv is given without a key: give key=value"]),
         ("+hydra.callbacks.mine={_target_:os.system,command:false}", ["os.system"]),
         ("+hydra.callbacks.mine={_target_:logging.os.system,command:false}", ["os.system"]),
     ],

@@ -1,6 +1,7 @@
 """Arguments of a command before Hydra reads them: names of files as people have them, and keys that there are not."""
 
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from functools import cache
 from os.path import expanduser
@@ -165,10 +166,18 @@ def _unknown_option(group: str, name: str) -> str:
     return f"no {group} named {name!r}: there are {', '.join(config_names(group))}"
 
 
-def explain(config_name: str, error: Exception) -> str:
-    """One line out of an error of Hydra or OmegaConf, with the keys there are."""
+def _without_key(given: str, file_key: str) -> str:
+    if file_key and ("/" in given or Path(given).suffix or Path(given).exists()):
+        return f"{given} is given without a key: give {shlex.quote(f'{file_key}={given}')}"
+    return f"{given} is given without a key: give key=value, --help lists the keys"
+
+
+def explain(config_name: str, error: Exception, file_key: str = "") -> str:
+    """One line out of an error of Hydra or OmegaConf, with the keys there are; a bare file is given as ``file_key``."""
     if isinstance(error, OverrideParseException):
-        key, _, value = error.override.partition("=")
+        key, equals, value = error.override.partition("=")
+        if not equals:
+            return _without_key(error.override, file_key)
         why = one_line(str(error).split("\nSee https")[0])
         return (
             f"cannot read {error.override} ({why}): put a value with signs like , = ( [ in quotes: {key}=\"'{value}'\""
