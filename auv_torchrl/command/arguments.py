@@ -19,6 +19,7 @@ from auv_torchrl.command.errors import BadInput, one_line
 from auv_torchrl.config_source import SCHEMA
 from auv_torchrl.paths import CONF, config_names
 from auv_torchrl.settings import choices
+from auv_torchrl.vehicle_defaults import may_be_left_out
 
 _LISTED = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,]*)\s*(?:,|$)""")  # quoted, or up to a comma
 
@@ -185,7 +186,9 @@ def explain(config_name: str, error: Exception, file_key: str = "") -> str:
     text = str(error).split("Config search path")[0].split("\nSee https")[0].split("\n    full_key")[0]
     if isinstance(error, OmegaConfBaseException) and error.full_key and error.full_key not in text:
         text = f"{error.full_key}: {text}"
-    if missing := re.search(r"Could not override '([^']+)'\.\s*To append", text):
+    if missing := re.search(r"Could not override '([^']+)'\.\s*To append to your config use (.*)", text):
+        if may_be_left_out(missing[1]):
+            return f"the vehicle's file leaves out {missing[1]}: give {shlex.quote(missing[2])}"
         return unknown_key(config_name, missing[1])
     if absent := re.search(r"Could not (?:find|load) '([^']+)/([^/']+)'", text):
         return _unknown_option(absent[1], absent[2])
