@@ -1,10 +1,12 @@
-"""Hydra's files of configuration: each checked before Hydra loads it, also those of one's own."""
+"""Where Hydra's configuration comes from: files, each checked before it is loaded, one's own too, and schemas."""
 
 from pathlib import Path
 
 from hydra._internal.core_plugins.file_config_source import FileConfigSource
+from hydra._internal.core_plugins.structured_config_source import StructuredConfigSource
 from hydra._internal.sources_registry import SourcesRegistry
 from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigLoadError, ConfigResult
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -14,6 +16,7 @@ from auv_torchrl.yaml_file import YamlFileError, read_yaml
 
 PLAIN = ("vehicle", "scenario", "randomization")  # groups of physical numbers, which depend on nothing outside of them
 ENDINGS = (".yaml", ".yml")
+SCHEMA = "_schema"  # ends the names of schemas, which stand beside the options of a group
 
 
 class CheckedFiles(FileConfigSource):
@@ -58,8 +61,17 @@ class CheckedFiles(FileConfigSource):
         return filename if filename.endswith(ENDINGS) else f"{filename}.yaml"
 
 
+class UnlistedSchemas(StructuredConfigSource):
+    """What Python has told Hydra; files name schemas in their defaults, nobody chooses one."""
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
+        """The entries of a group but its schemas."""
+        return [name for name in super().list(config_path, results_filter) if not name.endswith(SCHEMA)]
+
+
 # Hydra registers its own sources anew in each process of a sweep: one of the same name stays, another is an error.
 CheckedFiles.__name__ = FileConfigSource.__name__
+UnlistedSchemas.__name__ = StructuredConfigSource.__name__
 
 
 class OwnFolder(SearchPathPlugin):
@@ -72,6 +84,7 @@ class OwnFolder(SearchPathPlugin):
 
 
 def check_config_files() -> None:
-    """Let Hydra read files through :class:`CheckedFiles` from now on, in processes of a sweep too."""
-    SourcesRegistry.instance().types[CheckedFiles.scheme()] = CheckedFiles
+    """Let Hydra read files through :class:`CheckedFiles` from now on, in processes of a sweep too; list no schemas."""
+    for source in (CheckedFiles, UnlistedSchemas):
+        SourcesRegistry.instance().types[source.scheme()] = source
     Plugins.instance().register(OwnFolder)

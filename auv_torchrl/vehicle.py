@@ -16,6 +16,7 @@ from torch import Tensor
 
 from auv_torchrl.paths import config_path
 from auv_torchrl.settings import choices
+from auv_torchrl.vehicle_defaults import LEFT_OUT, SENSORS
 from auv_torchrl.vehicle_entries import drag_matrix, each_thruster, matrix, numbers
 from auv_torchrl.yaml_file import read_yaml
 
@@ -114,11 +115,6 @@ _VECTORS = {  # section -> key -> length; 0 is a scalar
         ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "reaction", "volts"), 0
     ),
 }
-_SENSORS = {  # what a vehicle's own sensors are off by, where that is known; the nominal values are those of true ones
-    "heading_bias": 0.0, "pose_delay": 0.0, "position_scale": 1.0, "depth_scale": 1.0, "depth_bias": 0.0,
-    "velocity_scale": 1.0, "dvl_position": (0.0,) * 3, "dvl_turn": 0.0,
-    "accelerometer_position": (0.0,) * 3, "accelerometer_bias": (0.0,) * 3,
-}  # fmt: skip
 _NOTHING = ("payload_mass", "payload_weight", "vertical_force", "tether_stiffness", "tether_slack", "battery_sag",
             "compass_per_load", "position_noise", "attitude_noise")  # fmt: skip
 _NOWHERE = ("payload_position", "current", "tether_anchor", "gyro_bias")
@@ -126,11 +122,6 @@ _PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay", "volts"}  # one number 
 _POSITIVE = {"mass", "inertia", "buoyancy", "mass_scale", "full_thrust", "exponent", "limit"}
 _NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "dead_band", "lag", "delay", "volts",
                  "hull_height", "air"}  # fmt: skip
-_LEFT_OUT = {  # what a file need not say, by section
-    "": {"mass_scale": [1.0] * 6, "drag_asymmetry": [0.0] * 6, "surface": 0.0, "air": 0.0},
-    "rigid_body": {"hull_height": 0.0},
-    "thrusters": {"reaction": 0.0, "volts": 0.0},
-}
 _SAID_OF_IT = {"name", "uncertainty", "calibration"}  # what the diagnosis and the training read besides
 
 
@@ -205,7 +196,7 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
         block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
         if not isinstance(block, Mapping):
             raise ValueError(f"vehicle: {section} is {short(block)}: give a mapping with {', '.join(keys)}")
-        block = _LEFT_OUT[section] | dict(block)
+        block = LEFT_OUT[section] | dict(block)
         allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
         if odd := sorted(map(str, set(block) - allowed)):
             raise ValueError(f"vehicle: unknown entries {odd} in {section}: {choices(odd, sorted(allowed))}")
@@ -235,10 +226,10 @@ def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
 
 def _read_sensors(block: Any) -> dict[str, Any]:
     if not isinstance(block, Mapping):
-        raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(_SENSORS)}")
-    if odd := sorted(map(str, set(block) - set(_SENSORS))):
-        raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(_SENSORS))}")
-    found = {key: numbers(f"sensors.{key}", block.get(key, v), torch.tensor(v).shape) for key, v in _SENSORS.items()}
-    if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in _SENSORS if key.endswith("_scale")):
+        raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(SENSORS)}")
+    if odd := sorted(map(str, set(block) - set(SENSORS))):
+        raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(SENSORS))}")
+    found = {key: numbers(f"sensors.{key}", block.get(key, v), torch.tensor(v).shape) for key, v in SENSORS.items()}
+    if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in SENSORS if key.endswith("_scale")):
         raise ValueError("vehicle: sensors has a delay below 0 or a scale of 0: give what the sensors report")
     return found

@@ -7,6 +7,7 @@ from hydra._internal.hydra import Hydra
 
 from auv_torchrl.command import BadInput, checking_input, claim_folder
 from auv_torchrl.command.entry import composing_once
+from tests.command_lines import answers_of
 
 
 def like_another(argument: str, names: list[str]):
@@ -43,6 +44,8 @@ def train(monkeypatch, capsys):
         like_another("+scenario=[swap,foo]", ["'foo'", "swap", "two_dead"]),
         ("vehicle=foo", ["'foo'", "paper", "bluerov2_heavy"]),
         ("agent=foo", ["'foo'", "sac"]),
+        ("agent=sac_schema", ["no agent named 'sac_schema'", "there are gradient, ppo, sac, td3\n"]),
+        like_another("task=line_schema", ["no task named 'line_schema'", "line"]),
         like_another("adapter=foo", ["'foo'", "affine"]),
         ("randomization=foo", ["'foo'", "none"]),
         ("scenario=swap", ["+scenario=swap"]),
@@ -59,6 +62,10 @@ def train(monkeypatch, capsys):
         ("agent.loss=foo", ["loss", "fused", "stock"]),
         ("adapter.map=foo", ["map", "affine"]),
         ("vehicle.rigid_body.mass=-3", ["rigid_body.mass", "above 0"]),
+        ("vehicle.thrusters.volts=16", ["leaves out vehicle.thrusters.volts: give +vehicle.thrusters.volts=16\n"]),
+        ("vehicle.sensors.dvl_position=[0,0,1]", [": give '+vehicle.sensors.dvl_position=[0,0,1]'\n"]),
+        like_another("vehicle.air=1", [": give +vehicle.air=1\n"]),
+        ("vehicle.thrusters.vlts=16", ["no config key 'vlts' in vehicle.thrusters"]),
         ("+scenario.effects.curent.north=0.2", ["'curent'", "current"]),
         ("+scenario.effects.current.nord=0.2", ["'nord'", "north"]),
         ("+scenario.effects.current.north=200", ["north", "[-2, 2]"]),
@@ -80,6 +87,7 @@ def train(monkeypatch, capsys):
         (f"policies={__file__}", ["policies", "give a folder"]),
         like_another("box_m=inf", ["box_m is inf", "above 0"]),
         ("agent.loss=a=b", ["agent.loss", "in quotes"]),
+        ("flight.csv", ["flight.csv is given without a key: give key=value"]),
         ("+hydra.callbacks.mine={_target_:os.system,command:false}", ["os.system"]),
         ("+hydra.callbacks.mine={_target_:logging.os.system,command:false}", ["os.system"]),
     ],
@@ -91,6 +99,19 @@ def test_bad_input_is_one_line_that_names_what_there_is(train, tmp_path, argumen
     assert error.startswith("train: ") and error.count("\n") == 1
     for name in names:
         assert name in error
+
+
+def test_a_schema_is_no_option_of_a_sweep_either(train, tmp_path):
+    """Refused before the folder is made."""
+    code, error = train("-m", "agent=sac,sac_schema", f"output={tmp_path / 'out'}")
+    assert code == 2 and error.startswith("train: no agent named 'sac_schema': there are ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_lists_no_schema():
+    """What can be chosen is what lies in ``conf``."""
+    _, said, _ = answers_of("auv_torchrl.experiment.command", {"help": ["--help"]})["help"]
+    assert "\nagent: gradient, ppo, sac, td3\n" in said and "schema" not in said
 
 
 def test_a_used_output_folder_is_refused_and_left_as_it_is(train, tmp_path):

@@ -8,9 +8,10 @@ import sys
 from importlib import import_module
 
 import pytest
+import yaml
 
 from auv_torchrl.importing import importing
-from auv_torchrl.paths import PROJECT
+from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
 TRAIN, DIAGNOSE, CALIBRATE, LOG = (
@@ -109,6 +110,39 @@ print(json.dumps(sorted(sys.modules)))
     assert "auv_torchrl.diagnosis.pipeline" in modules
     assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib", "OpenGL"}
     assert "scipy.ndimage" not in modules
+
+
+def test_a_dive_that_is_diagnosed_by_itself_brings_no_window_system():
+    """It loads MuJoCo late, which then looks for a display unless it is told to draw nothing."""
+    code = """
+import json, sys
+from auv_torchrl.importing import importing_without_compiler
+with importing_without_compiler():
+    from auv_torchrl.diagnosis.dives.work import _diagnose_one
+try:
+    _diagnose_one(())
+except ValueError:  # no dive
+    print(json.dumps(sorted(sys.modules)))
+"""
+    modules = set(printed(code))
+    assert "mujoco" in modules and not modules & {"glfw", "OpenGL"}
+
+
+@pytest.mark.parametrize("logging", ["plain", "console"])
+def test_the_console_is_not_told_what_opengl_misses(logging):
+    """It says so when MuJoCo loads it, to every logger that listens."""
+    code = """
+import io, json, logging.config, sys
+settings = json.load(sys.stdin)
+out, sys.stdout = sys.stdout, io.StringIO()
+logging.config.dictConfig(settings)
+import OpenGL.acceleratesupport
+print(json.dumps(sys.stdout.getvalue()), file=out)
+"""
+    settings = yaml.safe_load((CONF / "hydra" / "job_logging" / f"{logging}.yaml").read_text())
+    settings["handlers"] = {"console": settings["handlers"]["console"]}  # no file
+    settings["root"]["handlers"] = ["console"]
+    assert printed(code, settings) == ""
 
 
 def test_lists_become_columns_and_chi_squares_are_looked_up_without_pandas_and_fortran():

@@ -98,7 +98,7 @@ class Trainer:
                     self._run_stretch(progress)
                     progress.report(self.curve)
                     self.save()
-                    if (signum := asked_to_stop()) and not self.finished:
+                    if signum := asked_to_stop():  # in the last stretch too: the next run finds it finished
                         raise Interrupted(
                             f"training stopped at {self.frames} transitions and saved to {self.folder / CHECKPOINT}: "
                             "run the same command to go on",

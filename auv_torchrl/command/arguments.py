@@ -1,6 +1,7 @@
 """Arguments of a command before Hydra reads them: names of files as people have them, and keys that there are not."""
 
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from functools import cache
 from os.path import expanduser
@@ -9,14 +10,16 @@ from typing import Any
 
 import hydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import ChoiceSweep, Override
 from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.command.errors import BadInput, one_line
+from auv_torchrl.config_source import SCHEMA
 from auv_torchrl.paths import CONF, config_names
 from auv_torchrl.settings import choices
+from auv_torchrl.vehicle_defaults import may_be_left_out
 
 _LISTED = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,]*)\s*(?:,|$)""")  # quoted, or up to a comma
 
@@ -95,7 +98,7 @@ def _quoted(name: str) -> str:
 
 
 def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequence[str]) -> None:
-    """Refuse what Hydra would take and nothing would read: ``+key=value`` without such a key, and ``group=null``.
+    """Refuse what Hydra would take and nothing would read: ``+key=value`` without such a key, ``group=null``, a schema.
 
     Args:
         config_name: of the command.
@@ -114,8 +117,16 @@ def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequ
             _refuse_unknown(config_name, key, groups)
         if added and parsed.package is not None:
             raise BadInput(f"{given}: give +{key}=... without @{parsed.package}")
-        if not parsed.is_delete() and (CONF / key).is_dir() and parsed.value() is None:
-            raise BadInput(f"{given}: there are {', '.join(config_names(key))}")
+        if not parsed.is_delete() and (CONF / key).is_dir():
+            _refuse_unread(given, key, parsed.value())
+
+
+def _refuse_unread(given: str, group: str, value: Any) -> None:
+    if value is None:
+        raise BadInput(f"{given}: there are {', '.join(config_names(group))}")
+    for name in value.list if isinstance(value, ChoiceSweep) else [value]:
+        if str(name).endswith(SCHEMA) and name not in config_names(group):
+            raise BadInput(_unknown_option(group, str(name)))
 
 
 def _refuse_unknown(config_name: str, key: str, groups: Sequence[str]) -> None:
@@ -152,10 +163,22 @@ def unknown_key(config_name: str, key: str, groups: Sequence[str] = ()) -> str:
     return f"no config key {name!r}{f' in {parent}' if parent else ''}: {choices([name], known)}"
 
 
-def explain(config_name: str, error: Exception) -> str:
-    """One line out of an error of Hydra or OmegaConf, with the keys there are."""
+def _unknown_option(group: str, name: str) -> str:
+    return f"no {group} named {name!r}: there are {', '.join(config_names(group))}"
+
+
+def _without_key(given: str, file_key: str) -> str:
+    if file_key and ("/" in given or Path(given).suffix or Path(given).exists()):
+        return f"{given} is given without a key: give {shlex.quote(f'{file_key}={given}')}"
+    return f"{given} is given without a key: give key=value, --help lists the keys"
+
+
+def explain(config_name: str, error: Exception, file_key: str = "") -> str:
+    """One line out of an error of Hydra or OmegaConf, with the keys there are; a bare file is given as ``file_key``."""
     if isinstance(error, OverrideParseException):
-        key, _, value = error.override.partition("=")
+        key, equals, value = error.override.partition("=")
+        if not equals:
+            return _without_key(error.override, file_key)
         why = one_line(str(error).split("\nSee https")[0])
         return (
             f"cannot read {error.override} ({why}): put a value with signs like , = ( [ in quotes: {key}=\"'{value}'\""
@@ -163,10 +186,12 @@ def explain(config_name: str, error: Exception) -> str:
     text = str(error).split("Config search path")[0].split("\nSee https")[0].split("\n    full_key")[0]
     if isinstance(error, OmegaConfBaseException) and error.full_key and error.full_key not in text:
         text = f"{error.full_key}: {text}"
-    if missing := re.search(r"Could not override '([^']+)'\.\s*To append", text):
+    if missing := re.search(r"Could not override '([^']+)'\.\s*To append to your config use (.*)", text):
+        if may_be_left_out(missing[1]):
+            return f"the vehicle's file leaves out {missing[1]}: give {shlex.quote(missing[2])}"
         return unknown_key(config_name, missing[1])
     if absent := re.search(r"Could not (?:find|load) '([^']+)/([^/']+)'", text):
-        return f"no {absent[1]} named {absent[2]!r}: there are {', '.join(config_names(absent[1]))}"
+        return _unknown_option(absent[1], absent[2])
     cause = error.__cause__
     reason = str(cause).split("\n    full_key")[0] if cause is not None else ""
     return one_line(f"{text.strip()}: {reason}" if reason and reason not in text else text)

@@ -41,6 +41,7 @@ def command(
     short: Mapping[str, str] = MappingProxyType({}),
     register: Callable[[], None] = lambda: None,
     has_folder: bool = True,
+    file_key: str = "",
 ) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
     """``hydra.main`` on ``conf/<config_name>.yaml`` that ends with one line and exit code 2 on bad input.
 
@@ -50,6 +51,7 @@ def command(
         groups: folders of ``conf`` from which ``+group=option`` may add something.
         register: makes schemas known to Hydra, those of one's own files included; may be called again.
         has_folder: whether it works in an output folder, which is then claimed and finished.
+        file_key: what to propose for a file that is given without a key; empty for nothing.
         short: other names of keys: ``{"diagnosis": "diagnosis_file"}`` lets people write ``diagnosis=FILE``.
     """
 
@@ -91,7 +93,7 @@ def command(
                     with composing_once(sys.argv[1:], groups):
                         hydra_main()
             except (HydraException, OmegaConfBaseException) as error:
-                fail(config_name, BadInput(explain(config_name, error)))
+                fail(config_name, BadInput(explain(config_name, error, file_key)))
             except BadInput as error:
                 fail(config_name, error)
             except KeyboardInterrupt as stopped:

@@ -12,7 +12,7 @@ from omegaconf import MISSING, OmegaConf
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.agents.config import AGENTS, FineTuning
 from auv_torchrl.compensation.excitation import Excitation
-from auv_torchrl.config_source import ENDINGS
+from auv_torchrl.config_source import ENDINGS, SCHEMA
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs.make import BACKENDS
 from auv_torchrl.experiment.flight_config import FlightConfig
@@ -96,4 +96,4 @@ def register() -> None:
         for name, kind in registry.items():
             given: list[Any] = [("name", str, field(default=name))]
             named = make_dataclass(f"{kind.__name__}Named", given, bases=(schema_of(kind),))
-            ConfigStore.instance().store(f"{name}_schema", named, group=group)
+            ConfigStore.instance().store(f"{name}{SCHEMA}", named, group=group)

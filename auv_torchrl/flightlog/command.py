@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files on a terminal without Unicode
-    if not given or given[0] in ("-h", "--help", "help"):
+    if not given or given[0] == "help" or {"-h", "--help"} & set(given):
         print(f"{HELP}{', '.join(READERS)}; CSV and Parquet")
         return
     try:

@@ -41,13 +41,13 @@ def first_bytes(path: Path, count: int) -> bytes:
     Raises:
         FlightLogError: for a file that cannot be read, a directory, or a pipe or device, which may never end.
     """
-    remedy = "give a CSV or Parquet file"
+    remedy = "give the path of a log"
     try:
         mode = os.stat(path).st_mode
         if stat.S_ISDIR(mode):
             raise FlightLogError(f"{path} is a directory: {remedy}")
         if not stat.S_ISREG(mode):
-            raise FlightLogError(f"{path} is a pipe or device: {remedy}, what comes out of a pipe written to one first")
+            raise FlightLogError(f"{path} is a pipe or device: {remedy}, what comes out of a pipe kept in a file first")
         with path.open("rb") as file:
             return file.read(count)
     except OSError as error:

@@ -63,7 +63,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     path = Path(path)
     head = first_bytes(path, len(_PARQUET))
     if not head:
-        raise FlightLogError(f"{path.name} is empty: give a CSV or Parquet file with one row per sample")
+        raise FlightLogError(f"{path.name} is empty: give a log that holds samples")
     try:
         table = _read_parquet(path) if head == _PARQUET else _read_csv(path)
     except (pa.ArrowException, OSError, UnicodeError) as error:

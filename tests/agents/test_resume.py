@@ -15,7 +15,7 @@ from tiny_training import TASK, train_tiny
 from auv_torchrl.agents.interrupt import Interrupted
 from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.storage import CheckpointError, load_checkpoint, save_checkpoint
-from auv_torchrl.agents.trainer import CHECKPOINT, Diverged
+from auv_torchrl.agents.trainer import CHECKPOINT, Diverged, Trainer
 from auv_torchrl.paths import PROJECT
 
 
@@ -75,6 +75,16 @@ def test_interrupted_training_ends_like_an_unbroken_one(tmp_path, training, monk
         with pytest.raises(Interrupted, match="run the same command to go on"):
             train_tiny(tmp_path / f"broken_{stretch}", **training)
         assert_same_policy(train_tiny(tmp_path / f"broken_{stretch}", **training), unbroken)
+
+
+def test_a_training_interrupted_in_its_last_stretch_is_found_finished(tmp_path, monkeypatch):
+    """Ctrl-C ends that run too; the next one keeps the policy without another transition."""
+    unbroken = train_tiny(tmp_path / "unbroken")
+    interrupt_in_stretch(monkeypatch, len(unbroken.metadata["curve"]))
+    with pytest.raises(Interrupted, match="stopped at 240 transitions .* run the same command to go on"):
+        train_tiny(tmp_path / "broken")
+    monkeypatch.setattr(Trainer, "_run_stretch", None)  # there is none left to run
+    assert_same_policy(train_tiny(tmp_path / "broken"), unbroken)
 
 
 def test_sigterm_saves_as_ctrl_c_does(tmp_path, monkeypatch):

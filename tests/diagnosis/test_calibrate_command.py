@@ -26,6 +26,7 @@ BAD = {  # what is wrong: command line, what the answer names
     "nothing": (["output=mine.yaml"], "healthy=[a.csv,b.csv]"),
     "no output": ([f"healthy={SHIPPED}"], "output=my_vehicle.yaml"),
     "missing file": (["healthy=nowhere.csv", "output=mine.yaml"], "nowhere.csv"),
+    "a file without a key": (["output=mine.yaml", str(SHIPPED)], f": give healthy={SHIPPED}\n"),
     "given twice": ([f"healthy=[{SHIPPED},{SHIPPED}]", "output=mine.yaml"], "given twice"),
     "no YAML": ([f"healthy={SHIPPED}", "output=mine.txt"], "ends in .yaml"),
     "no folder": ([f"healthy={SHIPPED}", "output=nowhere/mine.yaml"], "no folder nowhere"),

@@ -48,7 +48,7 @@ def test_what_is_no_regular_file_is_named_at_once(tmp_path):
     (tmp_path / "zero.csv").symlink_to("/dev/zero")
     (tmp_path / "folder.csv").mkdir()
     for name, cause in {"pipe": "a pipe or device", "zero": "a pipe or device", "folder": "a directory"}.items():
-        assert f"is {cause}: give a CSV or Parquet file" in refusal(tmp_path / f"{name}.csv")
+        assert f"is {cause}: give the path of a log" in refusal(tmp_path / f"{name}.csv")
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])

@@ -86,7 +86,17 @@ def test_what_the_command_cannot_do_is_one_line(tmp_path, capsys):
     assert "give a log" in refused(capsys, "info")
     assert "says no format" in refused(capsys, "convert", str(EXCERPT), "output=log")
     assert "no key 'outpt'" in refused(capsys, "convert", str(EXCERPT), "outpt=log.csv")
-    assert "No such file" in refused(capsys, "info", str(tmp_path / "none.BIN"))
+    missing = refused(capsys, "info", str(tmp_path / "none.BIN"))
+    assert missing.endswith("none.BIN: No such file or directory: give the path of a log\n")
+    (tmp_path / "none.BIN").touch()
+    assert "is empty: give a log that holds samples" in refused(capsys, "info", str(tmp_path / "none.BIN"))
+
+
+@pytest.mark.parametrize("arguments", ["", "help", "--help", "info --help", "convert dive.BIN -h"])
+def test_help_is_given_wherever_it_is_asked_for(capsys, arguments):
+    """Before an action and behind one."""
+    main(arguments.split())
+    assert capsys.readouterr().out.startswith("What is in a log of a vehicle")
 
 
 @pytest.mark.parametrize(

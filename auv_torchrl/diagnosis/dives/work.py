@@ -18,6 +18,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, read_flightlog
 from auv_torchrl.flightlog.streams.stream import ReadOptions
+from auv_torchrl.importing import importing_without_compiler
 from auv_torchrl.parallel import each
 from auv_torchrl.vehicle import Vehicle
 
@@ -109,8 +110,9 @@ def diagnose_some(work: Work, planned: Planned, which: Sequence[int], folder: Pa
 
 def _diagnose_one(task: tuple[Work, Planned, int]) -> tuple[Path | None, tuple[str, str]]:
     """Where the files of its diagnosis are kept, and its verdict and summary."""
-    from auv_torchrl.diagnosis.pipeline import diagnose  # here: it loads MuJoCo, which following does not need
-    from auv_torchrl.diagnosis.report.files import write_files
+    with importing_without_compiler():  # here: it loads MuJoCo, which following does not need
+        from auv_torchrl.diagnosis.pipeline import diagnose
+        from auv_torchrl.diagnosis.report.files import write_files
 
     work, planned, i = task
     path, reference = planned.paths[i], [p for p in planned.paths[: planned.reference] if p != planned.paths[i]]
