@@ -25,6 +25,7 @@ from auv_torchrl.diagnosis import schema as diagnose_schema
 from auv_torchrl.diagnosis.report import files as report_files
 from auv_torchrl.diagnosis.report import write_files
 from auv_torchrl.experiment.run import STORE
+from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind import schema as blind_schema
 from tests.diagnosis.example import example
@@ -174,7 +175,7 @@ def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatc
     caplog.set_level(logging.INFO)
     made = example()
     paper = load_vehicle("paper")
-    asked = request.Request("paper", paper, (), None, (None,))  # type: ignore[arg-type]
+    asked = request.Request("paper", paper, (), None, (FlightLog("a", (), ()),))  # type: ignore[arg-type]
     monkeypatch.setattr(job, "read_request", lambda config: asked)
     monkeypatch.setattr(job, "diagnose", lambda *_, **__: made)
     log = tmp_path / "a(1)=b.csv"
