@@ -35,8 +35,14 @@ class Finding:
     limits: bool = False  # bounds verdict and probabilities of a diagnosis: they stay in doubt until it is mended
     param: tuple[tuple[str, float], ...] = ()  # parameters of the autopilot to set, where they are the remedy
 
+    @property
+    def where(self) -> str:
+        """The rows in words; nothing where the finding concerns all of the log."""
+        first, last = self.rows or (0, 0)
+        return f"rows {first} to {last}" if last > first else f"row {first}" if self.rows else ""
+
     def __str__(self) -> str:
-        rows = "" if self.rows is None else f" (rows {self.rows[0]} to {self.rows[1]})"
+        rows = f" ({self.where})" if self.where else ""
         remedy = f" {self.remedy}." if self.remedy else ""
         return f"{self.severity}: {self.sentence}{rows}.{remedy}"
 

@@ -181,7 +181,11 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
             if kind == "held" and share < REPEATED:
                 continue
             where = np.flatnonzero(mask)
-            size = f"{share:.0%} of the rows" if share >= REPEATED else f"{len(where)} rows"
+            size = (
+                f"{share:.0%} of the rows"
+                if share >= REPEATED
+                else f"{len(where)} {'row' if len(where) == 1 else 'rows'}"
+            )
             sentence = what.format(names=", ".join(names), size=size)
             found.append(_finding(code, sentence, remedy, names, (int(row[where[0]]), int(row[where[-1]]))))
     for name, axis in seen.items():
@@ -196,9 +200,9 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
 
 
 _KINDS = (
-    ("held", "held_samples", "{names} repeat the value before in {size}: a slower sensor, or samples that got lost; "
-     "repeats are not used", "Log each measurement once, when it was taken"),
-    ("outlier", "outliers", "{names} lie far off the path in {size}, which are left out", "Check the sensor"),
+    ("held", "held_samples", "values of {names} repeat the one before in {size}: a slower sensor, or samples that got "
+     "lost; repeats are not used", "Log each measurement once, when it was taken"),
+    ("outlier", "outliers", "values of {names} lie far off the path in {size}; they are left out", "Check the sensor"),
 )  # fmt: skip
 
 

@@ -38,7 +38,8 @@ def find_leaps(name: str, t: Floats, v: Floats, stretch: np.ndarray, step: float
     least = max(noise, USUAL * moved)
     around = rolling_median(np.abs(np.concatenate([change[:1], change])), 2 * NEAR + 1)
     outlier = far > np.maximum(noise, USUAL * around)
-    outlier[:1] |= abs(change[0]) > least  # the median at the first value is that value
+    # The median at the first value is that value; a vehicle that is fast already goes on so.
+    outlier[:1] |= min(abs(change[0]), abs(change[0] - change[1])) > least
     if name in ANGLES:
         outlier &= far < TUMBLE
     edge = np.flatnonzero(np.diff(stretch))

@@ -142,7 +142,7 @@ def join(logs: Iterable[FlightLog]) -> FlightLog:
     ]
     if lost := {axis for log in logs for axis in log.axes} - set(axes):
         names = tuple(axis for axis in AXES if axis in lost)
-        sentence = f"{', '.join(names)} are left out because not every log measures them"
+        sentence = f"left out because not every log measures them: {', '.join(names)}"
         findings.append(Finding(Severity.WARNING, "axes_left_out", sentence, columns=names))
     episodes = [episode for log in logs for episode in log.episodes]
     episodes = [replace(with_axes(episode, axes), number=number) for number, episode in enumerate(episodes)]

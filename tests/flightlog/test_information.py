@@ -8,7 +8,8 @@ from simulate import simulated_logs
 
 from auv_torchrl.flightlog import FlightLogError, raw_columns, read_flightlog, write_columns
 from auv_torchrl.flightlog.information import check_information
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.table import Table, read_table
+from auv_torchrl.paths import EXAMPLE_LOG
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.damages import BOTH, DAMAGES, POSES, damaged
 
@@ -113,3 +114,13 @@ def test_the_resolution_of_a_column_is_the_step_in_which_it_was_written(sound, t
     log = read(columns, tmp_path)
     assert log.resolution["x"] == pytest.approx(0.01)
     assert log.resolution["y"] == pytest.approx(1e-6, rel=1e-3)
+
+
+@pytest.mark.parametrize("off", [0.0, 0.3], ids=["fast", "off the path"])
+def test_a_first_value_is_off_the_path_where_the_next_ones_do_not_go_on_from_it(off, tmp_path):
+    """A vehicle that is fast when its log begins is believed; a first value of its own is left out."""
+    columns = dict(read_table(EXAMPLE_LOG).columns)
+    columns["y"][0] -= off
+    log = read_flightlog(write_columns(columns, tmp_path / "log.csv"), load_vehicle("paper"))
+    told = [finding.where for finding in log.findings if finding.code == "outliers"]
+    assert told == (["row 1"] if off else [])
