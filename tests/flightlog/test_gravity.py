@@ -85,4 +85,4 @@ def test_joined_logs_have_it_where_both_do(log):
     both, one = join([log, log]), join([log, without])
     assert both.axes == log.axes and both.episodes[-1].acceleration is not None
     assert one.axes == without.axes and one.episodes[0].acceleration is None
-    assert "ax, ay, az are left out" in one.findings[-1].sentence
+    assert one.findings[-1].sentence == "left out because not every log measures them: ax, ay, az"
