@@ -181,11 +181,8 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
             if kind == "held" and share < REPEATED:
                 continue
             where = np.flatnonzero(mask)
-            size = (
-                f"{share:.0%} of the rows"
-                if share >= REPEATED
-                else f"{len(where)} {'row' if len(where) == 1 else 'rows'}"
-            )
+            few = "1 row" if len(where) == 1 else f"{len(where)} rows"
+            size = f"{share:.0%} of the rows" if share >= REPEATED else few
             sentence = what.format(names=", ".join(names), size=size)
             found.append(_finding(code, sentence, remedy, names, (int(row[where[0]]), int(row[where[-1]]))))
     for name, axis in seen.items():

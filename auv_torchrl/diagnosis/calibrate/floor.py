@@ -1,6 +1,6 @@
 """The disturbance that acts on a sound vehicle, as its flights show it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -86,6 +86,6 @@ def shown_floor(problem: Problem) -> tuple[Finding, ...]:
     return (Finding(Severity.INFO, "floor_of_this_log", sentence),)
 
 
-def sizes_by_axis(floor: Floats, dof: np.ndarray) -> str:
+def sizes_by_axis(floor: Floats, dof: Iterable[int]) -> str:
     """Sizes of a disturbance (6,) in N and N m, of the degrees of freedom ``dof``, in words."""
     return ", ".join(f"{floor[d]:.2g} {'N' if d < 3 else 'N m'} in {DEGREES_OF_FREEDOM[d]}" for d in dof)

@@ -16,13 +16,12 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 KEYS = (
     "logs", "seconds", "vehicle", "made", "version", "excess", "level", "floor", "noise", "rough_noise",
     "together", "shrinks", "scales",
 )  # fmt: skip
-LEVEL = np.array([0, 1, 2, 5])  # degrees of freedom that a finding names: all but roll and pitch
 ROUNDED = 1e-3  # by which the length of a row may be off 1
 REMEDY = "calibrate it again with auv-calibrate, or take the section calibration out"
 
@@ -69,7 +68,7 @@ class Kept:
         sentence = (
             f"the verdict rests on the calibration of this vehicle's file, made on {self.made} from "
             f"{', '.join(self.logs)} ({self.seconds:.0f} s), of which it leaves a chi-square of {self.excess:.2f} per "
-            f"number: disturbance of {sizes_by_axis(self.floor, LEVEL)}"
+            f"number: disturbance of {sizes_by_axis(self.floor, CONTROLLED_INDEX)}"
         )
         return Finding(Severity.INFO, "calibration_kept", sentence)
 

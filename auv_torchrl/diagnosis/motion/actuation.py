@@ -93,10 +93,8 @@ class Actuation:
         by_step = self.c.rows((kinds, None))
         each = [_targets(by_step, self.terms, some, windows.dt, parts) for some in np.moveaxis(held, -3, 0)]
         means = [_mean(part) for part in list(zip(*each, strict=True))[: parts if self.late else 1]]
-        if windows.volts is None or not by_step.volts.any():
-            return means
-        factor = at_volts(by_step, windows.volts[windows.episode[chunk, None], grid][:, None])[..., None]
-        return [mean * factor for mean in means]
+        left = left_by_volts(windows, by_step, grid, chunk)
+        return means if left is None else [mean * left[..., None] for mean in means]
 
     def load(self, chunk: slice, steps: int) -> Floats | None:
         """Share (w, R, S) of their full thrusts that thrusters give at grid steps; None where no sensor feels it."""
@@ -115,6 +113,18 @@ class Actuation:
     def _kinds(self) -> tuple[np.ndarray, np.ndarray]:
         """Vehicles that do different things with a command, and as which of them each does: most change elsewhere."""
         return distinct(self._numbers)
+
+
+def left_by_volts(
+    windows: Windows, by_step: Coefficients, grid: np.ndarray, chunk: slice = slice(None)
+) -> Floats | None:
+    """What the logged volts leave of the thrust of vehicles (R, 1) at grid steps (w, S) of windows, (w, R, S).
+
+    None where no volts were logged, or no vehicle follows them.
+    """
+    if windows.volts is None or not by_step.volts.any():
+        return None
+    return at_volts(by_step, windows.volts[windows.episode[chunk, None], grid][:, None])
 
 
 def coefficients(vehicle: Vehicle) -> Coefficients:

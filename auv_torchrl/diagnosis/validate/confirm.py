@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.motion.actuation import actuate
+from auv_torchrl.diagnosis.motion.actuation import actuate, left_by_volts
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.samples import late_steps, oldest, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -20,7 +20,6 @@ from auv_torchrl.diagnosis.verdict import Confirmation
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import Coefficients, State, prepare
 from auv_torchrl.physics.step import memory_length
-from auv_torchrl.physics.thrusters import at_volts
 from auv_torchrl.simulator import replay
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import Vehicle
@@ -90,7 +89,6 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
 
 def thrust_shares(windows: Windows, c: Coefficients, steps: int) -> Floats:
     """What the logged volts leave of the thrust of vehicles, on average over each window, (W, V); else 1."""
-    if windows.volts is None:
-        return np.ones((len(windows), len(c.volts)))
-    grid = np.clip(windows.start[:, None] + np.arange(steps), 0, windows.volts.shape[1] - 1)
-    return at_volts(c.rows((slice(None), None)), windows.volts[windows.episode[:, None], grid][:, None]).mean(-1)
+    grid = np.clip(windows.start[:, None] + np.arange(steps), 0, windows.commands.shape[1] - 1)
+    left = left_by_volts(windows, c.rows((slice(None), None)), grid)
+    return np.ones((len(windows), len(c.volts))) if left is None else left.mean(-1)
