@@ -17,11 +17,7 @@ import numpy as np
 
 from auv_torchrl.files import write_text
 
-OPEN = {
-    "low": -math.inf,
-    "high": math.inf,
-}  # ends of an interval, null where it is open; others but those LOST are finite
-LOST = ("before", "after", "floor")  # errors by horizon, null where a simulation diverges or nothing was measured
+NULL = "null"  # in the metadata of a field: the number that null stands for, alone or in a tuple; all else is finite
 Kind = TypeVar("Kind")
 
 
@@ -71,15 +67,12 @@ def from_plain(kind: type[Kind], content: Any, where: str = "") -> Kind:
     if odd := [*missing, *(name for name in content if name not in [entry.name for entry in declared])]:
         raise KeyError(odd[0])
     inside = f"{where}." if where else ""
-    return kind(
-        **{
-            name: OPEN[name] if value is None and name in OPEN else _read(hints[name], value, f"{inside}{name}")
-            for name, value in content.items()
-        }
-    )
+    null = {entry.name: entry.metadata.get(NULL) for entry in declared}
+    return kind(**{name: _read(hints[name], value, f"{inside}{name}", null[name]) for name, value in content.items()})
 
 
-def _read(hint: Any, content: Any, where: str) -> Any:
+def _read(hint: Any, content: Any, where: str, null: float | None = None) -> Any:
+    """What a field of this type holds; ``null`` is the number that null stands for, where it does."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         if content is None and type(None) in arguments:
@@ -87,7 +80,7 @@ def _read(hint: Any, content: Any, where: str) -> Any:
         (hint,) = (argument for argument in arguments if argument is not type(None))
         return _read(hint, content, where)
     if origin is tuple:
-        return _read_tuple(arguments, content, where)
+        return _read_tuple(arguments, content, where, null)
     if origin in (dict, Mapping):
         if not isinstance(content, Mapping):
             raise _wrong(where, content, "a mapping")
@@ -99,21 +92,18 @@ def _read(hint: Any, content: Any, where: str) -> Any:
         return from_plain(hint, content, where)
     if issubclass(hint, Enum):
         return hint[content.upper()]
-    return _read_one(hint, content, where)
+    return null if content is None and null is not None else _read_one(hint, content, where)
 
 
-def _read_tuple(kinds: tuple[Any, ...], content: Any, where: str) -> tuple[Any, ...]:
+def _read_tuple(kinds: tuple[Any, ...], content: Any, where: str, null: float | None) -> tuple[Any, ...]:
     if not isinstance(content, list):
         raise _wrong(where, content, "a list")
     if kinds[-1] is ...:
         kinds = kinds[:1] * len(content)
     if len(kinds) != len(content):
         raise _wrong(where, content, f"{len(kinds)} entries")
-    lost = where.rpartition(".")[2] in LOST
     entries = enumerate(zip(kinds, content, strict=True))
-    return tuple(
-        math.nan if lost and entry is None else _read(kind, entry, f"{where}[{i}]") for i, (kind, entry) in entries
-    )
+    return tuple(_read(kind, entry, f"{where}[{i}]", null) for i, (kind, entry) in entries)
 
 
 def _read_one(kind: type, content: Any, where: str) -> Any:

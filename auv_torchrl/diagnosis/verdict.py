@@ -3,11 +3,13 @@
 A field that is None could not be told from the log. Shares are of the gap, in [0, 1].
 """
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 
+from auv_torchrl.diagnosis.plain import NULL
 from auv_torchrl.diagnosis.thresholds import LIKELY, SURE
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding
@@ -67,8 +69,8 @@ class Estimate:
     """A parameter with its 95 % interval, infinite where the log does not bound it (null in the file)."""
 
     value: float
-    low: float
-    high: float
+    low: float = field(metadata={NULL: -math.inf})
+    high: float = field(metadata={NULL: math.inf})
     nominal: float
     unit: str
 
@@ -118,11 +120,14 @@ class NextExperiment:
 
 @dataclass(frozen=True)
 class Errors:
-    """Root mean square prediction errors, one per horizon of :class:`Gap`."""
+    """Root mean square prediction errors, one per horizon of :class:`Gap`.
 
-    before: tuple[float, ...]
-    after: tuple[float, ...]
-    floor: tuple[float, ...]
+    Not a number, null in the file, where a simulation diverges or nothing was measured.
+    """
+
+    before: tuple[float, ...] = field(metadata={NULL: math.nan})
+    after: tuple[float, ...] = field(metadata={NULL: math.nan})
+    floor: tuple[float, ...] = field(metadata={NULL: math.nan})
 
 
 @dataclass(frozen=True)
