@@ -48,12 +48,12 @@ def has_reason(function, lines):
 
 
 def test_no_file_class_or_function_is_too_long():
-    """Files have up to 250 lines, classes up to 15 methods, and functions up to 50 lines or a reason above them."""
+    """Files have up to 600 lines, classes up to 15 methods, and functions up to 50 lines or a reason above them."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     long = []
     for path in FILES:
         lines = path.read_text().splitlines()
-        long += [f"{path}: {len(lines)} lines"] if len(lines) > 250 else []
+        long += [f"{path}: {len(lines)} lines"] if len(lines) > 600 else []
         for node in ast.walk(ast.parse("\n".join(lines))):
             if isinstance(node, functions) and length(node) > 50 and not has_reason(node, lines):
                 long.append(f"{path}: {node.name} has {length(node)} lines")
