@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
+from auv_torchrl.text import printable
+
 BAD_INPUT = 2  # exit code, as for a wrong command line
 CANNOT_WRITE = 74  # exit code, EX_IOERR of sysexits.h
 
@@ -67,8 +69,8 @@ def writing() -> Iterator[None]:
 
 
 def fail(command: str, error: BadInput) -> NoReturn:
-    """End the command with its one line."""
-    sys.stderr.write(f"{command}: {error}\n")
+    """End the command with its one line, in which names of files are made printable."""
+    sys.stderr.write(f"{command}: {printable(str(error), None)}\n")
     sys.exit(error.code)
 
 

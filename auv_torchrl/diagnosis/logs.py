@@ -9,6 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import READERS, choose_reader
 from auv_torchrl.paths import EXAMPLE_LOG
+from auv_torchrl.text import whole
 
 KINDS = ("log", "healthy", "test")
 EXAMPLE = "example"  # log=example is the log that comes with the package, unless there is a file of that name
@@ -62,8 +63,8 @@ def _inside(folder: Path) -> Iterator[Path]:
 
 def _as_counted(path: Path) -> list[tuple[int, str]]:
     """Dive 9 comes before dive 10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdigit() else (-1, part.lower()) for part in parts]
+    parts = ((whole(part), part) for part in re.split(r"([0-9]+)", path.name))
+    return [(-1, part.lower()) if number is None else (number, "") for number, part in parts]
 
 
 def names(config: DictConfig, key: str) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import READERS
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.importing import importing_without_compiler
+from auv_torchrl.text import printable
 
 _BAD_INPUT = 2  # exit code, as for a wrong command line
 _KEYS = ("output", "modes", "params", "system", "replace", "healthy")
@@ -76,7 +77,7 @@ def _parsed(given: list[str]) -> tuple[str, list[Path], dict[str, str]]:
 
 
 def _fail(message: str) -> NoReturn:
-    sys.stderr.write(f"auv-log: {' '.join(message.split())}\n")
+    sys.stderr.write(f"auv-log: {printable(' '.join(message.split()), None)}\n")
     sys.exit(_BAD_INPUT)
 
 

@@ -23,6 +23,7 @@ from auv_torchrl.flightlog.streams.vehicle_file import check_frame
 from auv_torchrl.flightlog.table import Table, read_table
 from auv_torchrl.flightlog.units import check_commands, check_time_unit, convert_degrees
 from auv_torchrl.physics.kinematics import wrap_angle
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -85,7 +86,9 @@ def read_flightlog(
         findings += more
     findings += check_excitation(episodes)
     said = tuple(condensed(findings))
-    return FlightLog(table.name, episodes, axes, said, checked.resolution, table.errors, known(table.autopilot))
+    return FlightLog(
+        printable(table.name), episodes, axes, said, checked.resolution, table.errors, known(table.autopilot)
+    )
 
 
 def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions | None) -> Table:

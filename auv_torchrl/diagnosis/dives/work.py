@@ -20,6 +20,7 @@ from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, read_flig
 from auv_torchrl.flightlog.streams.stream import ReadOptions
 from auv_torchrl.importing import importing_without_compiler
 from auv_torchrl.parallel import each
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
@@ -90,7 +91,7 @@ def _follow_one(task: tuple[Work, Reference, Path, str, str]) -> Dive:
     try:
         dive = tell(work.read(path), reference, begun)
     except FlightLogError as error:
-        dive = Dive.unread(path.name, str(error), len(reference.normal.numbers), begun)
+        dive = Dive.unread(printable(path.name), str(error), len(reference.normal.numbers), begun)
     keep(work.store, key, dive)
     return dive
 

@@ -186,10 +186,11 @@ def _said(found: _Found) -> Iterator[Finding]:
     if found.lost:
         commas = found.crowded > found.lost / 2
         why = ": most of them have more fields than that, as where numbers have decimal commas" if commas else ""
-        sentence = f"{found.lost:,} of {found.lines:,} lines do not hold what their type has and are left out{why}"
+        sentence = f"of {found.lines:,} lines, {found.lost:,} do not hold what their type has: left out{why}"
         remedy = "Write the file with decimal points, or give the .BIN" if commas else "Copy the file again"
         yield Finding(Severity.WARNING, "damaged_file", sentence, remedy)
     if found.long:
-        sentence = f"{found.long:,} lines are longer than {_LONGEST_LINE:,} bytes, as no message is, and are left out"
+        lines = f"{found.long:,} lines are" if found.long > 1 else "a line is"
+        sentence = f"{lines} longer than {_LONGEST_LINE:,} bytes, as no message is, and left out"
         yield Finding(Severity.WARNING, "long_lines", sentence, "Copy the file again")
     yield from left_out(found.more)

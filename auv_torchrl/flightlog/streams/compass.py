@@ -29,6 +29,7 @@ LEAST_RAD = 0.05  # heading error at the largest current, below which it does no
 USUAL = 0.95  # quantile of the current that counts as its largest; what is below the opposite one as its least
 SAMPLES = 4000  # of a compass that are looked at, at most; more of them say the same again
 MOST_SAMPLES = 20_000  # that are kept of a long log
+MOST_ANGLES = 1_000_000  # likewise of the attitude
 DRIFT_S = 20.0  # within which the heading of the gyro is straight; a current that changes slower shows nothing
 MOST_DRIFTS = 60  # knots of that; longer logs are straight for longer
 BLOCK_S = 10.0  # errors of samples that are farther apart are independent
@@ -76,8 +77,10 @@ def check_compass(streams: Streams, parameters: Mapping[str, float]) -> list[Fin
 
 def _turned(streams: Streams, parameters: Mapping[str, float]) -> Iterator[Finding]:
     attitude, (drawn, unit) = streams.streams.get("attitude"), _drawn(streams)
-    if attitude is None or drawn is None or len(attitude) < 2:
+    if attitude is None or drawn is None or len(attitude) < 2 or not set(COMPASSES) & set(streams.streams):
         return
+    every = 1 + len(attitude) // MOST_ANGLES
+    attitude = replace(attitude, t=attitude.t[::every], values=attitude.values[::every])
     rotation = rotation_matrix(quaternion_from_euler(*_steered(attitude, streams.streams.get("gyro")).T))
     for number, name in enumerate(COMPASSES, start=1):
         compass = streams.streams.get(name)

@@ -14,6 +14,8 @@ from auv_torchrl.physics.kinematics import quaternion_from_euler, quaternion_pro
 DRIFT_S = 4.0  # s, over which the rate of the error of a filter lasts: as long as its corrections take
 POSITION_DRIFT = 0.05  # m/s, where nothing is said; filters of underwater vehicles in flight are off by 0.03 to 0.1
 ANGLE_DRIFT = 0.002  # rad/s, likewise
+STEP_S = 0.01  # s, from one angle to the next; closer ones turn so little that they say nothing of their own
+MOST_ANGLES = 1_000_000  # that are compared, of a log of any length
 COMPARED_S = 2.0  # s, over which angles are compared with the turning that the gyro felt
 
 
@@ -34,11 +36,14 @@ def drift_of(stream: Stream, gyro: Stream | None) -> float:
 
 def _apart(attitude: Stream, gyro: Stream) -> float | None:
     """How far off an attitude (roll, pitch, yaw) turns from what its gyro felt, rad/s; None if they hardly overlap."""
-    if attitude.channels != ANGLES or len(gyro) < 2:
+    if attitude.channels != ANGLES or min(len(gyro), len(attitude)) < 2:
         return None
-    known = np.isfinite(attitude.values).all(-1) & (attitude.t >= gyro.t[0]) & (attitude.t <= gyro.t[-1])
+    inside = (attitude.t >= gyro.t[0]) & (attitude.t <= gyro.t[-1])
+    known = np.flatnonzero(np.isfinite(attitude.values).all(-1) & inside)
+    dense = max(1, int(STEP_S / attitude.interval), len(known) // MOST_ANGLES)
+    known = known[::dense]
     t, felt = attitude.t[known], np.isfinite(gyro.values).all(-1)
-    every = max(1, round(COMPARED_S / attitude.interval))
+    every = max(1, round(COMPARED_S / (dense * attitude.interval)))
     if len(t) < 20 * every or felt.sum() < 2:
         return None
     turned = _turned(attitude.values[known])

@@ -5,6 +5,7 @@ SERVOk_FUNCTION is that of motor n. What it wanted of the motor, along the direc
 command: a wrong MOT_n_DIRECTION then shows as a thruster that pushes backwards, which is what it makes of the vehicle.
 """
 
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -105,7 +106,7 @@ def listed(names: tuple[str, ...]) -> str:
     """Names of parameters, runs of numbers shortened."""
     kinds: dict[str, list[str]] = {}
     for name in names:
-        kinds.setdefault("".join(c for c in name if not c.isdigit()), []).append(name)
+        kinds.setdefault(re.sub(r"[0-9]", "", name), []).append(name)
     return ", ".join(group[0] if len(group) == 1 else f"{group[0]} to {group[-1]}" for group in kinds.values())
 
 
