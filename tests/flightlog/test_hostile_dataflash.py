@@ -291,7 +291,9 @@ def test_kinds_that_disagree_are_a_finding_and_the_file_is_read(tmp_path):
     assert "more than one kind of vehicle, ArduCopter (text of the firmware, MSG) and ArduSub (build" in sentences(
         findings
     )
-    air = (Kind("text", "ArduCopter", False), kind_of_type(2, "heartbeat"))
+    flying = kind_of_type(2, "heartbeat")
+    assert flying is not None
+    air = (Kind("text", "ArduCopter", False), flying)
     with pytest.raises(FlightLogError, match="ArduCopter \\(text\\) and a quadrotor \\(heartbeat\\)"):
         check_kind(Streams("x", "y", {}, VehicleFacts(kinds=air)))
 

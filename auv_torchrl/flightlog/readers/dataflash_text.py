@@ -144,8 +144,8 @@ def _describe(rest: str, found: _Found) -> None:
     if len(types) != len(fields) or not set(types) <= set(CODES):  # of a text they say no more than what is text
         texts = TEXTS.get(name, ())
         types = "".join("f" if f == TIME or f in found.wanted.get(name, ()) and f not in texts else "Z" for f in fields)
-    texts = (text.encode() for text in (name, types, ",".join(fields)))
-    description = checked(described(*texts, CODES), found.wanted)
+    description = described(name.encode(), types.encode(), ",".join(fields).encode(), CODES)
+    description = checked(description, found.wanted)
     found.read[description] = None
     if description.damage or description.name not in found.wanted:
         return
