@@ -4,10 +4,12 @@ import math
 from collections.abc import Iterable, Sequence
 
 from auv_torchrl.effects import EFFECTS
+from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score_damage import by_damage, damage_targets
 from benchmarks.blind.statistics import Bin, Share, calibration_error, median, quantile, reliability
 from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.scoring import Score
 
 INFLUENCE_EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0, math.inf)  # standard deviations of the sensors, after 2 s
 
@@ -65,6 +67,19 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
     return targets("Targets", rows)
 
 
+def scores(judgements: Iterable[Judgement], groups: Iterable[tuple[str, Sequence[Judgement]]]) -> Table:
+    """How many answers of each group, and of all, are right, half right and wrong by the one rule of all benchmarks."""
+    names = [score.name.lower() for score in Score]
+    every = [*((text, cases) for text, cases in groups if cases), ("all", list(judgements))]
+    rows = [(text, *(str(sum(j.score == name for j in cases)) for name in names)) for text, cases in every]
+    return Table("Right, half right, wrong", ("", "right", "half right", "wrong"), rows)
+
+
+def by_family(judgements: Sequence[Judgement]) -> Table:
+    """The scores of each family."""
+    return scores(judgements, ((family, of_families(judgements, family)) for family in FAMILIES))
+
+
 def calibration_cases(judgements: Iterable[Judgement]) -> list[Judgement]:
     """Cases with one truth out of the library, at a clear size, or none."""
     return of_families(judgements, "single", "single_slack", "no_gap", "no_gap_slack")
@@ -104,17 +119,17 @@ def left_out(judgements: Iterable[Judgement]) -> Table:
     for name in EFFECTS:
         for j in judgements:
             if j.left_out == name:
-                rows.append((name, j.verdict, ", ".join(j.named), _share(j.closed), _tick(j.right_class)))
-    return Table("Leave one out", ("left out", "verdict", "named instead", "closed", "right"), rows)
+                rows.append((name, j.verdict, ", ".join(j.named), _share(j.closed), *Score[j.score.upper()].cells))
+    return Table("Leave one out", ("left out", "verdict", "named instead", "closed", "right", "half right"), rows)
 
 
 def outside(judgements: Iterable[Judgement]) -> Table:
     """Effects that no library entry describes."""
     rows = [
-        (j.outside or "", j.verdict, ", ".join(j.named), _share(j.closed), _tick(j.right))
+        (j.outside or "", j.verdict, ", ".join(j.named), _share(j.closed), *Score[j.score.upper()].cells)
         for j in sorted(of_families(judgements, "outside"), key=lambda j: j.outside or "")
     ]
-    return Table("Outside the library", ("effect", "verdict", "named", "closed", "right"), rows)
+    return Table("Outside the library", ("effect", "verdict", "named", "closed", "right", "half right"), rows)
 
 
 def no_gap(judgements: Iterable[Judgement]) -> Table:
@@ -172,14 +187,14 @@ def failures(judgements: Iterable[Judgement]) -> Table:
     rows = []
     for j in judgements:
         wrong_thrusters = j.thrusters_right is False and j.right
-        if j.right and not wrong_thrusters:
+        if j.score == Score.RIGHT.name.lower() and j.right and not wrong_thrusters:
             continue
         if j.damage:
             truth = " + ".join((*j.effects, j.damage))
         else:
             truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
         answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
-        if j.right_class:
+        if j.right_class and not j.right:
             answer += " (declared, or the same by another name)"
         rows.append(failure(j, j.family, truth, answer))
     return failed("family", rows)
@@ -188,23 +203,21 @@ def failures(judgements: Iterable[Judgement]) -> Table:
 def failure(j: Judgement, group: str, truth: str, answer: str) -> tuple[str, ...]:
     """The row of a case that is not right."""
     shows = "" if j.influence is None else f"{j.influence:.1f}"
-    return j.case, group, truth, shows, f"{answer} {j.message}".strip(), j.verdict, _share(j.probability)
+    half = Score[j.score.upper()].cells[1]
+    return j.case, group, truth, shows, f"{answer} {j.message}".strip(), j.verdict, _share(j.probability), half
 
 
 def failed(group: str, rows: list[tuple[str, ...]]) -> Table:
     """The table of such rows, in which the cases are of some groups."""
-    return Table("Cases that fail", ("case", group, "truth", "shows", "answer", "verdict", "its probability"), rows)
+    head = ("case", group, "truth", "shows", "answer", "verdict", "its probability", "half right")
+    return Table("Cases that fail", head, rows)
 
 
 def tables(judgements: Sequence[Judgement]) -> list[Table]:
     """All of them, in the order in which they are read."""
-    every = (numbers, by_effect, no_gap, outside, left_out, by_damage, by_influence, by_condition, failures)
+    every = (numbers, by_family, by_effect, no_gap, outside, left_out, by_damage, by_influence, by_condition, failures)
     return [table(judgements) for table in every]
 
 
 def _share(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
-
-
-def _tick(right: bool) -> str:
-    return "yes" if right else "no"

@@ -1,9 +1,10 @@
 """``python -m benchmarks.real.ardusub``: diagnose flights that ArduSub's firmware wrote of its own simulated vehicle.
 
-What was wrong with each is known. Prints a Markdown table: what is named, its value, whether both are right, and the
-processor time. ``--healthy`` gives each flight another one that was sound, of the same sensors; ``--altered`` takes
-sound flights as faulty vehicles would have logged them. Logs that are absent are named. They are looked for in the
-folder that ``AUV_TORCHRL_DATA`` names, else in ``../shared/data``.
+What was wrong with each is known. Prints a Markdown table: verdict, what is named, its value and probability, whether
+all of that is right or half right (``benchmarks.scoring``), and the processor time. ``--healthy`` gives each flight
+another one that was sound, of the same sensors; ``--altered`` takes sound flights as faulty vehicles would have logged
+them. Logs that are absent are named. They are looked for in the folder that ``AUV_TORCHRL_DATA`` names, else in
+``../shared/data``.
 """
 
 import argparse
@@ -17,18 +18,17 @@ import torch
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
-from auv_torchrl.diagnosis.verdict import FoundEffect, Verdict
+from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.flightlog import read_flightlog
-from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks import show_progress
 from benchmarks.real import DATA
 from benchmarks.real.altered import Change, carried, exchanged, multiplied, without_position
+from benchmarks.scoring import Score, fault, score_diagnosis, sound
 
 log = logging.getLogger(__name__)
 VEHICLE = "ardusub_sitl"
 FOLDER = "ardusub_sitl"
-NEAR = 0.2  # of its departure from nominal, that a value may be off by
-ONSET_S = 2.0  # that the moment may be off by: a window of the diagnosis
 
 
 @dataclass(frozen=True)
@@ -84,29 +84,29 @@ class Result:
 
     case: Case
     diagnosis: Diagnosis
+    vehicle: Vehicle  # that it started from
     seconds: float  # of the processor
 
     @property
-    def is_right(self) -> bool:
-        """Whether nothing was named of a sound vehicle; else its fault, its place, its value, and nothing else."""
-        named = [effect for effect in self.diagnosis.effects if not effect.calibrates]
-        if not self.case.effect:
-            return self.diagnosis.verdict is Verdict.NO_GAP
-        return len(named) == 1 and named[0].name == self.case.effect and self._is_near(named[0]) and self._is_timely
+    def score(self) -> Score:
+        """How right it is, by the rule of all benchmarks."""
+        case = self.case
+        truth = fault({case.effect: case.truth}, case.onset_s) if case.effect else sound()
+        return score_diagnosis(to_json(self.diagnosis), truth, self.vehicle)
 
     @property
-    def _is_timely(self) -> bool:
-        found, true = self.diagnosis.where.onset_s, self.case.onset_s
-        return found is None if true is None else found is not None and abs(found - true) <= ONSET_S
-
-    def _is_near(self, effect: FoundEffect) -> bool:
-        shown = {name: p for name, p in effect.parameters.items() if p.value != p.nominal}
-        if set(shown) != set(self.case.truth):
-            return False
-        return all(
-            abs(shown[name].value - value) <= NEAR * abs(value - shown[name].nominal)
-            for name, value in self.case.truth.items()
+    def row(self) -> tuple[str, ...]:
+        """The cells of its line in the table; what corrects the vehicle's file is not named there."""
+        found, case = self.diagnosis, self.case
+        truth = _values(case.effect, case.truth) if case.effect else "nothing"
+        truth += f" from {case.onset_s:.0f} s on" if case.onset_s is not None else ""
+        named = "; ".join(
+            f"{_values(e.name, {k: p.value for k, p in e.parameters.items()})} (p {e.probability:.2f})"
+            for e in found.effects
+            if not e.calibrates
         )
+        closed = "" if found.gap.closed is None else f"{found.gap.closed:.2f}"
+        return case.name, truth, found.verdict.key, named, closed, *self.score.cells, f"{self.seconds:.0f}"
 
 
 def run(case: Case, folder: Path, vehicle_name: str, with_healthy: bool) -> Result:
@@ -126,21 +126,15 @@ def run(case: Case, folder: Path, vehicle_name: str, with_healthy: bool) -> Resu
         uncertainty=load_uncertainty(vehicle_name, vehicle),
         progress=lambda step, share: log.info("%s: %s", case.name, step),
     )
-    return Result(case, found, time.process_time() - begin)
+    return Result(case, found, vehicle, time.process_time() - begin)
 
 
-def table(results: Iterable[Result]) -> Iterator[str]:
-    """Lines of Markdown, each as soon as its result is there."""
-    yield "| log | what was wrong | verdict | named | closed | right | CPU s |"
-    yield "|---|---|---|---|---|---|---|"
-    for result in results:
-        found, case = result.diagnosis, result.case
-        truth = _values(case.effect, case.truth) if case.effect else "nothing"
-        truth += f" from {case.onset_s:.0f} s on" if case.onset_s is not None else ""
-        named = "; ".join(_values(e.name, {k: p.value for k, p in e.parameters.items()}) for e in found.effects)
-        closed = "" if found.gap.closed is None else f"{found.gap.closed:.2f}"
-        right = "yes" if result.is_right else "no"
-        yield f"| {case.name} | {truth} | {found.verdict.key} | {named} | {closed} | {right} | {result.seconds:.0f} |"
+def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Lines of Markdown, each as soon as its row is there."""
+    yield "| log | what was wrong | verdict | named | closed | right | half right | CPU s |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for row in rows:
+        yield f"| {' | '.join(row)} |"
 
 
 def _values(effect: str, values: dict[str, float]) -> str:
@@ -180,7 +174,7 @@ def main() -> None:
     show_progress()
     torch.set_num_threads(1)
     here = find_cases(options.data, options.names, options.healthy, cases)
-    for line in table(run(case, options.data / FOLDER, options.vehicle, options.healthy) for case in here):
+    for line in table(run(case, options.data / FOLDER, options.vehicle, options.healthy).row for case in here):
         print(line, flush=True)
 
 

@@ -70,6 +70,7 @@ def test_the_truth_gets_full_marks(labels):
     judgements = [judge(str(i), label, perfect(label), VEHICLE) for i, label in enumerate(labels)]
     assert {j.family for j in judgements} == set(FAMILIES)
     assert all(j.right and j.right_class and j.thrusters_right is not False for j in judgements)
+    assert {j.score for j in judgements} == {"right"}
     assert all(error < 1e-12 for j in judgements for error in j.errors.values())
     assert all(held for j in judgements for held in j.covered.values())
     text = markdown(numbers(judgements))
@@ -96,7 +97,7 @@ def test_errors_come_in_the_order_of_the_parameters(labels):
 def test_seeing_nothing_gets_no_marks(labels):
     """An answer of no gap is right where there is none, and nowhere else."""
     judgements = [judge(str(i), label, blind_eye(label), VEHICLE) for i, label in enumerate(labels)]
-    assert all(j.right == (j.truth == "no_gap") for j in judgements)
+    assert all(j.right == (j.score == "right") == (j.truth == "no_gap") for j in judgements)
 
 
 def test_a_crash_is_a_wrong_answer(labels):
