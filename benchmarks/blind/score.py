@@ -11,6 +11,10 @@ from benchmarks.blind.statistics import Bin, Share, calibration_error, median, q
 from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
 from benchmarks.scoring import Score
 
+NO_GAP = {"no_gap": "exactly nominal", "no_gap_slack": "3 % slack on everything"}  # family: as people call it
+LENGTH, NOISE = "log of {:.0f} s", "noise {:g} mm, {:g} rad"
+PLANTS = {"mujoco": "MuJoCo, 6 degrees of freedom", "foreign": "foreign simulator, 4 degrees of freedom"}
+ONSET = ("effect that begins during a log of 120 s", "… its onset found within 2 s")
 INFLUENCE_EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0, math.inf)  # standard deviations of the sensors, after 2 s
 
 
@@ -135,7 +139,7 @@ def outside(judgements: Iterable[Judgement]) -> Table:
 def no_gap(judgements: Iterable[Judgement]) -> Table:
     """Healthy vehicles."""
     rows = []
-    for family, text in (("no_gap", "exactly nominal"), ("no_gap_slack", "3 % slack on everything")):
+    for family, text in NO_GAP.items():
         cases = of_families(judgements, family)
         alarms = [j for j in cases if j.verdict != "no_gap"]
         named = counted(", ".join(j.named) or j.verdict for j in alarms)
@@ -147,14 +151,19 @@ def by_influence(judgements: Iterable[Judgement]) -> Table:
     """Accuracy against how much the effect shows."""
     cases = of_families(judgements, "single", "single_slack", "severity")
     rows = []
-    for low, high in zip(INFLUENCE_EDGES, INFLUENCE_EDGES[1:], strict=False):
+    for span, (low, high) in spans().items():
         mine = [j for j in cases if j.influence is not None and low <= j.influence < high]
         if mine:
             missed = sum(j.verdict == "no_gap" for j in mine)
-            span = f"{low:g} to {high:g}" if high < math.inf else f"over {low:g}"
             rows.append((span, str(Share.of([j.right for j in mine])), str(missed)))
     head = ("error at 2 s, in standard deviations of the sensors", "named first", "no gap seen")
     return Table("By severity", head, rows)
+
+
+def spans() -> dict[str, tuple[float, float]]:
+    """Ranges of the influence, by their names."""
+    pairs = zip(INFLUENCE_EDGES, INFLUENCE_EDGES[1:], strict=False)
+    return {f"{low:g} to {high:g}" if high < math.inf else f"over {low:g}": (low, high) for low, high in pairs}
 
 
 def by_condition(judgements: Iterable[Judgement]) -> Table:
@@ -164,12 +173,11 @@ def by_condition(judgements: Iterable[Judgement]) -> Table:
     groups: list[tuple[str, list[Judgement]]] = []
     for length in sorted({j.seconds_of_log for j in clear}):
         mine = [j for j in clear if j.seconds_of_log == length and j.noise == 1.0]
-        groups.append((f"log of {length:.0f} s", mine))
+        groups.append((LENGTH.format(length), mine))
     for noise in sorted({j.noise for j in clear}):
         mine = [j for j in clear if j.noise == noise and j.family != "length"]
-        groups.append((f"noise {2 * noise:g} mm, {0.004 * noise:g} rad", mine))
-    for plant in ("mujoco", "foreign"):
-        text = {"mujoco": "MuJoCo, 6 degrees of freedom", "foreign": "foreign simulator, 4 degrees of freedom"}[plant]
+        groups.append((NOISE.format(2 * noise, 0.004 * noise), mine))
+    for plant, text in PLANTS.items():
         groups.append((text, [j for j in of_families(clear, "single", "single_slack") if j.plant == plant]))
     rows = [(text, str(Share.of([j.right for j in mine]))) for text, mine in groups if mine]
     onset = of_families(judgements, "onset")
@@ -177,8 +185,8 @@ def by_condition(judgements: Iterable[Judgement]) -> Table:
         errors = [j.onset_error_s for j in onset if j.onset_error_s is not None]
         within = Share.of([j.onset_error_s is not None and j.onset_error_s < 2.0 for j in onset])
         middle = f", median error {median(errors):.1f} s" if errors else ""
-        rows.append(("effect that begins during a log of 120 s", str(Share.of([j.right for j in onset]))))
-        rows.append(("… its onset found within 2 s", f"{within}{middle}"))
+        rows.append((ONSET[0], str(Share.of([j.right for j in onset]))))
+        rows.append((ONSET[1], f"{within}{middle}"))
     return Table("By length, noise and simulator", ("", "named first"), rows)
 
 

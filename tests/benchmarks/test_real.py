@@ -61,6 +61,10 @@ def test_runs_of_known_faults_are_told_apart(table):
     assert shares["groups of 8, damages merged"] == 1
     assert shares["normal runs called faulty"] <= 0.2
     assert len(list(haizhe.table(scored))) == 2 + len(FLOWN) + 1 + len(shares)
+    for own in scored:
+        pairs = zip(own.single, own.scores, strict=True)
+        assert all(said == own.truth for said, score in pairs if score is haizhe.Score.RIGHT)
+        assert own.scores.count(haizhe.Score.RIGHT) > 0.7 * len(own.scores)
 
 
 def test_what_is_absent_is_named(tmp_path, monkeypatch, capsys):
