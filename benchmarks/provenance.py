@@ -8,6 +8,7 @@ import hashlib
 import re
 import subprocess
 from collections.abc import Iterable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,6 +68,7 @@ def age(commit: str, paths: Iterable[str]) -> int | None:
     return None if count is None else int(count)
 
 
+@cache
 def digest(paths: Sequence[str] = CODE) -> str:
     """A digest of the code as it lies there, so that results of different versions are never mixed."""
     found = hashlib.sha256()

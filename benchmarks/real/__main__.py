@@ -128,6 +128,7 @@ def main() -> None:
         if not options.publish:
             print(page[-1], flush=True)
     if options.publish:
+        provenance.digest.cache_clear()
         if provenance.digest() != code:
             parser.error("the code was changed while it was measured: measure again, at one commit")
         write_whole(PAGE, "\n".join(page).encode())

@@ -1,11 +1,12 @@
 """Tables in the documents say where they come from, are not old, and have no rows of their own."""
 
+import re
 from dataclasses import replace
 
 import pytest
 
 from auv_torchrl.paths import PROJECT
-from benchmarks import provenance, published
+from benchmarks import provenance
 from benchmarks.published import DOCS, SECTIONS, copied, problems, publish
 
 HISTORY = pytest.mark.skipif(
@@ -25,7 +26,7 @@ def page(*lines, line=LINE):
     return "\n".join(["# Benchmarks", begin, "", line, "", HEAD, *lines, "", end, ""])
 
 
-def said(text, age=0, sections=None):
+def said(text, age: int | None = 0, sections=None):
     return list(problems("benchmarks.md", text, sections or ONE, lambda commit, paths: age))
 
 
@@ -149,5 +150,5 @@ def test_code_that_is_not_committed_is_not_published(monkeypatch):
 def test_the_registry_has_one_entry_for_each_pair_of_marks():
     """What stands between marks in a document is in the registry."""
     for document in DOCUMENTS:
-        marked = set(published.re.findall(r"<!-- ([\w ]+): begin -->", read(document)))
+        marked = set(re.findall(r"<!-- ([\w ]+): begin -->", read(document)))
         assert marked == {name for own, name in SECTIONS if own == document}
