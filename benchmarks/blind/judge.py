@@ -79,9 +79,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     declared = declared_groups(diagnosis)
     beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
     right, right_class = _rightness(label, verdict, named, first, declared, beside)
-    unseen = tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
-    no_mark = bool(label.get("fault") and truth in unseen and not named)
-    right_class = right_class or no_mark
+    no_mark = bool(label.get("fault") and truth in _unseen(diagnosis) and not named)
     errors, covered = _parameters({} if label["family"] == "onset" else as_flown(label), diagnosis["effects"], vehicle)
     groups = declared if len(effects) == 1 and len(named) == 1 else []  # declared indistinguishable: one answer
     return Judgement(
@@ -100,7 +98,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         named=named,
         verdict=verdict,
         right=right,
-        right_class=right_class,
+        right_class=right_class or no_mark,
         thrusters_right=thrusters_right(label, diagnosis["effects"], declared, vehicle),
         probability=_probability(first, diagnosis, groups),
         probability_of_truth=_probability(truth, diagnosis, groups),
@@ -118,7 +116,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         fault=label.get("fault"),
         sizes=_sizes(diagnosis.get("detectable", {})),
         stranger=label.get("stranger"),
-        unseen=unseen,
+        unseen=_unseen(diagnosis),
         score=_score(label, diagnosis, vehicle, beside.score, no_mark, right_class).name.lower(),
     )
 
@@ -158,6 +156,11 @@ def _rightness(
         right = set(named) == set(effects)
         return right, right or _same_sets(effects, named, declared)
     return first == truth, first == truth or _same_sets((truth,), (first,), declared)
+
+
+def _unseen(diagnosis: Mapping[str, Any]) -> tuple[str, ...]:
+    """Effects that it says would leave no mark on the log."""
+    return tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
 
 
 def _onset_error(true: float | None, said: float | None) -> float | None:

@@ -211,7 +211,8 @@ def test_report_fills_the_document_between_its_markers(labels, tmp_path, monkeyp
     for picture in ("confusion", "reliability", "severity"):
         assert (document.parent / "figures" / f"{picture}.png").stat().st_size > 1000
     sections = {("diagnosis.md", "blind"): published.SECTIONS["diagnosis.md", "blind"]}
-    assert list(published.problems("diagnosis.md", once, sections, lambda commit, paths: 0)) == []
+    (short,) = published.problems("diagnosis.md", once, sections, lambda commit, paths: 0)
+    assert "cannot print the row 'log of 12 s" in short, "logs of this test are shorter than those of any benchmark"
     document.write_text("no markers")
     with pytest.raises(ValueError, match="put both where"):
         publish(text, tmp_path, document, None, command, "0123abc")
