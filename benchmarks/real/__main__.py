@@ -11,6 +11,7 @@ import datetime
 import json
 import logging
 import platform
+import sys
 import textwrap
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -135,4 +136,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit("stopped; the same command goes on with what is not measured yet")
