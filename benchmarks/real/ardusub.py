@@ -11,6 +11,7 @@ import argparse
 import logging
 import lzma
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -152,11 +153,15 @@ def run(case: Case, folder: Path, vehicle_name: str, with_healthy: bool) -> Resu
 
 
 def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Lines of Markdown, each as soon as its row is there."""
+    """Lines of Markdown, each as soon as its row is there, and how many are right."""
     yield "| log | what was wrong | verdict | named | closed | right | half right | CPU s |"
     yield "|---|---|---|---|---|---|---|---|"
+    scores: Counter[tuple[str, ...]] = Counter()
     for row in rows:
+        scores[tuple(row[-3:-1])] += 1
         yield f"| {' | '.join(row)} |"
+    yield ""
+    yield f"{scores[Score.RIGHT.cells]} of {scores.total()} right, {scores[Score.HALF.cells]} half right."
 
 
 def _values(effect: str, values: dict[str, float]) -> str:

@@ -101,7 +101,8 @@ def test_half_a_certainty_is_no_right_row_of_the_firmware_table():
     )  # fmt: skip
     result = ardusub.Result(case, said, VEHICLE, 90.0)
     assert result.score is Score.HALF
-    (line,) = list(ardusub.table([result.row]))[2:]
+    line, _, counted = list(ardusub.table([result.row]))[2:]
+    assert counted == "0 of 1 right, 1 half right."
     assert "| partly_explained | thruster_gain gain_4 0.00 (p 0.40) |  | no | yes | 90 |" in line
 
 
