@@ -62,8 +62,8 @@ bench: $(READY) ## measure the figures of docs/benchmarks.md
 blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430 SENSORS=stock STRANGERS=2
 	$(BIN)/python -m benchmarks.blind $(if $(CASES),cases=$(CASES)) sensors=$(SENSORS) strangers=$(STRANGERS)
 
-real: $(READY) ## logs of real vehicles and firmware that are at hand: AUV_TORCHRL_DATA=FOLDER, writes docs/real.md
-	$(BIN)/python -m benchmarks.real --publish
+real: $(READY) ## logs of real vehicles and firmware that are at hand: AUV_TORCHRL_DATA=FOLDER JOBS=2, writes docs/real.md
+	$(BIN)/python -m benchmarks.real --publish --jobs $(JOBS)
 
 clean: ## remove the environment and caches, keep outputs
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info

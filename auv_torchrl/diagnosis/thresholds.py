@@ -1,4 +1,7 @@
-"""Every threshold by which a log is read, located, explained and judged: one meaning per name, each with its reason.
+"""The thresholds that several parts of the diagnosis share, or that ``benchmarks.blind.ablation`` varies.
+
+Within this file a name has one meaning, each with its reason. What a single file needs, as the rounds of its own fit,
+stands in that file as a constant of its own; two files may use the same name for different things.
 
 Units: chi-square and log evidence are natural; "per number" is per measured number, of which noise alone leaves 1.
 """

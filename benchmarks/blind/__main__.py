@@ -11,15 +11,17 @@ from tqdm import tqdm
 from auv_torchrl.command import checking_input, command
 from auv_torchrl.settings import check
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks import provenance
 from benchmarks.blind.examine import examine, read_answers
 from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.fly import fly
 from benchmarks.blind.judge import judge
 from benchmarks.blind.parts import Part
-from benchmarks.blind.report import markdown, publish, write_report
+from benchmarks.blind.report import markdown, publish, section, write_report
 from benchmarks.blind.schema import BlindSchema, register
 from benchmarks.blind.seal import answers_folder, is_sealed, open_labels, seal
 from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.published import SECTIONS
 
 BATCH = 24  # cases flown at once: 0.1 GB
 
@@ -35,6 +37,7 @@ def main(config: DictConfig) -> None:
         check(BlindSchema, {name: config[name] for name in ("cases", "seed", "workers", "sensors", "strangers")})
         part = Part.of(config)
         folder = Path(config.folder, part.name or "")
+        commit = provenance.committed(measures(part)) if config.publish else ""
         fly_and_seal(config, part, folder)
     answers = answers_folder(folder)
     examine(folder, answers, config.workers or os.cpu_count() or 1)
@@ -47,8 +50,13 @@ def main(config: DictConfig) -> None:
     text = write_report(judgements, answers, command, tables, pictures)
     if config.publish:
         with checking_input():
-            publish(text, answers, Path(config.publish), part.name)
+            publish(text, answers, Path(config.publish), part.name, command, commit)
     log.info("%s\n\n%s\n\nresults: %s", markdown(tables[0]), markdown(tables[-1]), answers)
+
+
+def measures(part: Part) -> tuple[str, ...]:
+    """The code that a part measures."""
+    return SECTIONS["diagnosis.md", section(part.name)].measures
 
 
 def fly_and_seal(config: DictConfig, part: Part, folder: Path) -> None:

@@ -10,6 +10,7 @@ from auv_torchrl.vehicle import Vehicle
 from benchmarks.blind.judge_damage import Named, judge_damage
 from benchmarks.blind.strangers import as_flown, with_changes
 from benchmarks.blind.thrusters import declared_groups, same_class, thrusters_right
+from benchmarks.scoring import Score, fault, score_diagnosis, sound, unknown
 
 NOT_EXPLAINED = ("partly_explained", "unexplained")
 NO_MARK = " would leave no mark on this log"  # the end of a sentence under cannot_tell
@@ -59,6 +60,7 @@ class Judgement:
     sizes: dict[str, float] = field(default_factory=dict)  # by effect, the smallest that a log without a gap would show
     stranger: int | None = None  # number of the vehicle, where it is a stranger
     unseen: tuple[str, ...] = ()  # effects that it said would leave no mark on the log
+    score: str = Score.WRONG.name.lower()  # by the rule of benchmarks.scoring
 
     @property
     def said(self) -> str:
@@ -77,8 +79,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
     declared = declared_groups(diagnosis)
     beside = judge_damage(label, diagnosis, answer.get("refused", ""), vehicle) if label.get("damage") else Named()
     right, right_class = _rightness(label, verdict, named, first, declared, beside)
-    unseen = tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
-    right_class = right_class or bool(label.get("fault") and truth in unseen and not named)
+    no_mark = bool(label.get("fault") and truth in _unseen(diagnosis) and not named)
     errors, covered = _parameters({} if label["family"] == "onset" else as_flown(label), diagnosis["effects"], vehicle)
     groups = declared if len(effects) == 1 and len(named) == 1 else []  # declared indistinguishable: one answer
     return Judgement(
@@ -97,7 +98,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         named=named,
         verdict=verdict,
         right=right,
-        right_class=right_class,
+        right_class=right_class or no_mark,
         thrusters_right=thrusters_right(label, diagnosis["effects"], declared, vehicle),
         probability=_probability(first, diagnosis, groups),
         probability_of_truth=_probability(truth, diagnosis, groups),
@@ -115,8 +116,29 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], vehicl
         fault=label.get("fault"),
         sizes=_sizes(diagnosis.get("detectable", {})),
         stranger=label.get("stranger"),
-        unseen=unseen,
+        unseen=_unseen(diagnosis),
+        score=_score(label, diagnosis, vehicle, beside.score, no_mark, right_class).name.lower(),
     )
+
+
+def _score(
+    label: Mapping[str, Any],
+    diagnosis: Mapping[str, Any],
+    vehicle: Vehicle,
+    damaged: Score,
+    no_mark: bool,
+    right_class: bool,
+) -> Score:
+    """The score of an answer; ``damaged`` is that of a damaged log; ``no_mark``: no log of these sensors shows it."""
+    if label.get("damage"):
+        return damaged
+    if no_mark:
+        return score_diagnosis(diagnosis, sound(), vehicle)
+    if label["truth"] == "unknown":
+        given = score_diagnosis(diagnosis, unknown(), vehicle)
+        return Score.HALF if given is Score.WRONG and right_class else given  # by another name of the same thing
+    values = as_flown(label)
+    return score_diagnosis(diagnosis, fault(values, label["onset_s"]) if values else sound(), vehicle)
 
 
 def _rightness(
@@ -134,6 +156,11 @@ def _rightness(
         right = set(named) == set(effects)
         return right, right or _same_sets(effects, named, declared)
     return first == truth, first == truth or _same_sets((truth,), (first,), declared)
+
+
+def _unseen(diagnosis: Mapping[str, Any]) -> tuple[str, ...]:
+    """Effects that it says would leave no mark on the log."""
+    return tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
 
 
 def _onset_error(true: float | None, said: float | None) -> float | None:

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from auv_torchrl.vehicle import Vehicle
+from benchmarks import scoring
 from benchmarks.blind.thrusters import declared_groups, same_class, split_entry, thrusters_right
 
-HELD_TRUE = 0.5  # probability above which an effect is an answer
 SAID = {  # in the sentence with which a log is refused, by what would be the code of a finding
     "constant_column": r"never chang|constant|stands? still",
     "frozen": r"frozen|stands? still|never chang",
@@ -36,6 +36,7 @@ class Named(NamedTuple):
     damage: bool | None = None
     wrong: tuple[str, ...] | None = None
     fault: bool | None = None
+    score: scoring.Score = scoring.Score.WRONG
 
 
 def judge_damage(label: Mapping[str, Any], diagnosis: Mapping[str, Any], refused: str, vehicle: Vehicle) -> Named:
@@ -54,10 +55,34 @@ def judge_damage(label: Mapping[str, Any], diagnosis: Mapping[str, Any], refused
         mine = same_class(name, declared)
         faulty = name in label["effects"] and at_fault is False
         allowed = any(name == one and (not some or set(effect["thrusters"]) <= some) for one, some in excused)
-        if effect["probability"] > HELD_TRUE and (faulty or not mine & true) and not allowed:
+        if effect["probability"] > scoring.LIKELY and (faulty or not mine & true) and not allowed:
             wrong.append(name)
     fault = set(label["effects"]) <= names and at_fault is not False if by["shows_fault"] else None
-    return Named(named, tuple(wrong), fault)
+    score = _score(label, diagnosis, vehicle) if named else scoring.Score.WRONG
+    if wrong and score is scoring.Score.RIGHT:
+        score = scoring.Score.HALF
+    return Named(named, tuple(wrong), fault, score)
+
+
+def _score(label: Mapping[str, Any], diagnosis: Mapping[str, Any], vehicle: Vehicle) -> scoring.Score:
+    """The score of an answer that names the damage, which is one true cause; the fault beside it is the other.
+
+    A finding that limits the verdict holds every name below one half, and allows no better verdict than *partly
+    explained*: there, each name counts as a claim.
+    """
+    by = label["named_by"]
+    values = label["values"] if by["shows_fault"] else {}
+    hidden = set(label["effects"]) - set(values)  # a fault that the damage hides may be named or not
+    excused = ({*by["effects"], *(split_entry(entry)[0] for entry in by["partly"])} - set(values)) | hidden
+    rest = {**diagnosis, "effects": [effect for effect in diagnosis["effects"] if effect["name"] not in excused]}
+    limited = any(finding.get("limits") for finding in diagnosis.get("findings", ()))
+    if limited:
+        verdicts = {"partly_explained"} if values else {"no_gap", "partly_explained", "unexplained", "refused"}
+    else:
+        verdicts = {"explained"} if values else {"no_gap", "explained", "refused"}
+    truth = scoring.Truth(frozenset(verdicts), values, label["onset_s"])
+    given = scoring.score_diagnosis(rest, truth, vehicle, likely=0.0 if limited else scoring.LIKELY)
+    return scoring.Score.HALF if given is scoring.Score.WRONG and not values else given
 
 
 def _names_it(by: Mapping[str, Any], findings: Any) -> bool:

@@ -6,12 +6,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from auv_torchrl.files import write_whole
-from benchmarks import replace_between
+from benchmarks import published
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.seal import write_json
 from benchmarks.blind.table import Table
 
-BEGIN, END = "<!-- blind: begin -->", "<!-- blind: end -->"
 FIGURES = "figures"  # beside the document
 CAPTIONS = {
     "confusion": "Truth against first answer",
@@ -20,10 +19,9 @@ CAPTIONS = {
 }
 
 
-def markers(part: str | None) -> tuple[str, str]:
-    """Between what the tables of a part of the benchmark stand in a document; None is its main part."""
-    name = "blind" if part is None else f"blind {part}"
-    return BEGIN.replace("blind", name), END.replace("blind", name)
+def section(part: str | None) -> str:
+    """The name of the section in which the tables of a part of the benchmark stand; None is its main part."""
+    return "blind" if part is None else f"blind {part}"
 
 
 def write_report(
@@ -46,13 +44,13 @@ def markdown(table: Table) -> str:
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table.rows])
 
 
-def publish(text: str, pictures: Path, document: Path, part: str | None = None) -> None:
-    """Replace what stands between the markers of ``document`` and copy the pictures beside it.
+def publish(text: str, pictures: Path, document: Path, part: str | None, command: str, commit: str) -> None:
+    """Replace what stands between the marks of ``document`` and copy the pictures beside it.
 
     Raises:
-        ValueError: if the document does not have both markers, in order.
+        ValueError: if the document does not have both marks, in order, or the code has changed since ``commit``.
     """
-    replace_between(document, *markers(part), f"\n\n{text}\n\n")
+    published.publish(document, section(part), text, command, commit)
     (document.parent / FIGURES).mkdir(exist_ok=True)
     for name in CAPTIONS:
         if (pictures / f"{name}.png").exists():

@@ -4,11 +4,17 @@ import math
 from collections.abc import Iterable, Sequence
 
 from auv_torchrl.effects import EFFECTS
+from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score_damage import by_damage, damage_targets
 from benchmarks.blind.statistics import Bin, Share, calibration_error, median, quantile, reliability
 from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.scoring import Score
 
+NO_GAP = {"no_gap": "exactly nominal", "no_gap_slack": "3 % slack on everything"}  # family: as people call it
+LENGTH, NOISE = "log of {:.0f} s", "noise {:g} mm, {:g} rad"
+PLANTS = {"mujoco": "MuJoCo, 6 degrees of freedom", "foreign": "foreign simulator, 4 degrees of freedom"}
+ONSET = ("effect that begins during a log of 120 s", "… its onset found within 2 s")
 INFLUENCE_EDGES = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0, math.inf)  # standard deviations of the sensors, after 2 s
 
 
@@ -65,6 +71,19 @@ def numbers(judgements: Sequence[Judgement]) -> Table:
     return targets("Targets", rows)
 
 
+def scores(judgements: Iterable[Judgement], groups: Iterable[tuple[str, Sequence[Judgement]]]) -> Table:
+    """How many answers of each group, and of all, are right, half right and wrong by the one rule of all benchmarks."""
+    names = [score.name.lower() for score in Score]
+    every = [*((text, cases) for text, cases in groups if cases), ("all", list(judgements))]
+    rows = [(text, *(str(sum(j.score == name for j in cases)) for name in names)) for text, cases in every]
+    return Table("Right, half right, wrong", ("", "right", "half right", "wrong"), rows)
+
+
+def by_family(judgements: Sequence[Judgement]) -> Table:
+    """The scores of each family."""
+    return scores(judgements, ((family, of_families(judgements, family)) for family in FAMILIES))
+
+
 def calibration_cases(judgements: Iterable[Judgement]) -> list[Judgement]:
     """Cases with one truth out of the library, at a clear size, or none."""
     return of_families(judgements, "single", "single_slack", "no_gap", "no_gap_slack")
@@ -104,23 +123,23 @@ def left_out(judgements: Iterable[Judgement]) -> Table:
     for name in EFFECTS:
         for j in judgements:
             if j.left_out == name:
-                rows.append((name, j.verdict, ", ".join(j.named), _share(j.closed), _tick(j.right_class)))
-    return Table("Leave one out", ("left out", "verdict", "named instead", "closed", "right"), rows)
+                rows.append((name, j.verdict, ", ".join(j.named), _share(j.closed), *Score[j.score.upper()].cells))
+    return Table("Leave one out", ("left out", "verdict", "named instead", "closed", "right", "half right"), rows)
 
 
 def outside(judgements: Iterable[Judgement]) -> Table:
     """Effects that no library entry describes."""
     rows = [
-        (j.outside or "", j.verdict, ", ".join(j.named), _share(j.closed), _tick(j.right))
+        (j.outside or "", j.verdict, ", ".join(j.named), _share(j.closed), *Score[j.score.upper()].cells)
         for j in sorted(of_families(judgements, "outside"), key=lambda j: j.outside or "")
     ]
-    return Table("Outside the library", ("effect", "verdict", "named", "closed", "right"), rows)
+    return Table("Outside the library", ("effect", "verdict", "named", "closed", "right", "half right"), rows)
 
 
 def no_gap(judgements: Iterable[Judgement]) -> Table:
     """Healthy vehicles."""
     rows = []
-    for family, text in (("no_gap", "exactly nominal"), ("no_gap_slack", "3 % slack on everything")):
+    for family, text in NO_GAP.items():
         cases = of_families(judgements, family)
         alarms = [j for j in cases if j.verdict != "no_gap"]
         named = counted(", ".join(j.named) or j.verdict for j in alarms)
@@ -132,14 +151,19 @@ def by_influence(judgements: Iterable[Judgement]) -> Table:
     """Accuracy against how much the effect shows."""
     cases = of_families(judgements, "single", "single_slack", "severity")
     rows = []
-    for low, high in zip(INFLUENCE_EDGES, INFLUENCE_EDGES[1:], strict=False):
+    for span, (low, high) in spans().items():
         mine = [j for j in cases if j.influence is not None and low <= j.influence < high]
         if mine:
             missed = sum(j.verdict == "no_gap" for j in mine)
-            span = f"{low:g} to {high:g}" if high < math.inf else f"over {low:g}"
             rows.append((span, str(Share.of([j.right for j in mine])), str(missed)))
     head = ("error at 2 s, in standard deviations of the sensors", "named first", "no gap seen")
     return Table("By severity", head, rows)
+
+
+def spans() -> dict[str, tuple[float, float]]:
+    """Ranges of the influence, by their names."""
+    pairs = zip(INFLUENCE_EDGES, INFLUENCE_EDGES[1:], strict=False)
+    return {f"{low:g} to {high:g}" if high < math.inf else f"over {low:g}": (low, high) for low, high in pairs}
 
 
 def by_condition(judgements: Iterable[Judgement]) -> Table:
@@ -149,12 +173,11 @@ def by_condition(judgements: Iterable[Judgement]) -> Table:
     groups: list[tuple[str, list[Judgement]]] = []
     for length in sorted({j.seconds_of_log for j in clear}):
         mine = [j for j in clear if j.seconds_of_log == length and j.noise == 1.0]
-        groups.append((f"log of {length:.0f} s", mine))
+        groups.append((LENGTH.format(length), mine))
     for noise in sorted({j.noise for j in clear}):
         mine = [j for j in clear if j.noise == noise and j.family != "length"]
-        groups.append((f"noise {2 * noise:g} mm, {0.004 * noise:g} rad", mine))
-    for plant in ("mujoco", "foreign"):
-        text = {"mujoco": "MuJoCo, 6 degrees of freedom", "foreign": "foreign simulator, 4 degrees of freedom"}[plant]
+        groups.append((NOISE.format(2 * noise, 0.004 * noise), mine))
+    for plant, text in PLANTS.items():
         groups.append((text, [j for j in of_families(clear, "single", "single_slack") if j.plant == plant]))
     rows = [(text, str(Share.of([j.right for j in mine]))) for text, mine in groups if mine]
     onset = of_families(judgements, "onset")
@@ -162,8 +185,8 @@ def by_condition(judgements: Iterable[Judgement]) -> Table:
         errors = [j.onset_error_s for j in onset if j.onset_error_s is not None]
         within = Share.of([j.onset_error_s is not None and j.onset_error_s < 2.0 for j in onset])
         middle = f", median error {median(errors):.1f} s" if errors else ""
-        rows.append(("effect that begins during a log of 120 s", str(Share.of([j.right for j in onset]))))
-        rows.append(("… its onset found within 2 s", f"{within}{middle}"))
+        rows.append((ONSET[0], str(Share.of([j.right for j in onset]))))
+        rows.append((ONSET[1], f"{within}{middle}"))
     return Table("By length, noise and simulator", ("", "named first"), rows)
 
 
@@ -172,14 +195,14 @@ def failures(judgements: Iterable[Judgement]) -> Table:
     rows = []
     for j in judgements:
         wrong_thrusters = j.thrusters_right is False and j.right
-        if j.right and not wrong_thrusters:
+        if j.score == Score.RIGHT.name.lower() and j.right and not wrong_thrusters:
             continue
         if j.damage:
             truth = " + ".join((*j.effects, j.damage))
         else:
             truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
         answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
-        if j.right_class:
+        if j.right_class and not j.right:
             answer += " (declared, or the same by another name)"
         rows.append(failure(j, j.family, truth, answer))
     return failed("family", rows)
@@ -188,23 +211,21 @@ def failures(judgements: Iterable[Judgement]) -> Table:
 def failure(j: Judgement, group: str, truth: str, answer: str) -> tuple[str, ...]:
     """The row of a case that is not right."""
     shows = "" if j.influence is None else f"{j.influence:.1f}"
-    return j.case, group, truth, shows, f"{answer} {j.message}".strip(), j.verdict, _share(j.probability)
+    half = Score[j.score.upper()].cells[1]
+    return j.case, group, truth, shows, f"{answer} {j.message}".strip(), j.verdict, _share(j.probability), half
 
 
 def failed(group: str, rows: list[tuple[str, ...]]) -> Table:
     """The table of such rows, in which the cases are of some groups."""
-    return Table("Cases that fail", ("case", group, "truth", "shows", "answer", "verdict", "its probability"), rows)
+    head = ("case", group, "truth", "shows", "answer", "verdict", "its probability", "half right")
+    return Table("Cases that fail", head, rows)
 
 
 def tables(judgements: Sequence[Judgement]) -> list[Table]:
     """All of them, in the order in which they are read."""
-    every = (numbers, by_effect, no_gap, outside, left_out, by_damage, by_influence, by_condition, failures)
+    every = (numbers, by_family, by_effect, no_gap, outside, left_out, by_damage, by_influence, by_condition, failures)
     return [table(judgements) for table in every]
 
 
 def _share(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
-
-
-def _tick(right: bool) -> str:
-    return "yes" if right else "no"

@@ -7,17 +7,19 @@ import numpy as np
 from auv_torchrl.effects import EFFECTS, get_effect
 from benchmarks.blind.faults import FAULTS, LOAD, THRUSTER, UNSEEN
 from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import failures
+from benchmarks.blind.score import failures, scores
 from benchmarks.blind.statistics import Share, median
 from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
 
 LEAST = {"stock": ("≥ 90 %", "≥ 97 %"), "dvl": ("≥ 95 %", "≥ 99 %"), "mocap": ("", "")}  # of what is named: must, aim
 ALARMS = ("≤ 3 %", "≤ 1 %")
+NOTHING = "nothing wrong"
 
 
 def set_tables(judgements: Sequence[Judgement], sensors: str) -> list[Table]:
     """All of them, in the order in which they are read."""
-    return [set_numbers(judgements, sensors), by_fault(judgements), shown(judgements), failures(judgements)]
+    scored = scores(judgements, ((fault or NOTHING, _of(judgements, [fault])) for fault in (*FAULTS, None)))
+    return [set_numbers(judgements, sensors), scored, by_fault(judgements), shown(judgements), failures(judgements)]
 
 
 def set_numbers(judgements: Sequence[Judgement], sensors: str) -> Table:
@@ -79,7 +81,7 @@ def shown(judgements: Iterable[Judgement]) -> Table:
     return Table("What these sensors can show", head, rows)
 
 
-def _of(judgements: Iterable[Judgement], faults: Iterable[str]) -> list[Judgement]:
+def _of(judgements: Iterable[Judgement], faults: Iterable[str | None]) -> list[Judgement]:
     wanted = set(faults)
     return [j for j in judgements if j.fault in wanted]
 

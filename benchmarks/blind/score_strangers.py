@@ -4,14 +4,16 @@ from collections.abc import Iterable, Sequence
 
 from auv_torchrl.effects import EFFECTS
 from benchmarks.blind.judge import Judgement
+from benchmarks.blind.score import by_family as scores_by_family
 from benchmarks.blind.score import failed, failure, of_families, outside
 from benchmarks.blind.statistics import Share, median
 from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.scoring import Score
 
 
 def stranger_tables(judgements: Sequence[Judgement], flights: int) -> list[Table]:
     """All of them, in the order in which they are read."""
-    every = (by_effect, by_stranger, outside, wrong)
+    every = (scores_by_family, by_effect, by_stranger, outside, wrong)
     return [stranger_numbers(judgements, flights), *(table(judgements) for table in every)]
 
 
@@ -76,7 +78,7 @@ def wrong(judgements: Iterable[Judgement]) -> Table:
     rows = []
     for j in judgements:
         wrong_thrusters = j.thrusters_right is False
-        if _alone(j) and not wrong_thrusters:
+        if j.score == Score.RIGHT.name.lower() and _alone(j) and not wrong_thrusters:
             continue
         answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
         answer += " (declared)" if _declared(j) and not _alone(j) else ""

@@ -28,7 +28,7 @@ def number(values: Sequence[float], of: Callable[[Sequence[float]], float], form
 
 def median_and_largest(seconds: Sequence[float]) -> str:
     """Both of the times that logs took."""
-    return f"{median(seconds):.1f} / {max(seconds):.1f}"
+    return f"{median(seconds):.1f} / {max(seconds):.1f}" if seconds else "–"
 
 
 def counted(names: Iterable[str]) -> str:

@@ -45,10 +45,16 @@ def thrusters_right(
         if wanted is None or label["left_out"]:
             continue
         named = {frozenset(f["thrusters"]) for f in found if f["name"] == effect}
-        sets = [{_thrusters_of(entry, effect, vehicle) for entry in group} for group in declared]
-        exchangeable = {thrusters for group in sets if group & named for thrusters in group}
-        verdicts.append(wanted in named | exchangeable)
+        verdicts.append(wanted in named.union(*(exchangeable(effect, one, declared, vehicle) for one in named)))
     return all(verdicts) if verdicts else None
+
+
+def exchangeable(
+    effect: str, thrusters: frozenset[int], declared: list[list[str]], vehicle: Vehicle
+) -> set[frozenset[int]]:
+    """Sets of thrusters that were declared indistinguishable from some, for an effect of them."""
+    sets = [{_thrusters_of(entry, effect, vehicle) for entry in group} for group in declared]
+    return {other for group in sets if thrusters in group for other in group if other is not None}
 
 
 def _thrusters_of(entry: str, effect: str, vehicle: Vehicle) -> frozenset[int] | None:

@@ -1,7 +1,8 @@
 """Measure the figures of docs/benchmarks.md, all of them or some: python -m benchmarks.control [NAME ...].
 
 Each part is a module of this folder that prints Markdown; its output replaces the section of the same name in
-docs/benchmarks.md, with the versions and the machine it was measured on. Parts that fail leave their section alone.
+docs/benchmarks.md, with the commit, the versions and the machine it was measured on. Parts that fail leave their
+section alone. A module of its own, ``python -m benchmarks.control.NAME``, prints and writes nothing.
 """
 
 import argparse
@@ -11,10 +12,12 @@ import platform
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from auv_torchrl.files import write_whole
+from benchmarks import provenance
+from benchmarks.published import SECTIONS, publish
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
 PARTS = {  # module: what it measures
@@ -29,12 +32,14 @@ PARTS = {  # module: what it measures
     "tasks": "Every agent in every scenario",
     "comparison": "All methods in all scenarios",
 }
-PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy", "stable-baselines3")
+PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy")
+RIVAL = "stable-baselines3"
+COMPARED = ("sac_updates", "time_to_error")  # parts that measure it, too
 
 
-def machine() -> str:
+def machine(packages: Sequence[str] = PACKAGES) -> str:
     """One line on the versions and the machine, for the head of a section."""
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    versions = ", ".join(f"{name} {version(name)}" for name in packages)
     load = os.getloadavg()[0]
     today = datetime.datetime.now(datetime.UTC).date()
     return (
@@ -69,20 +74,6 @@ def measure(name: str) -> str | None:
     return "".join(lines).strip()
 
 
-def replace_section(document: str, name: str, text: str) -> str:
-    """The document with what stands between the markers of a section replaced.
-
-    Raises:
-        ValueError: if the document lacks the markers.
-    """
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    before, found, rest = document.partition(begin)
-    _, found_end, after = rest.partition(end)
-    if not found or not found_end:
-        raise ValueError(f"{DOCUMENT} has no section between {begin} and {end}: put both lines where it belongs")
-    return f"{before}{begin}\n{text}\n{end}{after}"
-
-
 def main() -> int:
     """Measure the parts that were asked for; the exit code is the number of those that failed."""
     parser = argparse.ArgumentParser(
@@ -95,18 +86,22 @@ def main() -> int:
     if unknown := set(names) - set(PARTS):
         parser.error(f"no part named {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
     try:
-        machine()
+        for package in (*PACKAGES, *([RIVAL] if set(names) & set(COMPARED) else [])):
+            version(package)
+        commits = {name: provenance.committed(SECTIONS[DOCUMENT.name, name].measures) for name in names}
     except PackageNotFoundError as error:
         parser.error(f"{error.name} is not installed: pip install --constraint constraints.txt --editable '.[bench]'")
+    except ValueError as error:
+        parser.error(f"{error}; python -m benchmarks.control.NAME prints without publishing")
     failed = 0
     for name in names:
-        where = machine()
+        where = machine((*PACKAGES, RIVAL) if name in COMPARED else PACKAGES)
         text = measure(name)
         if text is None:
             failed += 1
             continue
-        document = replace_section(DOCUMENT.read_text(), name, f"{where}\n\n{text}")
-        write_whole(DOCUMENT, document.encode())
+        command = f"python -m benchmarks.control {name}"
+        publish(DOCUMENT, name, f"{where}\n\n{text}", command, commits[name])
     return failed
 
 

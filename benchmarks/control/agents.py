@@ -20,6 +20,7 @@ from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks.control.source import BACKEND, STORE, ranges, shipped_scenario
 
 SCENARIOS = ("pose_delay", "command_delay", "thruster_lag", "current", "payload", "drag", "sensor_noise")
+SEEDS = 1
 STARTS, STARTS_SEED, BOX_M = 100, 2023, 1.0  # those of train.py
 
 
@@ -43,7 +44,7 @@ def row(agent: str, seed: int, store: Path) -> str:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--store", type=Path, default=STORE)
     parser.add_argument("--agents", nargs="+", default=list(AGENTS))
     options = parser.parse_args()

@@ -1,7 +1,7 @@
 """Every method on every scenario, from the same starts: python -m benchmarks.control.comparison [--scenarios NAME ...].
 
-What has been flown lies in outputs/comparison and is not flown again, so that a killed run goes on; --fresh flies all
-again. The methods: methods.py; tables and picture: comparison_tables.py.
+What has been flown lies in outputs/comparison and is not flown again by the same code, so that a killed run goes on;
+--fresh flies all again. The methods: methods.py; tables and picture: comparison_tables.py.
 """
 
 import argparse
@@ -17,6 +17,7 @@ from auv_torchrl.files import write_whole
 from auv_torchrl.paths import PROJECT, config_names
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks import provenance
 from benchmarks.control.comparison_tables import Cell, draw, report
 from benchmarks.control.methods import METHODS, Bench
 from benchmarks.control.source import STORE, ranges, shipped_scenario, source_policy
@@ -26,9 +27,10 @@ PICTURE = PROJECT / "docs" / "comparison.png"
 
 
 def cell(bench: Bench, method: str, folder: Path, fresh: bool) -> Cell:
-    """What a method did in a scenario, flown now or before with the same starts and source policy."""
+    """What a method did in a scenario, flown now or before by the same code with the same starts and source policy."""
     changes = repr([(c.effect.name, c.values, c.start_s, c.stop_s) for c in bench.scenario.changes])
-    key = {"policy": bench.source.metadata["hash"], "starts": bench.count, "scenario": changes}
+    policy, code = bench.source.metadata["hash"], provenance.digest()
+    key = {"code": code, "policy": policy, "starts": bench.count, "scenario": changes}
     path = folder / bench.scenario.name / f"{method.replace(',', '').replace(' ', '_')}.json"
     if path.exists() and not fresh:
         kept = json.loads(path.read_text())

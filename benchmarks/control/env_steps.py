@@ -16,6 +16,7 @@ from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks.control.source import ranges
 
+SIZES = [1, 64, 256, 1024]  # vehicles of a fleet
 REPEATS = 3  # the median is reported, since other programs disturb
 
 
@@ -57,7 +58,7 @@ def steps_per_second(env: EnvBase, wall: bool) -> float:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", type=int, nargs="+", default=[1, 64, 256, 1024], help="numbers of vehicles")
+    parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="numbers of vehicles")
     parser.add_argument("--vehicle", default="paper", help="name in conf/vehicle")
     parser.add_argument("--randomization", default="paper", help="name in conf/randomization")
     arguments = parser.parse_args()

@@ -14,6 +14,8 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from auv_torchrl.agents.losses import make_loss
 from auv_torchrl.agents.updater import SACUpdater
 
+OURS = {"ours, fused": "fused", "ours, stock": "stock"}  # by their names in the table, the kinds of their loss
+THEIRS = "stable-baselines3"
 OBSERVATIONS, ACTIONS, STORED = 15, 4, 100_000
 
 
@@ -83,9 +85,9 @@ def measure(hidden: int = 64, batch: int = 256, updates: int = 400, rounds: int 
     """
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    methods = {f"ours, {kind}": ours(kind, hidden, batch) for kind in ("fused", "stock")}
+    methods = {name: ours(kind, hidden, batch) for name, kind in OURS.items()}
     try:
-        methods["stable-baselines3"] = stable_baselines(hidden, batch)
+        methods[THEIRS] = stable_baselines(hidden, batch)
     except ModuleNotFoundError:
         print("stable-baselines3 is not installed: pip install 'auv-torchrl[bench]'\n")
     for update in methods.values():
@@ -101,7 +103,7 @@ if __name__ == "__main__":
     parser.add_argument("--updates", type=int, default=400)
     options = parser.parse_args()
     rates = measure(options.hidden, options.batch, options.updates)
-    reference = rates.get("stable-baselines3", float("nan"))
+    reference = rates.get(THEIRS, float("nan"))
     print(f"Updates per CPU second on one thread, networks 2 x {options.hidden}, batch {options.batch}.\n")
     print("| method | updates/s | times stable-baselines3 |\n|---|---|---|")
     for name, value in rates.items():

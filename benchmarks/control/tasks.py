@@ -24,6 +24,7 @@ from auv_torchrl.paths import PROJECT, config_names
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.tasks import read_task
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks import provenance
 from benchmarks.control.comparison_tables import RECOVERED_M, metres
 from benchmarks.control.source import BACKEND, STORE, ranges, shipped_scenario, training_s
 from benchmarks.control.tracking import BOX_M, Course
@@ -36,9 +37,12 @@ Means = Mapping[str, float]  # way -> mean error for t >= 10 s, m
 
 
 def flown(course: Course, source: SourcePolicy, scenario: Scenario | None, cells: Path, policies: Path) -> Means:
-    """What a policy holds in a scenario, each way; flown now, or before from the same starts."""
+    """What a policy holds in a scenario, each way; flown now, or before by the same code from the same starts."""
     changes = [(c.effect.name, c.values, c.start_s, c.stop_s) for c in scenario.changes] if scenario else []
-    key = {"policy": source.metadata["hash"], "starts": course.count, "scenario": repr(changes)}
+    key = {
+        "code": provenance.digest(), "policy": source.metadata["hash"], "starts": course.count,
+        "scenario": repr(changes),
+    }  # fmt: skip
     path = cells / source.metadata["hash"] / f"{scenario.name if scenario else 'nominal'}.json"
     if path.exists() and (kept := json.loads(path.read_text()))["key"] == key:
         return kept["means"]

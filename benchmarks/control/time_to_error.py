@@ -27,6 +27,8 @@ from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
 GOALS_M = (0.05, 0.02)
+METHODS = ("ours, SAC", "ours, gradient", "stable-baselines3, SAC")
+SEEDS = 3
 TASK = StationKeeping(box_m=1.0)
 Curve = Iterable[tuple[float, float, float]]  # CPU seconds, wall seconds, mean error in m
 
@@ -139,11 +141,8 @@ def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]
     sac, gradient = (load_agent_config(name, common) for name in ("sac", "gradient"))
     short = load_agent_config("gradient", {"stretch_steps": 16, "total_frames": 1, "evaluation_starts": 1})
     list(ours(short, 0, backend))  # compiles
-    methods: dict[str, tuple[Callable[..., Curve], AgentConfig]] = {
-        "ours, SAC": (ours, sac),
-        "ours, gradient": (ours, gradient),
-        "stable-baselines3, SAC": (stable_baselines, sac),
-    }
+    trained: list[tuple[Callable[..., Curve], AgentConfig]] = [(ours, sac), (ours, gradient), (stable_baselines, sac)]
+    methods = dict(zip(METHODS, trained, strict=True))
     times: dict[str, list[list[tuple[float, float]]]] = {}
     for seed in range(seeds):  # in turn, so that a change in the machine's load strikes all methods alike
         for name, (train, config) in methods.items():
@@ -159,7 +158,7 @@ def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--backend", default="mujoco")
     options = parser.parse_args()
     times = measure(options.seeds, options.backend)

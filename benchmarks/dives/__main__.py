@@ -21,12 +21,13 @@ from auv_torchrl.diagnosis.dives.said import label_of
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from benchmarks import replace_between, show_progress
+from benchmarks import provenance, show_progress
+from benchmarks import published as tables
 from benchmarks.dives.fly import Series, fly_series
+from benchmarks.scoring import NEAR, Named, Score, score
 
 log = logging.getLogger(__name__)
-PAGE = PROJECT / "docs" / "dives.md"
-BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+PAGE, SECTION = PROJECT / "docs" / "dives.md", "dives"
 VEHICLE = "paper"
 REFERENCE, FADES_OVER, FADE = 3, 20, 0.01
 DIVES_PER_FALSE_ALARM = 1000.0
@@ -40,13 +41,29 @@ class Outcome:
     what: str
     judged: Judged
     seconds: float  # of the processor
+    fading: str | None  # the number that fades, as people call it
+
+    @property
+    def score(self) -> Score:
+        """By the rule of all benchmarks: that a thruster fades, which one, from the fourth dive on, by how much."""
+        judged = self.judged
+        if self.fading is None:
+            return score(not judged.alarms and not judged.changes, (), ())
+        named = []
+        for change in judged.changes:
+            shift, alone = change.shifts[0], self.labels([change.number]) == self.fading
+            near = shift.is_drift and abs(shift.size + FADE) <= NEAR * FADE
+            exact = alone and not change.rivals and near and shift.low <= REFERENCE <= shift.high
+            there = self.fading in [self.labels([row]) for row in (change.number, *change.rivals)]
+            named.append(Named(change.probability, frozenset((self.fading,) if there else ()), exact))
+        return score(bool(judged.alarms), (self.fading,), named)
 
     def labels(self, rows: Sequence[int]) -> str:
         """Numbers as people call them."""
         return ", ".join(label_of(self.judged.series.numbers[row]) for row in rows)
 
 
-def run(what: str, vehicle: Vehicle, series: Series) -> Outcome:
+def run(what: str, vehicle: Vehicle, series: Series, fading: str | None = None) -> Outcome:
     """Fly a series, calibrate on its first dives, follow all of them."""
     begin = time.process_time()
     logs = fly_series(vehicle, series)
@@ -56,7 +73,7 @@ def run(what: str, vehicle: Vehicle, series: Series) -> Outcome:
         dives.append(tell(flight, reference))
         log.info("%s: %s", what, flight.name)
     judged = judge(dives, reference.normal, REFERENCE, DIVES_PER_FALSE_ALARM)
-    return Outcome(what, judged, time.process_time() - begin)
+    return Outcome(what, judged, time.process_time() - begin, fading)
 
 
 def faded(thruster: int, seed: int, over: int = FADES_OVER) -> Series:
@@ -73,8 +90,11 @@ def lost_at(outcome: Outcome) -> float:
 
 def fading_table(outcomes: Sequence[Outcome]) -> list[str]:
     """A row per fading thruster."""
-    lines = ["| fading | thrust lost at the first alarm | it names | at the end | loss per dive | since dive |",
-             "|---|---:|---|---|---|---|"]  # fmt: skip
+    head = (
+        "fading", "thrust lost at the first alarm", "it names", "at the end", "loss per dive", "since dive", "right",
+        "half right",
+    )  # fmt: skip
+    lines = [f"| {' | '.join(head)} |", "|---|---:|---|---|---|---|---|---|"]
     for outcome in outcomes:
         judged = outcome.judged
         alarm = judged.alarms[0] if judged.alarms else None
@@ -86,7 +106,8 @@ def fading_table(outcomes: Sequence[Outcome]) -> list[str]:
             size = f"{-100 * shift.size:.2f} ± {196 * shift.deviation:.2f} %" if shift.is_drift else "a step"
             since = f"{shift.begin + 1} ({shift.low + 1} to {shift.high + 1})"
         lost = f"{100 * lost_at(outcome):.0f} %" if alarm else "no alarm"
-        lines.append(f"| {outcome.what} | {lost} | {named} | {'; '.join(found) or '–'} | {size} | {since} |")
+        cells = (outcome.what, lost, named, "; ".join(found) or "–", size, since, *outcome.score.cells)
+        lines.append(f"| {' | '.join(cells)} |")
     return lines
 
 
@@ -95,7 +116,11 @@ def sound_line(outcomes: Sequence[Outcome]) -> str:
     dives = sum(outcome.judged.series.value.shape[1] - REFERENCE for outcome in outcomes)
     names = [outcome.labels([alarm.number]) for outcome in outcomes for alarm in outcome.judged.alarms]
     said = f" ({', '.join(names)})" if names else ""
-    return f"{len(outcomes)} sound vehicles, {dives} dives behind the reference; false alarms: {len(names)}{said}."
+    right = sum(outcome.score is Score.RIGHT for outcome in outcomes)
+    return (
+        f"{len(outcomes)} sound vehicles, {dives} dives behind the reference; false alarms: {len(names)}{said}; "
+        f"vehicles of which nothing is said: {right}."
+    )
 
 
 def report(fading: Sequence[Outcome], sound: Sequence[Outcome], seed: int) -> list[str]:
@@ -113,9 +138,9 @@ def report(fading: Sequence[Outcome], sound: Sequence[Outcome], seed: int) -> li
     ]  # fmt: skip
 
 
-def publish(lines: Sequence[str]) -> None:
+def publish(lines: Sequence[str], seed: int, commit: str) -> None:
     """Write the tables into the page, between its marks."""
-    replace_between(PAGE, BEGIN, END, "\n".join(["", *lines, ""]))
+    tables.publish(PAGE, SECTION, "\n".join(lines), f"python -m benchmarks.dives --seed {seed}", commit)
 
 
 def main() -> None:
@@ -127,17 +152,25 @@ def main() -> None:
     parser.add_argument("--dives", type=int, default=50, help="of each of these, behind the reference")
     parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.name}")
     options = parser.parse_args()
+    commit = ""
+    if options.publish:
+        try:
+            commit = provenance.committed(tables.SECTIONS[PAGE.name, SECTION].measures)
+        except ValueError as error:
+            parser.error(str(error))
     show_progress()
     torch.set_num_threads(1)
     vehicle = load_vehicle(VEHICLE)
     numbered = [i % vehicle.thrusters + 1 for i in range(options.fading)]
     seeds = [1000 * options.seed + i for i in range(options.fading + options.sound)]
-    fading = [run(f"thruster {t}", vehicle, faded(t, s)) for t, s in zip(numbered, seeds, strict=False)]
+    fading = [
+        run(f"thruster {t}", vehicle, faded(t, s), f"thruster gain {t}") for t, s in zip(numbered, seeds, strict=False)
+    ]
     sound = [run("none", vehicle, Series(REFERENCE + options.dives, s)) for s in seeds[options.fading :]]
     lines = report(fading, sound, options.seed)
     print("\n".join(lines))
     if options.publish:
-        publish(lines)
+        publish(lines, options.seed, commit)
 
 
 if __name__ == "__main__":

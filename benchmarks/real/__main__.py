@@ -1,118 +1,142 @@
 """``python -m benchmarks.real`` (``make real``): real vehicles and firmware, as far as their logs are at hand.
 
-Prints Markdown, section by section as they come; ``--publish`` writes it to ``docs/real.md`` instead. Logs are looked
-for in the folder that ``AUV_TORCHRL_DATA`` names, else in ``../shared/data``; what is absent is named.
+Prints Markdown, section by section as they come; ``--publish`` writes it to ``docs/real.md`` instead. Each measurement
+is kept under ``outputs/real`` as soon as it is there, by a digest of the code: a killed run goes on when its command is
+given again, and no other version takes what it has left. Logs are looked for in the folder that ``AUV_TORCHRL_DATA``
+names, else in ``../shared/data``; what is absent is named.
 """
 
 import argparse
+import datetime
+import json
 import logging
-from collections.abc import Callable, Iterator
+import platform
+import sys
+import textwrap
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 
 import torch
 
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.files import write_whole
+from auv_torchrl.parallel import each
 from auv_torchrl.paths import PROJECT
-from benchmarks import show_progress
-from benchmarks.real import DATA, ardusub, bluerov2, haizhe
+from benchmarks import provenance, published, show_progress
+from benchmarks.real import DATA
+from benchmarks.real.page import PARTS, SECTIONS, Result, Section, measure
+from benchmarks.scoring import Score
 
 log = logging.getLogger(__name__)
 PAGE = PROJECT / "docs" / "real.md"
-HEAD = """# Real vehicles and firmware
+KEPT = PROJECT / "outputs" / "real"
+COMMAND = "python -m benchmarks.real --publish"
+PACKAGES = ("numpy", "scipy", "torch", "llvmlite")
+Piece = tuple[str, str]  # a section and one of its measurements
 
-`make real` writes this page (`python -m benchmarks.real --publish`). Where the logs come from, and what is known about
-them, stands at the head of each section; what fails is told in [diagnosis.md](diagnosis.md).
+
+def head(commit: str) -> str:
+    """What stands above all sections."""
+    today = datetime.datetime.now(datetime.UTC).date()
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    meant = {"right": Score.RIGHT, "half right": Score.HALF}
+    rules = "\n".join(wrapped(f"- *{name}*: {score.value}") for name, score in meant.items())
+    return f"""\
+# Real vehicles and firmware
+
+`make real` measures all of this page at one commit and writes it; nothing here is written by hand. How the diagnosis
+works, and why some cases fail, stands in [diagnosis.md](diagnosis.md).
+
+Commit `{commit}`, {today}, Python {platform.python_version()}, {versions}, {platform.machine()}.
+
+In the tables of flights, whose truth is known:
+
+{rules}
+
+What corrects the file of the vehicle is not listed under *named*; *p* is the probability of a name.
 """
-ABOUT = {
-    "bluerov2": """\
-A BlueROV2 Heavy in a tank with motion capture (von Benzon, KTH): two runs are diagnosed, each third one is
-predicted from its commands alone, from its first sample to its last, in m/s. `python -m benchmarks.real.bluerov2 FOLDER
---folds`; [diagnosis.md](diagnosis.md#a-real-vehicle) says where to get the runs.""",
-    "ardusub": """\
-Flights that ArduSub's firmware wrote of its own simulated vehicle, whose coefficients stand in
-`vehicle=ardusub_sitl`: alone, with another sound flight, and with a vehicle file that is wrong about it
-(`bluerov2_heavy`), with which sound flights are also diagnosed as faulty vehicles would have logged them: two commands
-exchanged in the log are two plugs exchanged on the vehicle. `python -m benchmarks.real.ardusub [--healthy]
-[--vehicle bluerov2_heavy] [--altered]`.""",
-    "haizhe": """\
-980 dives of ten seconds of a small vehicle with four vertical propellers, of which some carry a load, have a
-depth sensor that is off, or a cut propeller (Ji et al. 2021, CC BY 4.0; the training split, as Parquet with the columns
-`run` and `class`). All four propellers always get the same command. `python -m benchmarks.real.haizhe --seed 0`.""",
-}
 
 
-def of_bluerov2(data: Path) -> Iterator[str]:
-    """Every run predicted once."""
-    flights = bluerov2.read_runs(data / "kth_bluerov2")
-    yield from bluerov2.table([bluerov2.leave_out(test, flights) for test in bluerov2.RUNS])
+def wrapped(text: str) -> str:
+    """Text in lines."""
+    return textwrap.fill(text, 118, break_long_words=False, break_on_hyphens=False)
 
 
-def of_ardusub(data: Path) -> Iterator[str]:
-    """Alone, with healthy flights, and with a file that is wrong."""
-    for vehicle, healthy, known in (
-        (ardusub.VEHICLE, False, ardusub.CASES),
-        (ardusub.VEHICLE, True, ardusub.CASES),
-        ("bluerov2_heavy", True, ardusub.CASES),
-        ("bluerov2_heavy", True, ardusub.ALTERED),
-    ):
-        cases = ardusub.find_cases(data, (), healthy, known)
-        altered = ", sound flights with altered logs" if known is ardusub.ALTERED else ""
-        yield f"`vehicle={vehicle}`{', each with a sound flight' if healthy else ''}{altered}:"
-        yield ""
-        yield from ardusub.table(ardusub.run(case, data / ardusub.FOLDER, vehicle, healthy) for case in cases)
-        yield ""
+def take(data: Path, kept: Path, piece: Piece) -> tuple[Piece, Result]:
+    """One measurement, from its file or made now and kept there."""
+    path = kept / piece[0] / f"{piece[1]}.json"
+    if path.is_file() and (before := json.loads(path.read_text()))["data"] == str(data):
+        return piece, before["result"]
+    result = measure(data, piece)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, json.dumps({"data": str(data), "result": result}).encode())
+    return piece, result
 
 
-def of_haizhe(data: Path) -> Iterator[str]:
-    """A fifth of all runs."""
-    path = data / haizhe.FILE
-    if not path.is_file():
-        raise FileNotFoundError(f"{data} lacks {haizhe.FILE}")
-    yield from haizhe.table(haizhe.score(haizhe.read_classes(path), load_settings(), seed=0))
+def body(section: Section, data: Path, found: Mapping[Piece, Result]) -> str:
+    """The table of a section, and what is not in it for want of a log."""
+    absent = {label: lacks for label in section.labels if (lacks := section.missing(data, label))}
+    results = [found[section.name, label] for label in section.labels if label not in absent]
+    notes = [f"Not measured, {', '.join(absent)}: {'; '.join(dict.fromkeys(absent.values()))}."] if absent else []
+    return "\n".join([*(section.lines(results) if results else ()), *([""] if results and notes else ()), *notes])
 
 
-PARTS: dict[str, Callable[[Path], Iterator[str]]] = {
-    "bluerov2": of_bluerov2,
-    "ardusub": of_ardusub,
-    "haizhe": of_haizhe,
-}
-
-
-def sections(data: Path, names: list[str]) -> Iterator[str]:
-    """Lines of the page, each as soon as it is known."""
-    yield HEAD
-    for name in names:
-        yield f"## {name}\n\n{ABOUT[name]}\n"
-        try:
-            yield from PARTS[name](data)
-            yield ""
-        except FileNotFoundError as error:
-            log.warning("%s is left out: %s", name, error)
-            yield f"Not measured: {error}.\n"
+def sections(wanted: Sequence[Section], data: Path, kept: Path, jobs: int) -> Iterator[tuple[Section, str]]:
+    """Each section with its table, in their order, as soon as all of it is measured."""
+    pieces = [(s.name, label) for s in wanted for label in s.labels if not s.missing(data, label)]
+    found: dict[Piece, Result] = {}
+    begin, left = time.monotonic(), list(wanted)
+    for piece, result in each(partial(take, data, kept), pieces, jobs, in_order=False):
+        found[piece] = result
+        minutes = (time.monotonic() - begin) / 60
+        log.info("%d of %d after %.0f min: %s", len(found), len(pieces), minutes, ", ".join(piece))
+        while left and not any(one not in found for one in pieces if one[0] == left[0].name):
+            yield left[0], body(left[0], data, found)
+            left.pop(0)
+    for section in left:
+        yield section, body(section, data, found)
 
 
 def main() -> None:
     """Measure and print, or write the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; all if not given")
-    parser.add_argument("--data", type=Path, default=DATA, help="folder with kth_bluerov2, ardusub_sitl, haizhe")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder with kth_bluerov2, ardusub_sitl, haizhe ...")
+    parser.add_argument("--kept", type=Path, default=KEPT, help="where single measurements are kept")
+    parser.add_argument("--jobs", type=int, default=1, help="processes at once")
     parser.add_argument("--publish", action="store_true", help=f"write {PAGE.relative_to(PROJECT)}, with all parts")
     options = parser.parse_args()
     if unknown := set(options.parts) - set(PARTS):
         parser.error(f"no part named {', '.join(sorted(unknown))}: give some of {', '.join(PARTS)}")
     if options.publish and options.parts:
         parser.error("--publish writes all parts: leave their names out")
+    try:
+        commit = provenance.committed() if options.publish else "not committed"
+    except ValueError as error:
+        parser.error(str(error))
     show_progress()
     torch.set_num_threads(1)
-    page = []
-    for line in sections(options.data, options.parts or list(PARTS)):
-        page.append(line)
+    code = provenance.digest()
+    wanted = [section for section in SECTIONS if not options.parts or section.part in options.parts]
+    page = [head(commit)]
+    for section, table in sections(wanted, options.data.resolve(), options.kept / code, options.jobs):
+        begin, end = published.SECTIONS[PAGE.name, section.name].marks
+        line = provenance.made_by(COMMAND, commit) if options.publish else ""
+        about = wrapped(f"{section.about} `{section.command}` prints this table alone.")
+        page.append("\n\n".join([f"## {section.title}", about, begin, *([line] if line else []), table, end]) + "\n")
         if not options.publish:
-            print(line, flush=True)
+            print(page[-1], flush=True)
     if options.publish:
+        provenance.digest.cache_clear()
+        if provenance.digest() != code:
+            parser.error("the code was changed while it was measured: measure again, at one commit")
         write_whole(PAGE, "\n".join(page).encode())
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit("stopped; the same command goes on with what is not measured yet")

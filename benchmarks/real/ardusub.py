@@ -1,34 +1,38 @@
 """``python -m benchmarks.real.ardusub``: diagnose flights that ArduSub's firmware wrote of its own simulated vehicle.
 
-What was wrong with each is known. Prints a Markdown table: what is named, its value, whether both are right, and the
-processor time. ``--healthy`` gives each flight another one that was sound, of the same sensors; ``--altered`` takes
-sound flights as faulty vehicles would have logged them. Logs that are absent are named. They are looked for in the
-folder that ``AUV_TORCHRL_DATA`` names, else in ``../shared/data``.
+What was wrong with each is known. Prints a Markdown table: verdict, what is named, its value and probability, whether
+all of that is right or half right (``benchmarks.scoring``), and the processor time. ``--healthy`` gives each flight
+another one that was sound, of the same sensors; ``--altered`` takes sound flights as faulty vehicles would have logged
+them. Logs that are absent are named. They are looked for in the folder that ``AUV_TORCHRL_DATA`` names, else in
+``../shared/data``.
 """
 
 import argparse
 import logging
+import lzma
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import torch
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
-from auv_torchrl.diagnosis.verdict import FoundEffect, Verdict
-from auv_torchrl.flightlog import read_flightlog
-from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.flightlog import FlightLog, read_flightlog
+from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks import show_progress
 from benchmarks.real import DATA
 from benchmarks.real.altered import Change, carried, exchanged, multiplied, without_position
+from benchmarks.scoring import Score, fault, score_diagnosis, sound
 
 log = logging.getLogger(__name__)
 VEHICLE = "ardusub_sitl"
 FOLDER = "ardusub_sitl"
-NEAR = 0.2  # of its departure from nominal, that a value may be off by
-ONSET_S = 2.0  # that the moment may be off by: a window of the diagnosis
+ENDS = (".BIN", ".BIN.xz")
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class Case:
     """One flight and what is known of it."""
 
     name: str
-    healthy: str | None  # another flight that was sound, where there is one
+    healthy: str | tuple[str, ...] | None  # other flights that were sound, where there are any
     effect: str = ""  # none: nothing was wrong
     truth: dict[str, float] = field(default_factory=dict)  # by parameter
     flight: str = ""  # file; empty: as the case is called
@@ -49,6 +53,16 @@ class Case:
         """Name of the log."""
         return self.flight or self.name
 
+    @property
+    def sound(self) -> tuple[str, ...]:
+        """Names of the logs of other flights that were sound."""
+        return (self.healthy,) if isinstance(self.healthy, str) else self.healthy or ()
+
+    @property
+    def has_healthy(self) -> bool:
+        """Whether there is such a flight."""
+        return bool(self.sound)
+
 
 CASES = (  # the README beside the logs tells what was wrong
     Case("healthy_a", "healthy_c"),
@@ -58,6 +72,15 @@ CASES = (  # the README beside the logs tells what was wrong
     Case("buoyancy10N", "healthy_a", "buoyancy", {"force": -5.6}),
     Case("stock_healthy_a", None),
     Case("stock_dead_thruster4", "stock_healthy_a", "thruster_gain", {"gain_4": 0.0}),
+)
+
+VECTORED_FOLDER = "ardusub_vectored"
+_BOTH = ("v_healthy_a", "v_healthy_b")
+VECTORED = (
+    Case("v_healthy_a", "v_healthy_b"),
+    Case("v_healthy_b", "v_healthy_a"),
+    Case("v_reversed4", _BOTH, "thruster_gain", {"gain_4": -1.0}),
+    Case("v_motdir3_minus", _BOTH, "thruster_gain", {"gain_3": -1.0}),
 )
 
 A, C = "healthy_a", "healthy_c"
@@ -84,36 +107,36 @@ class Result:
 
     case: Case
     diagnosis: Diagnosis
+    vehicle: Vehicle  # that it started from
     seconds: float  # of the processor
 
     @property
-    def is_right(self) -> bool:
-        """Whether nothing was named of a sound vehicle; else its fault, its place, its value, and nothing else."""
-        named = [effect for effect in self.diagnosis.effects if not effect.calibrates]
-        if not self.case.effect:
-            return self.diagnosis.verdict is Verdict.NO_GAP
-        return len(named) == 1 and named[0].name == self.case.effect and self._is_near(named[0]) and self._is_timely
+    def score(self) -> Score:
+        """How right it is, by the rule of all benchmarks."""
+        case = self.case
+        truth = fault({case.effect: case.truth}, case.onset_s) if case.effect else sound()
+        return score_diagnosis(to_json(self.diagnosis), truth, self.vehicle)
 
     @property
-    def _is_timely(self) -> bool:
-        found, true = self.diagnosis.where.onset_s, self.case.onset_s
-        return found is None if true is None else found is not None and abs(found - true) <= ONSET_S
-
-    def _is_near(self, effect: FoundEffect) -> bool:
-        shown = {name: p for name, p in effect.parameters.items() if p.value != p.nominal}
-        if set(shown) != set(self.case.truth):
-            return False
-        return all(
-            abs(shown[name].value - value) <= NEAR * abs(value - shown[name].nominal)
-            for name, value in self.case.truth.items()
+    def row(self) -> tuple[str, ...]:
+        """The cells of its line in the table; what corrects the vehicle's file is not named there."""
+        found, case = self.diagnosis, self.case
+        truth = _values(case.effect, case.truth) if case.effect else "nothing"
+        truth += f" from {case.onset_s:.0f} s on" if case.onset_s is not None else ""
+        named = "; ".join(
+            f"{_values(e.name, {k: p.value for k, p in e.parameters.items()})} (p {e.probability:.2f})"
+            for e in found.effects
+            if not e.calibrates
         )
+        closed = "" if found.gap.closed is None else f"{found.gap.closed:.2f}"
+        return case.name, truth, found.verdict.key, named, closed, *self.score.cells, f"{self.seconds:.0f}"
 
 
 def run(case: Case, folder: Path, vehicle_name: str, with_healthy: bool) -> Result:
-    """Read and diagnose one flight, alone or with the healthy one."""
+    """Read and diagnose one flight, alone or with the healthy ones."""
     begin, vehicle = time.process_time(), load_vehicle(vehicle_name)
-    flight = read_flightlog(folder / f"{case.file}.BIN", vehicle)
-    healthy = [read_flightlog(folder / f"{case.healthy}.BIN", vehicle)] if with_healthy and case.healthy else []
+    flight = read(folder, case.file, vehicle)
+    healthy = [read(folder, name, vehicle) for name in case.sound] if with_healthy else []
     if case.alter:
         flight = case.alter(flight)
     if case.sensors:
@@ -126,37 +149,53 @@ def run(case: Case, folder: Path, vehicle_name: str, with_healthy: bool) -> Resu
         uncertainty=load_uncertainty(vehicle_name, vehicle),
         progress=lambda step, share: log.info("%s: %s", case.name, step),
     )
-    return Result(case, found, time.process_time() - begin)
+    return Result(case, found, vehicle, time.process_time() - begin)
 
 
-def table(results: Iterable[Result]) -> Iterator[str]:
-    """Lines of Markdown, each as soon as its result is there."""
-    yield "| log | what was wrong | verdict | named | closed | right | CPU s |"
-    yield "|---|---|---|---|---|---|---|"
-    for result in results:
-        found, case = result.diagnosis, result.case
-        truth = _values(case.effect, case.truth) if case.effect else "nothing"
-        truth += f" from {case.onset_s:.0f} s on" if case.onset_s is not None else ""
-        named = "; ".join(_values(e.name, {k: p.value for k, p in e.parameters.items()}) for e in found.effects)
-        closed = "" if found.gap.closed is None else f"{found.gap.closed:.2f}"
-        right = "yes" if result.is_right else "no"
-        yield f"| {case.name} | {truth} | {found.verdict.key} | {named} | {closed} | {right} | {result.seconds:.0f} |"
+def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Lines of Markdown, each as soon as its row is there, and how many are right."""
+    yield "| log | what was wrong | verdict | named | closed | right | half right | CPU s |"
+    yield "|---|---|---|---|---|---|---|---|"
+    scores: Counter[tuple[str, ...]] = Counter()
+    for row in rows:
+        scores[tuple(row[-3:-1])] += 1
+        yield f"| {' | '.join(row)} |"
+    yield ""
+    yield f"{scores[Score.RIGHT.cells]} of {scores.total()} right, {scores[Score.HALF.cells]} half right."
 
 
 def _values(effect: str, values: dict[str, float]) -> str:
     return f"{effect} " + ", ".join(f"{name} {value:.2f}" for name, value in values.items())
 
 
-def find_cases(data: Path, names: Sequence[str], with_healthy: bool, cases: Iterable[Case]) -> list[Case]:
+def read(folder: Path, name: str, vehicle: Vehicle) -> FlightLog:
+    """A flight, packed (.xz) or not."""
+    plain, packed = folder / f"{name}.BIN", folder / f"{name}.BIN.xz"
+    if plain.is_file():
+        return read_flightlog(plain, vehicle)
+    with TemporaryDirectory() as unpacked:
+        path = Path(unpacked) / plain.name
+        path.write_bytes(lzma.decompress(packed.read_bytes()))
+        return read_flightlog(path, vehicle)
+
+
+def absent(case: Case, folder: Path, with_healthy: bool) -> str:
+    """What a folder lacks for a case; empty: nothing."""
+    needed = (case.file, *case.sound) if with_healthy else (case.file,)
+    lacks = [f"{name}.BIN" for name in needed if not any((folder / f"{name}{end}").is_file() for end in ENDS)]
+    if with_healthy and not case.has_healthy:
+        lacks.append("a sound flight of the same sensors")
+    return f"{folder} lacks {', '.join(lacks)}" if lacks else ""
+
+
+def find_cases(folder: Path, names: Sequence[str], with_healthy: bool, cases: Iterable[Case]) -> list[Case]:
     """Those whose flights are there; those whose are not are named."""
     here = []
     for case in cases:
         if names and case.name not in names:
             continue
-        needed = [case.file, case.healthy] if with_healthy else [case.file]
-        if absent := [name for name in needed if name is None or not (data / FOLDER / f"{name}.BIN").is_file()]:
-            lacks = ", ".join(f"{name}.BIN" if name else "a sound flight of the same sensors" for name in absent)
-            log.info("%s is left out: %s lacks %s", case.name, data / FOLDER, lacks)
+        if lacks := absent(case, folder, with_healthy):
+            log.info("%s is left out: %s", case.name, lacks)
             continue
         here.append(case)
     return here
@@ -165,22 +204,23 @@ def find_cases(data: Path, names: Sequence[str], with_healthy: bool, cases: Iter
 def main() -> None:
     """Diagnose what is there and print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
-    known = [case.name for case in (*CASES, *ALTERED)]
+    known = [case.name for case in (*CASES, *ALTERED, *VECTORED)]
     parser.add_argument("names", nargs="*", help=f"of {', '.join(known)}; all if not given")
     parser.add_argument("--data", type=Path, default=DATA, help=f"folder with {FOLDER}/*.BIN")
     parser.add_argument("--healthy", action="store_true", help="give each flight another one that was sound")
-    parser.add_argument(
-        "--altered", action="store_true", help="sound flights as faulty vehicles would have logged them"
-    )
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument("--altered", action="store_true", help="sound flights as faulty vehicles would have logged them")
+    kind.add_argument("--vectored", action="store_true", help=f"flights of six thrusters, in {VECTORED_FOLDER}")
     parser.add_argument("--vehicle", default=VEHICLE, help="bluerov2_heavy is wrong about these flights, as files are")
     options = parser.parse_args()
-    cases = ALTERED if options.altered else CASES
+    cases = ALTERED if options.altered else VECTORED if options.vectored else CASES
+    folder = options.data / (VECTORED_FOLDER if options.vectored else FOLDER)
     if unknown := set(options.names) - {case.name for case in cases}:
         parser.error(f"no log named {', '.join(sorted(unknown))}: give some of {', '.join(c.name for c in cases)}")
     show_progress()
     torch.set_num_threads(1)
-    here = find_cases(options.data, options.names, options.healthy, cases)
-    for line in table(run(case, options.data / FOLDER, options.vehicle, options.healthy) for case in here):
+    here = find_cases(folder, options.names, options.healthy, cases)
+    for line in table(run(case, folder, options.vehicle, options.healthy).row for case in here):
         print(line, flush=True)
 
 

@@ -7,7 +7,7 @@ with what was found added. Prints Markdown; ``--folds`` lets every run be the th
 
 import argparse
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,17 +31,24 @@ TEST = "run_11_10_52_sync"  # yaw is never commanded in it
 TO_BEAT = {  # on it: the best published figures, m/s, and the share of the yaw rate's variance accounted for
     "u": 0.049, "v": 0.044, "w": 0.042, "yaw": 0.6,
 }  # fmt: skip
+LABELS = ("published", "diagnosed", "to beat")  # vehicles of a run, in the order of their rows
 COLUMNS = {"u": "surge", "v": "sway", "w": "heave", "yaw": "yaw rate VAF"}
 
 
 @dataclass(frozen=True)
-class Tested:
-    """A diagnosis of all runs but one, and the figures on that one."""
+class Figures:
+    """How one run is predicted before and after the others were diagnosed."""
 
     test: str
-    diagnosis: Diagnosis
     before: dict[str, float]
     after: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Tested(Figures):
+    """With the diagnosis of all runs but that one."""
+
+    diagnosis: Diagnosis
 
 
 def predict(vehicle: Vehicle, episode: Episode) -> np.ndarray:
@@ -75,16 +82,16 @@ def leave_out(test: str, flights: dict[str, FlightLog]) -> Tested:
     )
     found = {e.name: {k: p.value for k, p in e.parameters.items()} for e in diagnosis.effects}
     before, after = (figures(v, flights[test]) for v in (vehicle, apply_values(vehicle, found)))
-    return Tested(test, diagnosis, before, after)
+    return Tested(test, before, after, diagnosis)
 
 
-def table(results: list[Tested]) -> Iterator[str]:
+def table(results: Sequence[Figures]) -> Iterator[str]:
     """Lines of Markdown: figures before and after on each run that was left out."""
     yield f"| open loop on | vehicle | {' | '.join(COLUMNS.values())} |"
     yield "|---|---|" + "---|" * len(COLUMNS)
     for tested in results:
-        rows = [("published", tested.before), ("diagnosed", tested.after)]
-        for label, values in [*rows, ("to beat", TO_BEAT)] if tested.test == TEST else rows:
+        figures = [tested.before, tested.after, *([TO_BEAT] if tested.test == TEST else [])]
+        for label, values in zip(LABELS, figures, strict=False):
             shown = (f"{values[key]:.2f}" if key == "yaw" else f"{values[key]:.3f}" for key in COLUMNS)
             yield f"| {tested.test} | {label} | {' | '.join(shown)} |"
 
@@ -99,8 +106,8 @@ def words(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"- ({finding.code}) {finding.sentence}"
 
 
-def read_runs(folder: Path) -> dict[str, FlightLog]:
-    """The runs by name.
+def check_runs(folder: Path) -> None:
+    """Look whether all runs are there.
 
     Raises:
         FileNotFoundError: if one is missing; the message says which.
@@ -109,6 +116,15 @@ def read_runs(folder: Path) -> dict[str, FlightLog]:
         raise FileNotFoundError(
             f"{folder} lacks {', '.join(f'{name}.csv' for name in missing)}: docs/diagnosis.md says where to get them"
         )
+
+
+def read_runs(folder: Path) -> dict[str, FlightLog]:
+    """The runs by name.
+
+    Raises:
+        FileNotFoundError: if one is missing; the message says which.
+    """
+    check_runs(folder)
     vehicle = load_vehicle(VEHICLE)
     return {name: read_flightlog(folder / f"{name}.csv", vehicle) for name in RUNS}
 

@@ -9,6 +9,9 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.dives import __main__ as bench
 from benchmarks.dives.fly import Series, fly_series
+from benchmarks.published import SECTIONS
+
+BEGIN, END = SECTIONS["dives.md", "dives"].marks
 
 
 def test_dives_differ_in_trim_and_current_and_are_drawn_again_alike():
@@ -25,27 +28,31 @@ def test_dives_differ_in_trim_and_current_and_are_drawn_again_alike():
 def test_a_page_without_its_marks_is_refused(tmp_path, monkeypatch):
     """What it lacks is named, and the page stays as it was."""
     page = tmp_path / "dives.md"
-    page.write_text(f"# Dives\n{bench.BEGIN}\n")
+    page.write_text(f"# Dives\n{BEGIN}\n")
     monkeypatch.setattr(bench, "PAGE", page)
-    with pytest.raises(ValueError, match=f"followed by {bench.END}: put both"):
-        bench.publish(["| thruster 2 |"])
-    assert page.read_text() == f"# Dives\n{bench.BEGIN}\n"
+    monkeypatch.setattr(bench.provenance, "age", lambda commit, paths: 0)
+    with pytest.raises(ValueError, match=f"followed by {END}: put both"):
+        bench.publish(["| thruster 2 |"], 5, "0123abc")
+    assert page.read_text() == f"# Dives\n{BEGIN}\n"
 
 
 @pytest.mark.slow
 def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
     """Of three sound dives and six that lose 2 % of thruster 2 each, it alone is named before 8 % are lost."""
     gain = np.append(np.ones(3), 1 - 0.02 * np.arange(1, 7))
-    outcome = bench.run("thruster 2", load_vehicle("paper"), Series(9, 5, 40.0, {"thruster_gain": {"gain_2": gain}}))
+    series = Series(9, 5, 40.0, {"thruster_gain": {"gain_2": gain}})
+    outcome = bench.run("thruster 2", load_vehicle("paper"), series, "thruster gain 2")
     first, *_ = outcome.judged.alarms
     assert 0.02 * (first.dive - 2) < 0.08
     (change,) = outcome.judged.changes
     assert outcome.labels([change.number]) == "thruster gain 2"
     assert change.at(np.arange(9))[-1] == pytest.approx(-0.12, abs=0.03)
     page = tmp_path / "dives.md"
-    page.write_text(f"# Dives\n{bench.BEGIN}\noutdated\n{bench.END}\nrest\n")
+    page.write_text(f"# Dives\n{BEGIN}\noutdated\n{END}\nrest\n")
     monkeypatch.setattr(bench, "PAGE", page)
-    bench.publish(bench.report([outcome], [], 5))
+    monkeypatch.setattr(bench.provenance, "age", lambda commit, paths: 0)
+    assert outcome.score is bench.Score.HALF, "it fades by two per cent a dive, not by one"
+    bench.publish(bench.report([outcome], [], 5), 5, "0123abc")
     assert "| thruster 2 |" in page.read_text()
     assert "outdated" not in page.read_text()
     assert page.read_text().endswith("rest\n")

@@ -1,5 +1,8 @@
 """Benchmarks on logs of real vehicles, on tables like theirs."""
 
+import lzma
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -13,8 +16,11 @@ from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.step import rest_state
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.published import SECTIONS as TABLES
+from benchmarks.published import problems
 from benchmarks.real import __main__ as page
 from benchmarks.real import altered, ardusub, haizhe
+from benchmarks.real.page import SECTIONS
 
 RUNS, ROWS = 40, 120
 FLOWN = {haizhe.NORMAL: {}, haizhe.LOAD: {"buoyancy": {"force": 3.0}}, haizhe.DEPTH: {"depth_bias": {"offset": 0.2}}}
@@ -61,11 +67,15 @@ def test_runs_of_known_faults_are_told_apart(table):
     assert shares["groups of 8, damages merged"] == 1
     assert shares["normal runs called faulty"] <= 0.2
     assert len(list(haizhe.table(scored))) == 2 + len(FLOWN) + 1 + len(shares)
+    for own in scored:
+        pairs = zip(own.single, own.scores, strict=True)
+        assert all(said == own.truth for said, score in pairs if score is haizhe.Score.RIGHT)
+        assert own.scores.count(haizhe.Score.RIGHT) > 0.7 * len(own.scores)
 
 
 def test_what_is_absent_is_named(tmp_path, monkeypatch, capsys):
     """With no logs at hand, every part says what it lacks, and nothing is published by half."""
-    monkeypatch.setattr("sys.argv", ["real", "--data", str(tmp_path)])
+    monkeypatch.setattr("sys.argv", ["real", "--data", str(tmp_path), "--kept", str(tmp_path / "kept")])
     page.main()
     shown = capsys.readouterr().out
     assert "run_11_40_38.csv" in shown
@@ -74,6 +84,59 @@ def test_what_is_absent_is_named(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         page.main()
     assert ended.value.code == 2
+
+
+def counted(tmp_path, measure):
+    """A section of two measurements, of which the tables are their results in a row each."""
+    return replace(
+        SECTIONS[0], name="ardusub", labels=("one", "two"), missing=lambda data, label: "", measure=measure,
+        lines=lambda results: (f"| {result['row']} |" for result in results),
+    )  # fmt: skip
+
+
+def test_a_killed_run_goes_on_where_it_was(tmp_path, monkeypatch):
+    """What was measured before the end is not measured again; another version of the code begins anew."""
+    made = []
+
+    def measure(data, label):
+        made.append(label)
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        return {"row": label}
+
+    section = counted(tmp_path, measure)
+    monkeypatch.setattr("benchmarks.real.page.SECTIONS", [section])
+    with pytest.raises(KeyboardInterrupt):
+        list(page.sections([section], tmp_path, tmp_path / "kept", 1))
+    ((_, table),) = page.sections([section], tmp_path, tmp_path / "kept", 1)
+    assert (table, made) == ("| one |\n| two |", ["one", "two", "two"])
+    list(page.sections([section], tmp_path, tmp_path / "other code", 1))
+    assert made[3:] == ["one", "two"]
+
+
+def test_the_page_is_written_whole_with_commit_and_rows_that_its_registry_knows(tmp_path, monkeypatch):
+    """What --publish writes passes the test of published tables, and says commit, date and versions at its head."""
+    written = tmp_path / "real.md"
+    monkeypatch.setattr(page, "PAGE", written)
+    monkeypatch.setattr(page, "PROJECT", tmp_path)
+    monkeypatch.setattr(page.provenance, "committed", lambda: "0123abc")
+    empty = tmp_path / "data"
+    monkeypatch.setattr("sys.argv", ["real", "--publish", "--data", str(empty), "--kept", str(tmp_path / "kept")])
+    page.main()
+    text = written.read_text()
+    assert "Commit `0123abc`" in text and "numpy" in text
+    assert list(problems("real.md", text, TABLES, lambda commit, paths: 0)) == []
+
+
+def test_a_packed_flight_is_read(tmp_path, monkeypatch):
+    """A log that ends in .xz is unpacked for the reader, and nothing is left of it."""
+    (tmp_path / "dive.BIN.xz").write_bytes(lzma.compress(b"a flight"))
+    seen = []
+    monkeypatch.setattr(ardusub, "read_flightlog", lambda path, vehicle: seen.append((path, path.read_bytes())))
+    ardusub.read(tmp_path, "dive", load_vehicle("bluerov2"))
+    ((path, content),) = seen
+    assert content == b"a flight" and path.name == "dive.BIN" and not path.exists()
+    assert ardusub.absent(ardusub.Case("dive", "other"), tmp_path, True) == f"{tmp_path} lacks other.BIN"
 
 
 @pytest.fixture(scope="module")

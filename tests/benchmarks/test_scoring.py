@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks import published
 from benchmarks.blind.cases import FAMILIES, draw_cases
 from benchmarks.blind.figures import draw_figures
 from benchmarks.blind.fly import fly
 from benchmarks.blind.judge import judge
-from benchmarks.blind.report import BEGIN, END, markdown, publish, write_report
+from benchmarks.blind.report import markdown, publish, write_report
 from benchmarks.blind.score import numbers, tables
 from benchmarks.blind.seal import LABELS, hand_over, is_sealed, open_labels, read_manifest, seal
 from benchmarks.blind.statistics import Share, calibration_error, reliability
@@ -70,6 +71,7 @@ def test_the_truth_gets_full_marks(labels):
     judgements = [judge(str(i), label, perfect(label), VEHICLE) for i, label in enumerate(labels)]
     assert {j.family for j in judgements} == set(FAMILIES)
     assert all(j.right and j.right_class and j.thrusters_right is not False for j in judgements)
+    assert {j.score for j in judgements} == {"right"}
     assert all(error < 1e-12 for j in judgements for error in j.errors.values())
     assert all(held for j in judgements for held in j.covered.values())
     text = markdown(numbers(judgements))
@@ -96,7 +98,7 @@ def test_errors_come_in_the_order_of_the_parameters(labels):
 def test_seeing_nothing_gets_no_marks(labels):
     """An answer of no gap is right where there is none, and nowhere else."""
     judgements = [judge(str(i), label, blind_eye(label), VEHICLE) for i, label in enumerate(labels)]
-    assert all(j.right == (j.truth == "no_gap") for j in judgements)
+    assert all(j.right == (j.score == "right") == (j.truth == "no_gap") for j in judgements)
 
 
 def test_a_crash_is_a_wrong_answer(labels):
@@ -190,21 +192,27 @@ def test_labels_are_sealed(tmp_path):
         open_labels(tmp_path)
 
 
-def test_report_fills_the_document_between_its_markers(labels, tmp_path):
+def test_report_fills_the_document_between_its_markers(labels, tmp_path, monkeypatch):
     """Tables and pictures land between the markers, twice the same, and the rest of the document stays."""
     judgements = [judge(str(i), label, perfect(label), VEHICLE) for i, label in enumerate(labels)]
     pictures = draw_figures(judgements, tmp_path)
-    text = write_report(judgements, tmp_path, "make blind CASES=60", tables(judgements), pictures)
+    command = "python -m benchmarks.blind cases=60"
+    text = write_report(judgements, tmp_path, command, tables(judgements), pictures)
+    begin, end = published.SECTIONS["diagnosis.md", "blind"].marks
+    monkeypatch.setattr(published.provenance, "age", lambda commit, paths: 0)
     document = tmp_path / "docs" / "diagnosis.md"
     document.parent.mkdir()
-    document.write_text(f"# Before\n{BEGIN}\nworn out\n{END}\nafter\n")
-    publish(text, tmp_path, document)
+    document.write_text(f"# Before\n{begin}\nworn out\n{end}\nafter\n")
+    publish(text, tmp_path, document, None, command, "0123abc")
     once = document.read_text()
-    publish(text, tmp_path, document)
+    publish(text, tmp_path, document, None, command, "0123abc")
     assert document.read_text() == once
     assert once.startswith("# Before\n") and once.endswith("\nafter\n") and "worn out" not in once
     for picture in ("confusion", "reliability", "severity"):
         assert (document.parent / "figures" / f"{picture}.png").stat().st_size > 1000
+    sections = {("diagnosis.md", "blind"): published.SECTIONS["diagnosis.md", "blind"]}
+    (short,) = published.problems("diagnosis.md", once, sections, lambda commit, paths: 0)
+    assert "cannot print the row 'log of 12 s" in short, "logs of this test are shorter than those of any benchmark"
     document.write_text("no markers")
     with pytest.raises(ValueError, match="put both where"):
-        publish(text, tmp_path, document)
+        publish(text, tmp_path, document, None, command, "0123abc")

@@ -9,6 +9,7 @@ from auv_torchrl.flightlog import read_flightlog, write_columns
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks import published
 from benchmarks.blind.autopilots import Autopilots
 from benchmarks.blind.cases import draw_cases
 from benchmarks.blind.faults import FAULTS, WEAK, draw_fault
@@ -17,7 +18,7 @@ from benchmarks.blind.foreign_heavy import ForeignHeavy
 from benchmarks.blind.judge import NO_MARK, judge
 from benchmarks.blind.mujoco_plant import MujocoPlant
 from benchmarks.blind.plant import Influences, Slack
-from benchmarks.blind.report import markdown, markers, publish
+from benchmarks.blind.report import markdown, publish, section
 from benchmarks.blind.score_sensors import set_numbers, set_tables
 from benchmarks.blind.seal import hand_over
 from benchmarks.blind.sensor_sets import SENSOR_SETS
@@ -161,12 +162,17 @@ def test_what_no_log_shows_must_be_said():
     assert not judge("a", label, answer, VEHICLE).right_class
 
 
-def test_each_set_has_markers_of_its_own(tmp_path):
+def test_each_set_has_markers_of_its_own(tmp_path, monkeypatch):
     """Publishing one set leaves what stands between the markers of the others."""
-    document = tmp_path / "document.md"
+
+    def markers(name):
+        return published.SECTIONS["diagnosis.md", section(name)].marks
+
+    monkeypatch.setattr(published.provenance, "age", lambda commit, paths: 0)
+    document = tmp_path / "diagnosis.md"
     document.write_text("\n".join("\n".join(markers(name)) for name in (None, *SENSOR_SETS)))
-    publish("of stock", tmp_path, document, "stock")
-    publish("of dvl", tmp_path, document, "dvl")
+    for name in ("stock", "dvl"):
+        publish(f"of {name}", tmp_path, document, name, "make blind", "0123abc")
     text = document.read_text()
     for name in (None, "mocap"):
         assert "\n".join(markers(name)) in text

@@ -1,5 +1,7 @@
 """The compiled force on free bodies is the written one, stage by stage, and MuJoCo flies the same without it."""
 
+from collections import namedtuple
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.free_body import free_body_force
-from auv_torchrl.physics.kernel import Forces, native
+from auv_torchrl.physics.kernel import Forces, native, recorded
 from auv_torchrl.physics.kernel.recorded import Variant
 from auv_torchrl.physics.kinematics import normalise, rotation_matrix
 from auv_torchrl.simulator.mujoco import MujocoSimulator
@@ -86,6 +88,18 @@ def test_vehicles_with_nothing_out_of_line_take_the_short_way():
     assert Variant.of(c) is Variant.DIAGONAL
     assert Variant.of(c._replace(lag=c.lag + 0.1)) is Variant.DEEP
     assert Variant.of(prepare(load_any("bluerov2").expand(2)).numpy()) is Variant.DEEP
+
+
+@pytest.mark.parametrize("term", [*ActiveTerms._fields, "cubic_drag"])
+def test_a_term_of_the_motion_has_the_whole_step_also_where_nobody_has_named_it(term, monkeypatch):
+    """Coriolis terms and what no step works out leave the small step; every other term, a new one too, needs more."""
+    terms = namedtuple("terms", [*dict.fromkeys((*ActiveTerms._fields, term))])
+    known = terms(*(name == term for name in terms._fields))
+    monkeypatch.setattr(terms, "of", staticmethod(lambda c: known), raising=False)
+    monkeypatch.setattr(recorded, "ActiveTerms", terms)
+    small = term in ("coriolis", "routing", "curve", "sensing", "sensor_noise")
+    expected = Variant.DIAGONAL if small else Variant.SURFACE if term == "surface" else Variant.DEEP
+    assert Variant.of(prepare(load_any("paper").expand(2)).numpy()) is expected
 
 
 @pytest.mark.parametrize("effect", ["thruster_lag", "command_delay", "battery_sag", "payload", "current"])

@@ -15,6 +15,8 @@ from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 
 Shapes = tuple[tuple[int, ...], ...]
 
+# Terms that no step works out: thrust targets come before it, reports behind it.
+_OUTSIDE_A_STEP = frozenset(("routing", "curve", "sensing", "sensor_noise"))
 _MATRICES = ("mass_inverse", "mass_matrix", "linear_drag")
 _OFF_DIAGONAL = 1.0 - np.eye(6)
 
@@ -41,12 +43,10 @@ class Variant(Enum):
     @staticmethod
     def of(c: Coefficients) -> "Variant":
         """The least that does all that vehicles (R,), numpy, need."""
-        needed = ActiveTerms.of(c)
-        of_motion = (
-            "current", "tether", "surface", "lag", "battery_sag", "coupled_drag", "uneven_drag", "coupled_mass",
-        )  # fmt: skip
-        more = any(getattr(needed, name) for name in of_motion) or bool((c.mass_matrix * _OFF_DIAGONAL).any())
-        return Variant.full(needed) if more else Variant.DIAGONAL
+        needed, there = ActiveTerms.of(c)._asdict(), Variant.DIAGONAL.terms._asdict()
+        lacking = {name for name, needs in needed.items() if needs and not there[name]} - _OUTSIDE_A_STEP
+        more = bool(lacking) or bool((c.mass_matrix * _OFF_DIAGONAL).any())
+        return Variant.full(ActiveTerms(**needed)) if more else Variant.DIAGONAL
 
 
 def constants(c: Coefficients, dtype: Any, more: Sequence[float] = ()) -> np.ndarray:

@@ -1,0 +1,192 @@
+"""What ``docs/real.md`` holds: sections of measurements, each of which is made, and kept, by itself."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from benchmarks.real import ardusub, bluerov2, haizhe
+
+Result = Mapping[str, Any]  # of one measurement, of plain types
+
+
+@dataclass(frozen=True)
+class Section:
+    """A table, with what is said before it."""
+
+    name: str  # in the marks of the page
+    part: str  # of the page, as the command line calls it
+    title: str
+    about: str
+    command: str  # that prints this table alone
+    labels: tuple[str, ...]  # of its measurements
+    rows: frozenset[tuple[str, ...]]  # first cells that its table can have
+    missing: Callable[[Path, str], str]  # what the data folder lacks for a measurement; empty: nothing
+    measure: Callable[[Path, str], Result]
+    lines: Callable[[Iterable[Result]], Iterator[str]]
+
+
+@dataclass(frozen=True)
+class Flights:
+    """A table of flights: which, with which vehicle file, and whether sound ones are given with them."""
+
+    cases: tuple[ardusub.Case, ...]
+    vehicle: str = ardusub.VEHICLE
+    healthy: bool = True
+    folder: str = ardusub.FOLDER
+
+    def case(self, label: str) -> ardusub.Case:
+        """The case of this name."""
+        return next(case for case in self.cases if case.name == label)
+
+    def missing(self, data: Path, label: str) -> str:
+        """Logs that the folder lacks."""
+        return ardusub.absent(self.case(label), data / self.folder, self.healthy)
+
+    def measure(self, data: Path, label: str) -> Result:
+        """Diagnose one flight."""
+        return {"row": ardusub.run(self.case(label), data / self.folder, self.vehicle, self.healthy).row}
+
+
+def _flights(name: str, title: str, about: str, command: str, flights: Flights) -> Section:
+    labels = tuple(case.name for case in flights.cases if case.has_healthy or not flights.healthy)
+    rows = frozenset((label,) for label in labels)
+    return Section(name, "ardusub", title, about, command, labels, rows, flights.missing, flights.measure, _of_rows)
+
+
+def _of_rows(results: Iterable[Result]) -> Iterator[str]:
+    return ardusub.table(result["row"] for result in results)
+
+
+def _of_runs(results: Iterable[Result]) -> Iterator[str]:
+    return bluerov2.table([bluerov2.Figures(**result) for result in results])
+
+
+def _of_classes(results: Iterable[Result]) -> Iterator[str]:
+    return haizhe.tables({result["seed"]: result["scored"] for result in results})
+
+
+def _leave_out(data: Path, label: str) -> Result:
+    flights = bluerov2.read_runs(data / "kth_bluerov2")
+    tested = bluerov2.leave_out(label, flights)
+    return {"test": tested.test, "before": tested.before, "after": tested.after}
+
+
+def _no_runs(data: Path, label: str) -> str:
+    try:
+        bluerov2.check_runs(data / "kth_bluerov2")
+    except FileNotFoundError as error:
+        return str(error)
+    return ""
+
+
+def _classes(data: Path, label: str) -> Result:
+    scored = haizhe.score(haizhe.read_classes(data / haizhe.FILE), load_settings(), int(label))
+    return {"seed": int(label), "scored": [own.as_dict() for own in scored]}
+
+
+def _no_classes(data: Path, label: str) -> str:
+    return "" if (data / haizhe.FILE).is_file() else f"{data} lacks {haizhe.FILE}"
+
+
+def measure(data: Path, piece: tuple[str, str]) -> Result:
+    """Make one measurement, on one thread: section and label."""
+    torch.set_num_threads(1)
+    section = next(section for section in SECTIONS if section.name == piece[0])
+    return section.measure(data, piece[1])
+
+
+WRONG = "bluerov2_heavy"
+_ARDUSUB = "python -m benchmarks.real.ardusub"
+
+SECTIONS: Sequence[Section] = (
+    Section(
+        "bluerov2",
+        "bluerov2",
+        "bluerov2",
+        (
+            "A BlueROV2 Heavy in a tank with motion capture (von Benzon, KTH): two runs are diagnosed, each third "
+            "one is predicted from its commands alone, from its first sample to its last, in m/s. "
+            "[diagnosis.md](diagnosis.md#a-real-vehicle) says where to get the runs. Nobody knows what such a "
+            "vehicle has; so nothing is called right or wrong, and what counts is the prediction. Run_12_09_45 is "
+            "flown at commands of 0.625, and what it is predicted from was learnt at 0.25, where gain and "
+            "exponent of the thrust curve can hardly be told apart."
+        ),
+        "python -m benchmarks.real.bluerov2 FOLDER --folds",
+        bluerov2.RUNS,
+        frozenset((run, row) for run in bluerov2.RUNS for row in bluerov2.LABELS),
+        _no_runs,
+        _leave_out,
+        _of_runs,
+    ),
+    _flights(
+        "ardusub",
+        "ardusub",
+        (
+            "Flights that ArduSub's firmware wrote of its own simulated vehicle, whose coefficients stand in "
+            "`vehicle=ardusub_sitl`. No sound flight is given."
+        ),
+        _ARDUSUB,
+        Flights(ardusub.CASES, healthy=False),
+    ),
+    _flights(
+        "ardusub_healthy", "ardusub, with a sound flight", "The same, each beside another flight that was sound.",
+        f"{_ARDUSUB} --healthy", Flights(ardusub.CASES),
+    ),
+    _flights(
+        "ardusub_wrong_file",
+        "ardusub, with a wrong file and a sound flight",
+        (
+            f"The same, started from `vehicle={WRONG}`, which is wrong about this vehicle by factors. The stock "
+            "flights have no position sensor, and stand on the sea floor for most of their time."
+        ),
+        f"{_ARDUSUB} --healthy --vehicle {WRONG}",
+        Flights(ardusub.CASES, WRONG),
+    ),
+    _flights(
+        "ardusub_altered",
+        "ardusub, altered logs",
+        (
+            "The same again, of sound flights whose logs are as faulty vehicles would have written them: two "
+            "commands exchanged in the log are two plugs exchanged on the vehicle."
+        ),
+        f"{_ARDUSUB} --altered --healthy --vehicle {WRONG}",
+        Flights(ardusub.ALTERED, WRONG),
+    ),
+    _flights(
+        "ardusub_vectored",
+        "ardusub, six thrusters",
+        (
+            "Flights of the firmware's ordinary frame of six thrusters, started from `vehicle=bluerov2`, which is "
+            "wrong about that vehicle by factors; both sound flights are given with a faulty one, and the other "
+            "one with a sound one."
+        ),
+        f"{_ARDUSUB} --vectored --healthy --vehicle bluerov2",
+        Flights(ardusub.VECTORED, "bluerov2", folder=ardusub.VECTORED_FOLDER),
+    ),
+    Section(
+        "haizhe",
+        "haizhe",
+        "haizhe",
+        (
+            "980 dives of ten seconds of a small vehicle with four vertical propellers, of which some carry a "
+            "load, have a depth sensor that is off, or a cut propeller (Ji et al. 2021, CC BY 4.0; the training "
+            "split, as Parquet with the columns `run` and `class`). All four propellers always get the same "
+            "command. Labels choose the sound runs and score, nowhere else; that a spectrum tells a cut blade, "
+            "and that how a run hangs at rest tells a load, was found by looking at labelled runs of this file. "
+            "The first table is of seed 0; a seed says which fifth of the runs is set aside. A damage has no name "
+            "of its own in the library: there, *right* means that the run is not called sound, and that neither "
+            "load nor depth sensor is named."
+        ),
+        "python -m benchmarks.real.haizhe --seed 0",
+        tuple(str(seed) for seed in haizhe.SEEDS),
+        frozenset([*((name,) for name in haizhe.CLASSES), *((str(seed),) for seed in haizhe.SEEDS)]),
+        _no_classes,
+        _classes,
+        _of_classes,
+    ),
+)  # fmt: skip
+PARTS = tuple(dict.fromkeys(section.part for section in SECTIONS))

@@ -1,0 +1,134 @@
+"""The rows that the commands of published tables can print, by their first cells, from the code that prints them."""
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from itertools import product
+from typing import Any
+
+Labels = set[tuple[str, ...]]  # the first cell of a row, or the first few
+Rows = Callable[[str], Labels]  # given the command that made a table
+
+
+def of_bench(name: str, command: str) -> Labels:
+    """Of a part of ``benchmarks.control``."""
+    return set(_BENCH[name]())
+
+
+def of_sealed(part: str | None, command: str) -> Labels:
+    """Of a part of the sealed benchmark; its command says how many cases there are."""
+    from auv_torchrl.effects import EFFECTS
+    from benchmarks.blind import cases, damages, faults, outside, score, score_sensors, score_strangers, strangers
+
+    found = re.search(r"cases=(\d+)", command)
+    count = int(found[1]) if found else 0
+    labels: list[str] = [f"case_{number:04d}" for number in range(1, count + 1)]
+    labels += [*EFFECTS, *outside.OUTSIDE, *cases.FAMILIES, "all"]
+    if part is None:
+        targets = score.numbers([])
+        labels += [name.replace("_", " ") for name in damages.DAMAGES]
+        labels += [*score.NO_GAP.values(), *score.spans(), *_conditions()]
+    elif part.startswith("strangers"):
+        targets = score_strangers.stranger_numbers([], 0)
+        labels += [str(number) for number in range(1, max(1, round(count / strangers.CASES_PER_STRANGER)) + 1)]
+    else:
+        targets = score_sensors.set_numbers([], part)
+        labels += [*faults.FAULTS, score_sensors.NOTHING]
+    return _one([*labels, *(row[0] for row in targets.rows)])
+
+
+def of_real(name: str, command: str) -> Labels:
+    """Of a part of ``benchmarks.real``."""
+    from benchmarks.real.page import SECTIONS
+
+    return set(next(section for section in SECTIONS if section.name == name).rows)
+
+
+def of_dives(command: str) -> Labels:
+    """Of the benchmark over many dives."""
+    from auv_torchrl.vehicle import load_vehicle
+    from benchmarks.dives.__main__ import VEHICLE
+
+    return _one(f"thruster {number}" for number in range(1, load_vehicle(VEHICLE).thrusters + 1))
+
+
+def _one(labels: Iterable[str]) -> Labels:
+    return {(label,) for label in labels}
+
+
+def _conditions() -> Iterator[str]:
+    from benchmarks.blind import cases, score
+
+    yield from (score.LENGTH.format(length) for length in (*cases.SHORT_S, 30.0 * cases.EPISODES))
+    yield from (score.NOISE.format(2 * noise, 0.004 * noise) for noise in (1.0, *cases.NOISES))
+    yield from (*score.PLANTS.values(), *score.ONSET)
+
+
+def _env_steps() -> Labels:
+    from benchmarks.control.env_steps import SIZES
+
+    return _one(map(str, SIZES))
+
+
+def _sac_updates() -> Labels:
+    from benchmarks.control.sac_updates import OURS, THEIRS
+
+    return _one((*OURS, THEIRS))
+
+
+def _time_to_error() -> Labels:
+    from benchmarks.control.time_to_error import METHODS, SEEDS
+
+    return {(method, str(seed)) for method, seed in product(METHODS, range(SEEDS))}
+
+
+def _agents() -> Labels:
+    from auv_torchrl.agents.config import AGENTS
+    from benchmarks.control.agents import SEEDS
+
+    return {(agent, str(seed)) for agent, seed in product(AGENTS, range(SEEDS))}
+
+
+def _table2() -> Labels:
+    from benchmarks.control.table2 import CASES
+
+    return {(scenario, vehicle, f"±{box_m:g} m") for vehicle, box_m, scenario in CASES}
+
+
+def _fault_recovery() -> Labels:
+    from benchmarks.control.fault_recovery import CONDITIONS, FAULTS
+
+    return set(product(FAULTS, CONDITIONS))
+
+
+def _tank_run() -> Labels:
+    from benchmarks.control.tank_run import RUNS
+
+    return {(run.name, run.controller) for run in RUNS}
+
+
+def _tracking() -> Labels:
+    from benchmarks.control.tracking import CURVES
+
+    return _one(CURVES)
+
+
+def _tasks() -> Labels:
+    from auv_torchrl.agents.config import AGENTS
+    from auv_torchrl.paths import config_names
+    from benchmarks.control.tasks import KINDS
+
+    return _one(config_names("scenario")) | set(product(KINDS, AGENTS))
+
+
+def _comparison() -> Labels:
+    from auv_torchrl.paths import config_names
+    from benchmarks.control.methods import METHODS
+
+    return _one((*config_names("scenario"), *METHODS))
+
+
+_BENCH: dict[str, Callable[[], Any]] = {
+    "env_steps": _env_steps, "sac_updates": _sac_updates, "time_to_error": _time_to_error, "agents": _agents,
+    "table2": _table2, "fault_recovery": _fault_recovery, "tank_run": _tank_run, "tracking": _tracking,
+    "tasks": _tasks, "comparison": _comparison,
+}  # fmt: skip
