@@ -20,13 +20,11 @@ from auv_torchrl.paths import config_path
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle_checks import doubts, impossible
 from auv_torchrl.vehicle_entries import bounded, drag_matrix, each_thruster, matrix, numbers
-from auv_torchrl.vehicle_fields import BY_LABEL, FIELDS, MIXER, Field, label
+from auv_torchrl.vehicle_fields import BY_LABEL, CONTROLLED, DEGREES_OF_FREEDOM, FIELDS, MIXER, Field, label
 from auv_torchrl.yaml_file import read_yaml
 
 log = logging.getLogger(__name__)
 
-DEGREES_OF_FREEDOM = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-CONTROLLED = ("surge", "sway", "heave", "yaw")  # the four channels of an action
 CONTROLLED_INDEX = tuple(DEGREES_OF_FREEDOM.index(name) for name in CONTROLLED)
 
 

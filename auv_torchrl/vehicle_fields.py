@@ -10,6 +10,8 @@ from typing import Any
 
 from auv_torchrl.settings import In
 
+DEGREES_OF_FREEDOM = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+CONTROLLED = ("surge", "sway", "heave", "yaw")  # the four channels of an action
 GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weights
 WATER_DENSITY = 1000.0  # kg/m^3, fresh; salt changes the side of a cube by 1 %
 POUND = 0.45359237  # kg, by definition
