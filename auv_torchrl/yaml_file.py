@@ -118,8 +118,8 @@ def _count(node: Node, named: str, plain: bool, known: dict[int, int], above: se
             )
         if node.tag in (_INTEGER, _FLOAT) and _OTHER_BASE.fullmatch(node.value):
             raise YamlFileError(
-                f"{named}, line {_line(node)}: YAML reads {node.value[:60]!r} to the base 8 or 60: write it as a decimal "
-                "number, or in quotes if it is a word"
+                f"{named}, line {_line(node)}: YAML reads {node.value[:60]!r} to the base 8 or 60: write it as a "
+                "decimal number, or in quotes if it is a word"
             )
     elif isinstance(node, MappingNode):
         _check_names(node, named)

@@ -83,7 +83,7 @@ def read_request(config: DictConfig) -> Request:
 def vehicle_findings(vehicle: Vehicle) -> tuple[Finding, ...]:
     """What is implausible about the numbers of a vehicle's file."""
     return tuple(
-        Finding(Severity.WARNING, "vehicle_file", f"in the vehicle's file {d}") for d in vehicle_doubts(vehicle)
+        Finding(Severity.WARNING, "vehicle_numbers", f"in the vehicle's file {d}") for d in vehicle_doubts(vehicle)
     )
 
 
