@@ -5,16 +5,21 @@ the controlled wrench is singular, no map of the four channels can bring back th
 4 x n matrix from free thruster commands is singular too, no map of commands can.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from auv_torchrl.physics import prepare
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, DEGREES_OF_FREEDOM, Vehicle
 
 RANK_TOLERANCE = 1e-3  # on singular values relative to the largest: a thruster below 0.1 % of its thrust is dead
+EXACT = 1e-6  # of a push by itself, that may come with it in the other degrees of freedom: rounding
 
 
 class Recovery(StrEnum):
@@ -57,6 +62,75 @@ class Authority:
             if self.lost:
                 text += f"; lost: {_listed(self.lost)}"
         return text
+
+
+def pushed(vehicle: Vehicle, axes: Sequence[str], by_channels: bool) -> tuple[str, ...]:
+    """Those of some degrees of freedom that a sound vehicle pushes both ways without pushing the others of them.
+
+    Its weight in water counts as a push that needs no thruster. Faults do not count: gains and routing are left out.
+
+    Args:
+        vehicle: one vehicle (empty batch).
+        axes: degrees of freedom that are to be controlled together; what happens in others does not matter.
+        by_channels: whether commands are the four channels of the mixer, or those of the thrusters one by one.
+    """
+    eye = torch.eye(vehicle.thrusters).to(vehicle.gain)
+    sound = changed(vehicle, gain=torch.ones_like(vehicle.gain), routing=eye)
+    c = prepare(sound)
+    commands = vehicle.mixer[:, list(CONTROLLED_INDEX)].mT if by_channels else eye
+    index = [DEGREES_OF_FREEDOM.index(axis) for axis in axes]
+
+    def wrenches(alone: Tensor) -> Tensor:
+        thrust = thrust_target(c, ActiveTerms.of(c), torch.cat((alone, -alone)))
+        return (c.allocation @ thrust.mT)[index]  # (a, pushes)
+
+    unit = wrenches(eye).abs().sum(-1, keepdim=True)
+    unit = unit.where(unit > EXACT * unit.max(), torch.inf)  # where nothing pushes but rounding
+    weight = torch.cat((c.restoring[:3, 2], torch.zeros(3).to(c.gain)))[index]  # level: along heave alone
+    pushes = (torch.cat((wrenches(commands), weight[:, None]), dim=-1) / unit).double().numpy()
+    ways = zip(axes, np.eye(len(axes)), strict=True)
+    return tuple(axis for axis, way in ways if _within(pushes, way) and _within(pushes, -way))
+
+
+def _within(pushes: np.ndarray, wanted: np.ndarray) -> bool:
+    """Whether pushes (a, k), each of 0 or more times, add up to a wrench (a,) without any of them being large."""
+    from scipy.optimize import nnls  # here: it takes long to import
+
+    times, left = nnls(pushes, wanted)
+    return bool(left < EXACT and times.max() < 1 / RANK_TOLERANCE)
+
+
+def check_control(vehicle: Vehicle, task: str, axes: Sequence[str], by_channels: bool, name: str = "") -> None:
+    """Refuse a vehicle that cannot control what a task needs.
+
+    Args:
+        vehicle: one vehicle (empty batch).
+        task: its name.
+        axes: degrees of freedom that it needs.
+        by_channels: as of :func:`pushed`.
+        name: of the vehicle, where it is known.
+
+    Raises:
+        ValueError: naming the degrees of freedom that are missing, and what can be done.
+    """
+    can = pushed(vehicle, axes, by_channels)
+    if len(can) == len(axes):
+        return
+    who = f"vehicle {name}" if name else "the vehicle"
+    free = pushed(vehicle, axes, by_channels=False)
+    if len(free) == len(axes):
+        raise ValueError(
+            f"{who}: its mixer has no command that pushes {_without(axes, can)} both ways and nothing else, which task "
+            f"{task} needs, though its thrusters could: mend its mixer, or give task.thruster_commands=true"
+        )
+    raise ValueError(
+        f"{who}: its thrusters push {_listed(free) or 'nothing'} both ways, and task {task} also needs "
+        f"{_without(axes, free)}: mend its thrusters and mixer if it has more; without, its logs can still be diagnosed"
+    )
+
+
+def _without(axes: Sequence[str], some: Sequence[str]) -> str:
+    return _listed([axis for axis in axes if axis not in some])
 
 
 def authority(vehicle: Vehicle, nominal: Vehicle, name: str = "vehicle") -> Authority:

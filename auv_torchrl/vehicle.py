@@ -5,24 +5,26 @@ Frames: earth NED, body FRD. Degrees of freedom are ordered surge, sway, heave, 
 value that :func:`load_vehicle` gives, every term that only an effect uses does nothing.
 """
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from reprlib import repr as short
 from typing import Any
 
+import numpy as np
 import torch
 from tensordict import TensorClass
 from torch import Tensor
 
 from auv_torchrl.paths import config_path
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle_defaults import LEFT_OUT, SENSORS
-from auv_torchrl.vehicle_entries import drag_matrix, each_thruster, matrix, numbers
+from auv_torchrl.vehicle_checks import doubts, impossible
+from auv_torchrl.vehicle_entries import bounded, drag_matrix, each_thruster, matrix, numbers
+from auv_torchrl.vehicle_fields import BY_LABEL, CONTROLLED, DEGREES_OF_FREEDOM, FIELDS, MIXER, Field, label
 from auv_torchrl.yaml_file import read_yaml
 
-GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weights
-DEGREES_OF_FREEDOM = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-CONTROLLED = ("surge", "sway", "heave", "yaw")  # the four channels of an action
+log = logging.getLogger(__name__)
+
 CONTROLLED_INDEX = tuple(DEGREES_OF_FREEDOM.index(name) for name in CONTROLLED)
 
 
@@ -92,36 +94,9 @@ class Vehicle(TensorClass):
         return self.gain.shape[-1]
 
 
-_VECTORS = {  # section -> key -> length; 0 is a scalar
-    "rigid_body": {
-        "mass": 0,
-        "inertia": 3,
-        "centre_of_mass": 3,
-        "centre_of_buoyancy": 3,
-        "buoyancy": 0,
-        "hull_height": 0,
-    },
-    "": {
-        "added_mass": 6,
-        "mass_scale": 6,
-        "linear_drag": 6,
-        "quadratic_drag": 6,
-        "drag_asymmetry": 6,
-        "coriolis": 0,
-        "surface": 0,
-        "air": 0,
-    },
-    "thrusters": dict.fromkeys(
-        ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag", "delay", "reaction", "volts"), 0
-    ),
-}
 _NOTHING = ("payload_mass", "payload_weight", "vertical_force", "tether_stiffness", "tether_slack", "battery_sag",
             "compass_per_load", "position_noise", "attitude_noise")  # fmt: skip
 _NOWHERE = ("payload_position", "current", "tether_anchor", "gyro_bias")
-_PER_THRUSTER = _VECTORS["thrusters"].keys() - {"delay", "volts"}  # one number for all, or one each
-_POSITIVE = {"mass", "inertia", "buoyancy", "mass_scale", "full_thrust", "exponent", "limit"}
-_NON_NEGATIVE = {"added_mass", "linear_drag", "quadratic_drag", "coriolis", "dead_band", "lag", "delay", "volts",
-                 "hull_height", "air"}  # fmt: skip
 _SAID_OF_IT = {"name", "uncertainty", "calibration"}  # what the diagnosis and the training read besides
 
 
@@ -142,36 +117,60 @@ def _file(vehicle: str | Path) -> Path:
 def load_vehicle(vehicle: str | Path | Mapping[str, Any], dtype: torch.dtype = torch.float64) -> Vehicle:
     """One nominal vehicle (empty batch) from a name in ``conf/vehicle``, a YAML file or a mapping.
 
+    What is possible and hardly plausible is logged as a warning, with the unit that it looks like.
+
     Raises:
         FileNotFoundError: for an unknown name.
-        ValueError: for a missing, unknown, misshapen or unphysical entry, naming it and the file.
+        ValueError: for a missing, unknown, misshapen or impossible entry, naming it and the file.
     """
     content = read_vehicle_file(vehicle)
+    source = "vehicle" if isinstance(vehicle, Mapping) else f"{_file(vehicle)}: vehicle"
     try:
-        return _nominal(content).to(dtype).clone()
+        loaded = _nominal(content)
     except ValueError as error:
-        if isinstance(vehicle, Mapping):
-            raise
-        raise ValueError(f"{_file(vehicle)}: {error}") from error
+        raise ValueError(f"{source}: {error}") from error
+    for doubt in vehicle_doubts(loaded):
+        log.warning("%s: %s", source, doubt)
+    return loaded.to(dtype).clone()
 
 
-def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
-    fields: dict[str, Any] = _read_fields(vehicle)
-    rows = vehicle["thrusters"]
-    position = matrix("thrusters.position", rows.get("position"), 3)
-    direction = matrix("thrusters.direction", rows.get("direction"), 3)
-    mixer = matrix("mixer", vehicle["mixer"], 6)
+def vehicle_doubts(vehicle: Vehicle) -> tuple[str, ...]:
+    """What is implausible about a nominal vehicle (empty batch), a sentence each with the unit that it looks like."""
+    return doubts(_by_label(vehicle))
+
+
+def _by_label(vehicle: Vehicle) -> dict[str, np.ndarray]:
+    """What a vehicle's file says of it, by the labels of the entries, thrusters one by one."""
+    field_of = {"thrusters.position": "thruster_position", "thrusters.direction": "thruster_direction"}
+    return {name: vehicle.get(field_of.get(name, name.rpartition(".")[2])).numpy() for name in BY_LABEL}
+
+
+def _nominal(content: Mapping[str, Any]) -> Vehicle:
+    known = {*FIELDS, *FIELDS[""], "mixer", *_SAID_OF_IT} - {""}
+    if odd := sorted(map(str, set(content) - known)):
+        raise ValueError(f"unknown entries {odd}: {choices(odd, sorted(known))}")
+    if not isinstance(content.get("name", ""), str):
+        raise ValueError(f"name is {short(content['name'])}: give a word, in quotes if need be")
+    fields: dict[str, Any] = {}
+    for section in FIELDS:
+        fields |= _read_section(section, content)
+    if "mixer" not in content:
+        raise ValueError("mixer is missing")
+    mixer = matrix("mixer", content["mixer"], MIXER.length)
+    position, direction = fields.pop("position"), fields.pop("direction")
     n = len(position)
     if not len(direction) == len(mixer) == n:
         raise ValueError(
-            f"vehicle: thrusters.position has {n} rows, thrusters.direction {len(direction)}, mixer {len(mixer)}: "
+            f"thrusters.position has {n} rows, thrusters.direction {len(direction)}, mixer {len(mixer)}: "
             "give one row per thruster in each"
         )
     if ((length := direction.norm(dim=-1, keepdim=True)) < 1e-9).any():
-        raise ValueError("vehicle: a row of thrusters.direction is zero: give the direction of its force")
-    per_thruster: dict[str, Any] = {key: fields.pop(key).expand(n) for key in _PER_THRUSTER}
+        raise ValueError("a row of thrusters.direction is zero: give the direction of its force")
+    per_thruster: dict[str, Any] = {
+        key: fields.pop(key).expand(n) for key, kind in FIELDS["thrusters"].items() if kind.each
+    }
     zero, one = torch.tensor([0.0, 1.0], dtype=torch.float64)
-    return Vehicle(
+    vehicle = Vehicle(
         **fields,
         **per_thruster,
         free=one.expand(6),
@@ -182,54 +181,38 @@ def _nominal(vehicle: Mapping[str, Any]) -> Vehicle:
         mixer=mixer,
         routing=torch.eye(n, dtype=torch.float64),
         gain=one.expand(n),
-        **_read_sensors(vehicle.get("sensors", {})),
         batch_size=[],
     )
+    if wrong := impossible(_by_label(vehicle)):
+        raise ValueError(wrong)
+    return vehicle
 
 
-def _read_fields(vehicle: Mapping[str, Any]) -> dict[str, Tensor]:
-    known = {"rigid_body", "thrusters", "mixer", "sensors", *_SAID_OF_IT, *_VECTORS[""]}
-    if odd := sorted(map(str, set(vehicle) - known)):
-        raise ValueError(f"vehicle: unknown entries {odd}: {choices(odd, sorted(known))}")
-    fields = {}
-    for section, keys in _VECTORS.items():
-        block = vehicle.get(section, {}) if section else {key: vehicle[key] for key in keys if key in vehicle}
-        if not isinstance(block, Mapping):
-            raise ValueError(f"vehicle: {section} is {short(block)}: give a mapping with {', '.join(keys)}")
-        block = LEFT_OUT[section] | dict(block)
-        allowed = set(keys) | ({"position", "direction"} if section == "thrusters" else set())
-        if odd := sorted(map(str, set(block) - allowed)):
-            raise ValueError(f"vehicle: unknown entries {odd} in {section}: {choices(odd, sorted(allowed))}")
-        for key, length in keys.items():
-            label = f"{section}.{key}" if section else key
-            if key not in block:
-                raise ValueError(f"vehicle: {label} is missing")
-            if key in _PER_THRUSTER and isinstance(block[key], list | tuple):
-                fields[key] = each_thruster(label, block[key], block.get("position"))
-            elif key == "linear_drag":
-                fields[key] = drag_matrix(block[key])
-            else:
-                fields[key] = numbers(label, block[key], (length,) if length else ())
-            if key in _POSITIVE and not (fields[key] > 0).all():
-                raise ValueError(f"vehicle: {label} is {short(block[key])}: give values above 0")
-            if key.endswith("asymmetry") and not (fields[key].abs() < 1).all():
-                raise ValueError(f"vehicle: {label} is {short(block[key])}: give a share below 1, and above -1")
-            if key == "air" and not fields[key] <= 1:
-                raise ValueError(f"vehicle: {label} is {short(block[key])}: give 1 for air, 0 for water everywhere")
-            sizes = fields[key].diagonal() if key == "linear_drag" else fields[key]
-            if key in _NON_NEGATIVE and not (sizes >= 0).all():
-                raise ValueError(f"vehicle: {label} is {short(block[key])}: give values of 0 or more")
-    if "mixer" not in vehicle:
-        raise ValueError("vehicle: mixer is missing")
-    return fields
-
-
-def _read_sensors(block: Any) -> dict[str, Any]:
+def _read_section(section: str, content: Mapping[str, Any]) -> dict[str, Tensor]:
+    """The entries of a section, checked one by one."""
+    kinds = FIELDS[section]
+    block = content.get(section, {}) if section else {key: content[key] for key in kinds if key in content}
     if not isinstance(block, Mapping):
-        raise ValueError(f"vehicle: sensors is {short(block)}: give a mapping with some of {', '.join(SENSORS)}")
-    if odd := sorted(map(str, set(block) - set(SENSORS))):
-        raise ValueError(f"vehicle: unknown entries {odd} in sensors: {choices(odd, sorted(SENSORS))}")
-    found = {key: numbers(f"sensors.{key}", block.get(key, v), torch.tensor(v).shape) for key, v in SENSORS.items()}
-    if not found["pose_delay"] >= 0 or any(found[key] == 0 for key in SENSORS if key.endswith("_scale")):
-        raise ValueError("vehicle: sensors has a delay below 0 or a scale of 0: give what the sensors report")
-    return found
+        raise ValueError(f"{section} is {short(block)}: give a mapping with {', '.join(kinds)}")
+    if odd := sorted(map(str, set(block) - set(kinds))):
+        raise ValueError(f"unknown entries {odd} in {section}: {choices(odd, sorted(kinds))}")
+    if missing := [key for key, kind in kinds.items() if kind.default is ... and key not in block]:
+        raise ValueError(f"{', '.join(label(section, key) for key in missing)} {_is(missing)} missing")
+    return {
+        key: _read_entry(label(section, key), kind, block.get(key, kind.default), block.get("position"))
+        for key, kind in kinds.items()
+    }
+
+
+def _read_entry(name: str, kind: Field, value: Any, position: Any) -> Tensor:
+    if kind.rows:
+        return bounded(name, value, matrix(name, value, kind.length))
+    if kind.each and isinstance(value, list | tuple):
+        return bounded(name, value, each_thruster(name, value, position))
+    if name == "linear_drag":
+        return bounded(name, value, drag_matrix(value))
+    return bounded(name, value, numbers(name, value, (kind.length,) if kind.length else ()))
+
+
+def _is(names: list[str]) -> str:
+    return "is" if len(names) == 1 else "are"

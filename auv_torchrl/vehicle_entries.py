@@ -7,6 +7,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.vehicle_checks import looks_like
+from auv_torchrl.vehicle_fields import BY_LABEL
+
 
 def drag_matrix(value: Any) -> Tensor:
     """Six numbers of the diagonal, or six rows of six where one degree of freedom drags on another."""
@@ -21,6 +24,20 @@ def each_thruster(label: str, values: Any, position: Any) -> Tensor:
     return numbers(label, values, (n,), f"one number, or {n}, one per thruster")
 
 
+def bounded(label: str, value: Any, tensor: Tensor) -> Tensor:
+    """The numbers of an entry, which ``value`` is in the file, where they lie within what is possible of it.
+
+    Raises:
+        ValueError: for others, with the unit that they look like.
+    """
+    given = BY_LABEL[label].given
+    found = tensor.diagonal() if label == "linear_drag" else tensor  # beside it, signs are free
+    if not all(number in given for number in found.flatten().tolist()):
+        looks = looks_like(label, found.numpy())
+        raise ValueError(f"{label} is {short(value)}: give values {given}{looks}")
+    return tensor
+
+
 def numbers(label: str, value: Any, shape: tuple[int, ...], wanted: str = "") -> Tensor:
     """Finite numbers of a shape; ``wanted`` is what an error asks for.
 
@@ -29,13 +46,13 @@ def numbers(label: str, value: Any, shape: tuple[int, ...], wanted: str = "") ->
     """
     wanted = wanted or (f"{math.prod(shape)} numbers" if shape else "one number")
     if any(isinstance(entry, bool) for entry in (value if isinstance(value, list | tuple) else (value,))):
-        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}")
+        raise ValueError(f"{label} is {short(value)}: give {wanted}")
     try:
         tensor = torch.as_tensor(value, dtype=torch.float64)
     except (TypeError, ValueError, RuntimeError, OverflowError) as error:
-        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}") from error
+        raise ValueError(f"{label} is {short(value)}: give {wanted}") from error
     if tensor.shape != shape or not tensor.isfinite().all():
-        raise ValueError(f"vehicle: {label} is {short(value)}: give {wanted}, finite")
+        raise ValueError(f"{label} is {short(value)}: give {wanted}, finite")
     return tensor
 
 
@@ -46,5 +63,5 @@ def matrix(label: str, value: Any, columns: int) -> Tensor:
         ValueError: for anything else, naming the entry.
     """
     if not isinstance(value, list | tuple) or not value:
-        raise ValueError(f"vehicle: {label} is {short(value)}: give one row of {columns} numbers per thruster")
+        raise ValueError(f"{label} is {short(value)}: give one row of {columns} numbers per thruster")
     return torch.stack([numbers(f"{label}[{row}]", entry, (columns,)) for row, entry in enumerate(value)])

@@ -8,23 +8,10 @@ import yaml
 from torch import Tensor
 
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle_fields import COMMENTS
 
 DIGITS = 8  # significant, of each number that is written
 SAME = 1e-6  # relative, of what was calibrated and what the file says after rounding
-UNITS = {
-    "mass": "kg", "inertia": "kg m^2", "centre_of_mass": "m", "centre_of_buoyancy": "m", "buoyancy": "N",
-    "hull_height": "m, over which it leaves the water",
-    "added_mass": "kg, kg m^2", "mass_scale": "on the total of rigid body and added mass",
-    "linear_drag": "kg/s, kg m^2/s; rows of 6: drag in each degree of freedom by speed in all",
-    "quadratic_drag": "kg/m, kg m^2", "drag_asymmetry": "share by which it is larger ahead, to starboard or down",
-    "surface": "m, z of the surface of the water", "air": "above it: 0 water, 1 air",
-    "coriolis": "0 none, 1 all", "position": "m", "full_thrust": "N at command +1",
-    "asymmetry": "reverse thrust is weaker by this share", "exponent": "thrust = full x sign(c) |c|^exponent",
-    "dead_band": "N", "limit": "N", "lag": "s", "delay": "s",
-    "reaction": "m, moment about its direction per newton of thrust", "volts": "V at which full_thrust holds",
-    "dvl_position": "m", "dvl_turn": "rad about body z, from the axes of the body to those of the Doppler log",
-    "mixer": "columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
-}  # fmt: skip
 _RIGID_BODY = ("mass", "inertia", "centre_of_mass", "centre_of_buoyancy", "buoyancy")
 _PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
 _WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
@@ -137,7 +124,7 @@ def _refuse_what_is_lost(vehicle: Vehicle, content: Mapping[str, Any]) -> None:
 
 def section_lines(key: str, value: Any, depth: int = 0) -> list[str]:
     """An entry of a vehicle file as lines with units."""
-    indent, unit = "  " * depth, f"  # {UNITS[key]}" if key in UNITS else ""
+    indent, unit = "  " * depth, f"  # {COMMENTS[key]}" if key in COMMENTS else ""
     if isinstance(value, Mapping):
         inside = [line for name, entry in value.items() for line in section_lines(name, entry, depth + 1)]
         return [f"{indent}{key}:", *inside]

@@ -12,6 +12,9 @@ MOST_BYTES = 100_000  # thirty times the largest file of conf/
 MOST_ENTRIES = 10_000  # with aliases written out: a few lines of aliases of aliases are more than any memory holds
 _MERGE = "tag:yaml.org,2002:merge"
 _STRING = "tag:yaml.org,2002:str"
+_INTEGER = "tag:yaml.org,2002:int"
+_FLOAT = "tag:yaml.org,2002:float"
+_OTHER_BASE = re.compile(r"[-+]?0[0-7_]+|.*:.*")  # 011 is 9 in YAML 1.1, and 11:50 is 710
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -21,6 +24,15 @@ class YamlFileError(ValueError):
 
 class _Loader(yaml.SafeLoader):
     """Plain values only, and 1e-3 is a number as it is for Hydra; YAML 1.1 asks for 1.0e-3."""
+
+    def construct_object(self, node: Node, deep: bool = False) -> Any:
+        """The value of a node; one that looks like a number or a date and is none is an error with its line."""
+        try:
+            return super().construct_object(node, deep)
+        except ValueError as error:  # a month 13, an integer of 5,000 digits
+            raise yaml.constructor.ConstructorError(
+                None, None, f"no number or date: {error}", node.start_mark
+            ) from error
 
 
 _Loader.add_implicit_resolver(
@@ -103,6 +115,11 @@ def _count(node: Node, named: str, plain: bool, known: dict[int, int], above: se
             raise YamlFileError(
                 f"{named}, line {_line(node)}: {node.value[:60]!r} refers to something outside of the file: "
                 "write the value itself"
+            )
+        if node.tag in (_INTEGER, _FLOAT) and _OTHER_BASE.fullmatch(node.value):
+            raise YamlFileError(
+                f"{named}, line {_line(node)}: YAML reads {node.value[:60]!r} to the base 8 or 60: write it as a "
+                "decimal number, or in quotes if it is a word"
             )
     elif isinstance(node, MappingNode):
         _check_names(node, named)

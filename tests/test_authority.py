@@ -2,10 +2,12 @@
 
 import pytest
 
-from auv_torchrl.authority import Recovery, authority
+from auv_torchrl.authority import Recovery, authority, check_control, pushed
 from auv_torchrl.effects import get_effect
 from auv_torchrl.paths import config_names
-from auv_torchrl.vehicle import CONTROLLED, load_vehicle
+from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, load_vehicle, read_vehicle_file
+from tests.entries import with_entry
+from tests.few_thrusters import FEW, with_thrusters, without_sway
 
 
 def judge(vehicle_name, **gains):
@@ -54,3 +56,62 @@ def test_a_batch_of_vehicles_is_refused():
     nominal = load_vehicle("paper")
     with pytest.raises(ValueError, match="one vehicle at a time"):
         authority(nominal.expand(3), nominal)
+
+
+@pytest.mark.parametrize("name", config_names("vehicle"))
+def test_every_shipped_vehicle_controls_what_the_tasks_need(name):
+    """By its mixer and by its thrusters; with eight of them roll and pitch, too."""
+    vehicle = load_vehicle(name)
+    assert pushed(vehicle, CONTROLLED, by_channels=True) == CONTROLLED
+    check_control(vehicle, "any", CONTROLLED, by_channels=True)
+    six = pushed(vehicle, DEGREES_OF_FREEDOM, by_channels=False)
+    assert ("pitch" in six) == (vehicle.thrusters == 8)
+
+
+@pytest.mark.parametrize(("name", "can"), [(name, can) for name, (_, can) in FEW.items()])
+def test_what_few_thrusters_cannot_push_is_named(name, can):
+    """Of each vehicle, the degrees of freedom that it has and those that a task lacks."""
+    vehicle = load_vehicle(FEW[name][0])
+    assert pushed(vehicle, CONTROLLED, by_channels=False) == can
+    missing = [axis for axis in CONTROLLED if axis not in can]
+    with pytest.raises(ValueError, match=f"vehicle {name}: its thrusters push .* also needs {missing[0]}") as error:
+        check_control(vehicle, "line", CONTROLLED, by_channels=True, name=name)
+    assert all(axis in str(error.value) for axis in missing) and "\n" not in str(error.value)
+    assert "its logs can still be diagnosed" in str(error.value)
+
+
+def test_thrusters_that_push_one_way_need_the_weight_for_the_other():
+    """Two that push down alone: what floats rises by itself, what is neutral does not, nor what is heavy."""
+    for weight, heave in ((9.0, True), (11.0, False)):
+        content = with_thrusters("one way", [[0.156, 0.111, 0.0], [0.156, -0.111, 0.0], [-0.156, 0.111, 0.0],
+                                             [-0.156, -0.111, 0.0], [0, 0.2, 0], [0, -0.2, 0]],
+                                 [[-1, 1, 0], [-1, -1, 0], [1, 1, 0], [1, -1, 0], [0, 0, 1], [0, 0, 1]],
+                                 [[-1, 1, 0, 0, 0, 1], [-1, -1, 0, 0, 0, -1], [1, 1, 0, 0, 0, -1], [1, -1, 0, 0, 0, 1],
+                                  [0, 0, 1, 1, 0, 0], [0, 0, 1, -1, 0, 0]],
+                                 asymmetry=[0.0] * 4 + [0.99999] * 2)  # fmt: skip
+        content = with_entry(content, ["rigid_body", "mass"], weight)
+        content = with_entry(content, ["rigid_body", "buoyancy"], 10.0 * 9.81)
+        assert ("heave" in pushed(load_vehicle(content), CONTROLLED, by_channels=True)) == heave
+
+
+def test_thrusters_within_their_dead_band_push_nothing():
+    """Backwards, where the dead band is wider than the reverse thrust: the rank knows nothing of it."""
+    content = without_sway()
+    content["thrusters"] |= {"asymmetry": 0.99, "dead_band": 1.0}
+    assert pushed(load_vehicle(content), ("surge",), by_channels=False) == ()
+
+
+def test_a_mixer_that_leads_nowhere_is_told_from_missing_thrusters():
+    """The remedy is the mixer, or commands of the thrusters themselves."""
+    whole = read_vehicle_file("bluerov2")
+    content = with_entry(whole, ["mixer"], [[*row[:5], 0] for row in whole["mixer"]])
+    vehicle = load_vehicle(content)
+    with pytest.raises(ValueError, match="mixer has no command that pushes yaw .* task.thruster_commands=true"):
+        check_control(vehicle, "line", CONTROLLED, by_channels=True)
+    check_control(vehicle, "line", CONTROLLED, by_channels=False)
+
+
+def test_faults_are_no_matter_of_the_file():
+    """A dead or exchanged thruster leaves what the sound vehicle controls."""
+    dead = get_effect("thruster_gain").apply(load_vehicle("paper"), {"gain_1": 0.0, "gain_2": 0.0})
+    assert pushed(dead, CONTROLLED, by_channels=True) == CONTROLLED

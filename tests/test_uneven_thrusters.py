@@ -38,7 +38,7 @@ def test_each_entry_takes_one_number_or_one_per_thruster(name):
         ("full_thrust", [50.0] * 5, "thrusters.full_thrust is .*: give one number, or 6, one per thruster"),
         ("limit", [50.0] * 5 + [-1.0], "thrusters.limit is .*: give values above 0"),
         ("dead_band", [1.0] * 5 + ["some"], "thrusters.dead_band is .*: give one number, or 6"),
-        ("asymmetry", [0.0] * 5 + [1.0], "thrusters.asymmetry is .*: give a share below 1"),
+        ("asymmetry", [0.0] * 5 + [1.0], "thrusters.asymmetry is .*: give values above -1 and below 1"),
         ("delay", [0.1] * 6, "thrusters.delay is .*: give one number"),
     ],
 )

@@ -69,7 +69,7 @@ def test_an_unknown_name_lists_the_vehicles():
         ("thrusters.bearing", 1.0, r"unknown entries \['bearing'\] in thrusters"),
         ("rigid_body.mass", ..., "rigid_body.mass is missing"),
         ("mixer", ..., "mixer is missing"),
-        ("thrusters", ..., "thrusters.full_thrust is missing"),
+        ("thrusters", ..., "thrusters.position, thrusters.direction, thrusters.full_thrust, .* are missing"),
         ("rigid_body", 12.0, "rigid_body is 12.0: give a mapping"),
         ("thrusters", None, "thrusters is None: give a mapping"),
         ("rigid_body.mass", "heavy", "rigid_body.mass is 'heavy': give one number"),
@@ -87,10 +87,12 @@ def test_an_unknown_name_lists_the_vehicles():
         ("thrusters.direction", [[0.0, 0.0, 0.0]] * 6, "a row of thrusters.direction is zero"),
         ("thrusters.direction", [[1.0, 0.0, 0.0]] * 5, "thrusters.direction 5"),
         ("mixer", [[1, 0, 0, 0, 0, 0]] * 3, "mixer 3: give one row per thruster"),
+        ("name", ["a", "b"], r"name is \['a', 'b'\]: give a word"),
+        ("name", None, "name is None: give a word"),
         ("sensors", 1.02, "sensors is 1.02: give a mapping"),
         ("sensors", {"depth": 1.02}, r"unknown entries \['depth'\] in sensors"),
-        ("sensors", {"depth_scale": 0.0}, "a scale of 0"),
-        ("sensors", {"pose_delay": -0.1}, "a delay below 0"),
+        ("sensors", {"depth_scale": 0.0}, "depth_scale is 0.0: give values above 0"),
+        ("sensors", {"pose_delay": -0.1}, "pose_delay is -0.1: give values of 0 s or more"),
     ],
 )
 def test_mistakes_are_named(path, value, message):

@@ -40,6 +40,11 @@ BROKEN = {
     "utf-16": ("name: a\n".encode("utf-16"), r"not in UTF-8 \(UTF-16\): save it as UTF-8"),
     "binary": (b"a: \x00\x01\n", "is no YAML .*: save it as plain text"),
     "huge": ("# " + "x" * MOST_BYTES, "100,000 at most"),
+    "no date": ("a: 2024-13-45\n", "line 1 is no YAML .no number or date: month must be in 1..12"),
+    "no integer": (f"a:\n  b: {'9' * 5000}\n", "line 2 is no YAML .no number or date: Exceeds the limit"),
+    "octal": ("a: 1\nmass: 011\n", "line 2: YAML reads '011' to the base 8 or 60: write it as a decimal number"),
+    "sexagesimal": ("mass: 11:50\n", "line 1: YAML reads '11:50' to the base 8 or 60"),
+    "sexagesimal with a point": ("mass: 11:50.5\n", "line 1: YAML reads '11:50.5' to the base"),
     "deep": ("a: " + "[" * 5000, "nested too deeply"),
 }
 

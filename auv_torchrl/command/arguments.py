@@ -19,7 +19,7 @@ from auv_torchrl.command.errors import BadInput, one_line
 from auv_torchrl.config_source import SCHEMA
 from auv_torchrl.paths import CONF, config_names
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle_defaults import may_be_left_out
+from auv_torchrl.vehicle_fields import may_be_left_out
 
 _LISTED = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,]*)\s*(?:,|$)""")  # quoted, or up to a comma
 

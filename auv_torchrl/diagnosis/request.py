@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,9 +13,9 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncert
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.logs import KINDS, find_logs, names
 from auv_torchrl.diagnosis.settings import read_settings
-from auv_torchrl.flightlog import FlightLog, FlightLogError, Severity, join, read_flightlog
+from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity, join, read_flightlog
 from auv_torchrl.flightlog.streams.options import read_options
-from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle import Vehicle, load_vehicle, vehicle_doubts
 
 log = logging.getLogger(__name__)
 
@@ -64,6 +64,10 @@ def read_request(config: DictConfig) -> Request:
     report_findings(logs)
     if not config.trust_log:
         refuse_errors(logs)
+    first, *others = kinds[
+        "log"
+    ]  # the warnings that the vehicle's file left when it was loaded stand in the report, too
+    kinds["log"] = (replace(first, findings=(*first.findings, *vehicle_findings(vehicle))), *others)
     return Request(
         vehicle_name=str(config.vehicle.get("name", "unnamed")),
         vehicle=vehicle,
@@ -73,6 +77,13 @@ def read_request(config: DictConfig) -> Request:
         kept=kept,
         healthy=kinds["healthy"],
         test=kinds["test"],
+    )
+
+
+def vehicle_findings(vehicle: Vehicle) -> tuple[Finding, ...]:
+    """What is implausible about the numbers of a vehicle's file."""
+    return tuple(
+        Finding(Severity.WARNING, "vehicle_numbers", f"in the vehicle's file {d}") for d in vehicle_doubts(vehicle)
     )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from auv_torchrl.autopilot import function_of, is_function
-from auv_torchrl.vehicle import GRAVITY
+from auv_torchrl.vehicle_fields import GRAVITY
 
 Values = Mapping[str, float]
 

@@ -9,7 +9,8 @@ from auv_torchrl.effects import advice
 from auv_torchrl.effects.body import per_dof
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.effects.scan import Scan
-from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, GRAVITY, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle
+from auv_torchrl.vehicle_fields import GRAVITY
 
 
 def _own(field: str, degree: int) -> Callable[[Vehicle], float]:

@@ -21,6 +21,7 @@ from auv_torchrl.tasks.judge import Judge
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 Array = Any
+LARGEST = 1e6  # of an action, which is meant to be in [-1, 1]: what is squared in a reward stays finite
 log = logging.getLogger(__name__)
 
 
@@ -38,6 +39,9 @@ class FleetEnv(EnvBase):
     ``along`` where episodes do not begin at the beginning of the task;
     every reset returns the starts of the running episodes under the same key. A ``vehicle`` entry (a batch of
     :class:`Vehicle`, put there by a transform) replaces the vehicles. Both act only in the rows that are reset.
+
+    An action that is no finite number ends the episode of its vehicle as a state that diverges does: the vehicle is
+    given 0 in its place, a warning names it, and what is reported and rewarded stays finite.
 
     Args:
         simulator: of the N vehicles; its arrays say on which device the fleet's tensors are, and its sensors take
@@ -73,6 +77,7 @@ class FleetEnv(EnvBase):
         self._start: dict[str, Array] = dict(zip(BODY, simulator.state[:3], strict=True))
         self._start[ALONG] = self._ahead[:, None]
         self._scene: tuple[int, Scene] | None = None
+        self._begun = False
         self._judge = Judge(task, self.action_spec.shape[-1])
 
     @property
@@ -126,7 +131,8 @@ class FleetEnv(EnvBase):
         start = {key: spec.clone() for key, spec in {**body, ALONG: values(1)}.items()}
         self.state_spec = entries({"start": entries(start)})
         actions = thrusters if self.task.thruster_commands else len(CONTROLLED_INDEX)
-        self.action_spec = Bounded(-1.0, 1.0, torch.Size((*shape, actions)), dtype=torch.float32, device=device)
+        self._action_shape = torch.Size((*shape, actions))
+        self.action_spec = Bounded(-1.0, 1.0, self._action_shape, dtype=torch.float32, device=device)
         self.reward_spec = values(1, dtype=torch.float32)
         self.done_spec = entries({key: flag.clone() for key in ("done", "terminated", "truncated")})
 
@@ -140,6 +146,7 @@ class FleetEnv(EnvBase):
         mask, vehicle = given.get("_reset"), given.get("vehicle")
         rows = torch.arange(self.num_envs) if mask is None else mask.reshape(self.num_envs).cpu().nonzero()[:, 0]
         *parts, along = read_start(given.get("start"), rows) if set_state else self._drawn(len(rows))
+        self._begun = True
         self.simulator.place(rows, *parts, vehicles=None if vehicle is None else vehicle[rows])
         index = self.simulator.arrays.index(rows)
         self._ahead = with_rows(self._ahead, index, self.simulator.arrays.native(along[:, 0]))
@@ -162,7 +169,7 @@ class FleetEnv(EnvBase):
         return *self.task.draw_starts(count, self.generator, along), along[:, None]
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        action = tensordict.get("action")
+        action, unusable = self._usable(tensordict.get("action", None))
         command = self._limited(action @ self._mixer)
         native = self.simulator.arrays.native
         terminated = self._tensor(self.simulator.step(native(command))[:, None], torch.bool)
@@ -173,6 +180,8 @@ class FleetEnv(EnvBase):
             )  # fmt: skip
         state, time = self._state[:3], self._along
         reward = self._judge.reward(*state, native(action), time)
+        if unusable is not None:
+            terminated = terminated | unusable[:, None]
         terminated = terminated | self._tensor(self.task.terminated(*state, time)[:, None], torch.bool)
         truncated = self._tensor(self._state.time[:, None] > self.task.episode_s - self.task.control_dt / 2, torch.bool)
         return self._together(
@@ -184,6 +193,27 @@ class FleetEnv(EnvBase):
                 "truncated": truncated,
             }
         )
+
+    def _usable(self, action: Tensor | None) -> tuple[Tensor, Tensor | None]:
+        """The action (N, a) with 0 for vehicles whose action is no number, and which these are (N,); None for none.
+
+        Raises:
+            RuntimeError: before the first reset.
+            ValueError: for an action of another shape or type, or none.
+        """
+        if not self._begun:
+            raise RuntimeError("fleet: step before the first reset: call reset()")
+        if action is None or action.shape != self._action_shape or action.dtype != torch.float32:
+            found = "missing" if action is None else f"{action.dtype} of shape {list(action.shape)}"
+            raise ValueError(f"fleet: the action is {found}: give torch.float32 of shape {list(self._action_shape)}")
+        if action.abs().amax() < LARGEST:  # not so for NaN
+            return action, None
+        unusable = ~(action.abs() < LARGEST).all(-1)
+        log.warning(
+            "vehicles %s were given actions that are no finite number: their episodes end",
+            unusable.nonzero()[:, 0].tolist(),
+        )
+        return action.where(~unusable[:, None], 0.0), unusable
 
     def _together(self, entries: dict[str, Any]) -> TensorDict:
         """Tensors of the fleet's batch and device, which nothing checks anew at every step."""

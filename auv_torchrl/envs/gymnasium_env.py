@@ -1,6 +1,7 @@
 """The regulation task for gymnasium: ``gymnasium.make("auv_torchrl/Regulation-v0", vehicle="bluerov2")``."""
 
 from collections.abc import Mapping
+from reprlib import repr as short
 from typing import Any
 
 import gymnasium
@@ -21,12 +22,14 @@ from auv_torchrl.tasks import Task, read_task
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import read_yaml
 
+_DEFAULTS = "defaults"  # of Hydra, in a file of conf: which schema checks the file, as read_task does
+
 
 def fleet_by_names(
     num_envs: int,
     vehicle: str | Mapping[str, Any] = "paper",
     backend: str = "mujoco",
-    task: Task | Mapping[str, Any] | None = None,
+    task: str | Task | Mapping[str, Any] | None = None,
     scenario: str | Mapping[str, Any] | None = None,
 ) -> FleetEnv:
     """A fleet from names or mappings as in ``conf``; errors list what there is."""
@@ -34,6 +37,9 @@ def fleet_by_names(
     name, config = "given", scenario
     if isinstance(scenario, str):
         name, config = scenario, read_yaml(config_path("scenario", scenario), "scenario")
+    if isinstance(task, str):
+        content = read_yaml(config_path("task", task), "task")
+        task = read_task({key: value for key, value in content.items() if key != _DEFAULTS})
     flown = task if isinstance(task, Task) else read_task(task)
     return make_fleet(backend, loaded, flown, num_envs, scenario=read_scenario(name, config, loaded))  # type: ignore[arg-type]
 
@@ -44,7 +50,8 @@ class RegulationEnv(gymnasium.Env):
     Args:
         vehicle: name in ``conf/vehicle`` or a mapping like its files.
         backend: "mujoco" or "torch".
-        task: a :class:`Task`, or settings as in ``conf/task``.
+        task: name in ``conf/task``, a mapping like its files, of which what is left out has its default, or a
+            :class:`Task`; None for station keeping.
         scenario: name in ``conf/scenario`` or a mapping like its files; None for the nominal vehicle.
         render_mode: "rgb_array" or None.
     """
@@ -66,7 +73,7 @@ class RegulationEnv(gymnasium.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Hold the action for one control step."""
-        actions = torch.as_tensor(np.asarray(action, dtype=np.float32))[None]
+        actions = checked_actions(action, self.action_space)[None]
         now = self.fleet.step(TensorDict({"action": actions}, [1]))["next"]
         info = {key: now[key][0].numpy() for key in (*BODY, "thrust", "command")}
         return (
@@ -100,7 +107,7 @@ class RegulationVectorEnv(VectorEnv):
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:  # type: ignore[override]
         """Hold the actions for one control step; ``final_obs`` in the info is the last of an ended episode."""
-        given = torch.as_tensor(np.asarray(actions, dtype=np.float32))
+        given = checked_actions(actions, self.action_space)
         done, now = self.fleet.step_and_maybe_reset(TensorDict({"action": given}, [self.num_envs]))
         last = done["next"]
         info = {}
@@ -109,6 +116,22 @@ class RegulationVectorEnv(VectorEnv):
             info = {"final_obs": last["observation"].numpy(), "_final_obs": ended}
         reward, terminated, truncated = (last[key][:, 0].numpy() for key in ("reward", "terminated", "truncated"))
         return now["observation"].numpy(), reward, terminated, truncated, info
+
+
+def checked_actions(actions: Any, space: gymnasium.Space[Any]) -> torch.Tensor:
+    """Actions as a tensor of the space's shape, float32; numbers beyond its bounds are the fleet's business.
+
+    Raises:
+        ValueError: for what are no numbers, or another shape.
+    """
+    wanted = f"give {'x'.join(map(str, space.shape or ()))} numbers in [-1, 1]"
+    try:
+        given = np.asarray(actions, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"step: the action is {short(actions)}: {wanted}") from error
+    if given.shape != space.shape:
+        raise ValueError(f"step: the action has shape {given.shape}: {wanted}")
+    return torch.as_tensor(given)
 
 
 def spaces(fleet: FleetEnv) -> tuple[Box, Box]:

@@ -7,6 +7,8 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import Composite, Unbounded
 
+from auv_torchrl.authority import check_control
+from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 BODY = {"position": 3, "quaternion": 4, "velocity": 6}  # entries of a start, with their lengths
@@ -16,16 +18,19 @@ MEASURED = "measured"  # the fleet's report of position, quaternion and velocity
 EXPECTED = "expected"  # by a map that predicts: the same when the next command acts, and ``time`` then
 
 
-def vehicles_of(vehicle: Vehicle, num_envs: int) -> Vehicle:
-    """One vehicle per environment, from one nominal vehicle or a batch.
+def vehicles_of(vehicle: Vehicle, num_envs: int, task: Task) -> Vehicle:
+    """One vehicle per environment, from one nominal vehicle or a batch, whose first can fly the task.
 
     Raises:
-        ValueError: for no vehicles, or a batch of vehicles that is not one per environment.
+        ValueError: for no vehicles, a batch of vehicles that is not one per environment, or thrusters that cannot push
+            what the task needs.
     """
     if num_envs < 1:
         raise ValueError(f"fleet: num_envs is {num_envs}: give 1 or more")
     if vehicle.batch_size not in (torch.Size([]), torch.Size([num_envs])):
         raise ValueError(f"fleet: the vehicle has batch {list(vehicle.batch_size)}: give one vehicle or {num_envs}")
+    first: Vehicle = vehicle.reshape(-1)[0]  # type: ignore[assignment]  # the others are drawn around the same
+    check_control(first, task.name, task.needs, by_channels=not task.thruster_commands)
     return vehicle.expand(num_envs)
 
 

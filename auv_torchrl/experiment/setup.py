@@ -13,6 +13,7 @@ from tensordict import TensorDict
 
 from auv_torchrl.adaptation import AdaptationConfig
 from auv_torchrl.agents.config import AgentConfig, FineTuning, read_agent
+from auv_torchrl.authority import check_control
 from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
@@ -104,6 +105,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         raise ValueError(
             f"task.episode_s is {task.episode_s:g}: errors are averaged from {STEADY_FROM_S:g} s: give more"
         )
+    vehicle_name = str(config.vehicle.get("name", "unnamed"))
     exam = task.for_evaluation(config.box_m)
     _check_device(config.device)
     randomization = spelt_out(_plain(config.randomization), _plain(config.vehicle), vehicle)
@@ -111,13 +113,13 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     if Path(config.policies).is_file():
         raise ValueError(f"policies is {config.policies!r}: it is a file: give a folder")
     scenario = read_scenario(scenario_name, _plain(config.scenario), vehicle)
-    vehicle_name = str(config.vehicle.get("name", "unnamed"))
     diagnosed = None
     if config.diagnosis_file is not None:
         diagnosed = read_diagnosed(Path(config.diagnosis_file), vehicle, vehicle_name)
         scenario = scenario if scenario.changes else diagnosed.scenario
     _check_closing(diagnosed, config.diagnose, scenario)
     _check_channels(task, scenario)
+    check_control(vehicle, task.name, task.needs, not task.thruster_commands, vehicle_name)
     flight = settings_of(FlightConfig, _plain(config.flight), "flight")
     if flight.fly and scenario.changes:
         schedule(scenario, vehicle, flight, config.starts, config.starts_seed, task.control_dt)

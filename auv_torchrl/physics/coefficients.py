@@ -7,10 +7,10 @@ import torch
 from array_api_compat import array_namespace
 from torch import Tensor
 
-from auv_torchrl.vehicle import GRAVITY, Vehicle
+from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_fields import GRAVITY, WATER_DENSITY
 
 Array = Any
-WATER_DENSITY = 1000.0  # kg/m^3, fresh; salt changes the side of a cube by 1 %
 
 
 class Coefficients(NamedTuple):

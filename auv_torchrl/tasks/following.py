@@ -16,6 +16,7 @@ from auv_torchrl.physics.kinematics import (
 )
 from auv_torchrl.settings import In, check_fields
 from auv_torchrl.tasks.task import Reference, Task
+from auv_torchrl.vehicle_fields import CONTROLLED
 
 if TYPE_CHECKING:
     import torch
@@ -28,7 +29,6 @@ _SENSED = ("surge_speed", "sway_speed", "heave_speed", "yaw_rate")
 _ERROR = ("error_x", "error_y", "error_z", "heading_error_sin", "heading_error_cos")
 _NEAR = ("near_x", "near_y", "near_z")
 _TILT = ("roll_rate", "pitch_rate", "down_x", "down_y")
-_AHEAD = ("surge", "sway", "heave", "yaw")
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,14 @@ class Following(Task):
         return False
 
     @property
+    def needs(self) -> tuple[str, ...]:
+        """Degrees of freedom that a vehicle has to push: also roll and pitch, where these are followed."""
+        return (*super().needs, *(("roll", "pitch") if self.follows_attitude else ()))
+
+    @property
     def observation_names(self) -> tuple[str, ...]:
         """What each entry of the observation is."""
-        coming = tuple(f"{name}_in_{seconds:g}_s" for seconds in self.ahead_s for name in _AHEAD)
+        coming = tuple(f"{name}_in_{seconds:g}_s" for seconds in self.ahead_s for name in CONTROLLED)
         return _SENSED + _ERROR + _NEAR + (_TILT if self.tilt else ()) + coming
 
     @property

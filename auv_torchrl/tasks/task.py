@@ -12,6 +12,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.physics.kinematics import heading_of, matvec
 from auv_torchrl.physics.pace import CONTROL_DT
 from auv_torchrl.settings import In
+from auv_torchrl.vehicle_fields import CONTROLLED
 
 if TYPE_CHECKING:
     import torch
@@ -72,6 +73,11 @@ class Task(ABC):
     def steps(self) -> int:
         """Control steps per episode."""
         return round(self.episode_s / self.control_dt)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Degrees of freedom that a vehicle has to push, each by itself and both ways."""
+        return CONTROLLED
 
     @property
     @abstractmethod

@@ -1,9 +1,13 @@
 """Logs that hide roll and pitch."""
 
+import numpy as np
+import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.motion.smooth import loose_start
 from auv_torchrl.vehicle import load_vehicle
+from tests.few_thrusters import FEW
 
 PAPER = load_vehicle("paper")
 SHORT = {"episodes": 3, "seconds": 14.0}
@@ -25,3 +29,19 @@ def test_thrusters_that_only_roll_tells_apart_are_declared():
     assert [effect.name for effect in diagnosis.effects] == ["thruster_gain"]
     assert ("gain_5", "gain_6") in diagnosis.indistinguishable
     assert "attitude_held" in {finding.code for finding in diagnosis.findings}
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_a_vehicle_that_no_thruster_tilts_may_be_tilted_at_a_start(name):
+    """Its prior is narrow and no zero: the water tilts it."""
+    loose = loose_start(load_vehicle(FEW[name][0]))
+    assert np.isfinite(loose).all() and (loose > 0.01).all()
+
+
+@pytest.mark.slow
+def test_a_log_of_a_vehicle_with_two_propellers_is_diagnosed():
+    """Nothing else pushes it, and it tilts by itself: the weak propeller is named."""
+    two = load_vehicle(FEW["catamaran"][0])
+    diagnosis = diagnose(fly(two, {"thruster_gain": {"gain_2": 0.5}}, seed=1, **SHORT), two)
+    assert [effect.name for effect in diagnosis.effects] == ["thruster_gain"]
+    assert abs(diagnosis.effects[0].parameters["gain_2"].value - 0.5) < 0.03

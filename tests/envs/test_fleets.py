@@ -17,8 +17,9 @@ from auv_torchrl.envs.start import BODY
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.sensors import MOTION
-from auv_torchrl.tasks import StationKeeping
+from auv_torchrl.tasks import Lemniscate, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
+from tests.few_thrusters import without_sway
 
 PAPER = load_vehicle("paper")
 SHORT = StationKeeping(episode_s=0.5)
@@ -225,6 +226,82 @@ def test_a_vehicle_that_diverges_ends_alone(backend, caplog):
     assert torch.equal(after["velocity"][0], after["velocity"][2])
 
 
+NO_NUMBERS = [math.nan, math.inf, -math.inf, 3e38]
+
+
+@backends
+@pytest.mark.parametrize("task", [SHORT, Lemniscate(), StationKeeping(thruster_commands=True)], ids=str)
+def test_an_action_that_is_no_number_ends_that_episode_alone(backend, task, caplog):
+    """NaN, infinity and what overflows: the episode ends, all that is reported is finite, the neighbours fly on."""
+    fleets = [make_fleet(backend, PAPER, task, 6, seed=0) for _ in range(2)]
+    good = torch.ones(fleets[0].action_spec.shape)
+    bad = good.clone()
+    bad[torch.arange(4), torch.arange(4)] = torch.tensor(NO_NUMBERS)
+    ends = []
+    for fleet, action in zip(fleets, (good, bad), strict=True):
+        now = fleet.reset()
+        with caplog.at_level(logging.WARNING, logger="auv_torchrl"):
+            ends.append(fleet.step(now.set("action", action))["next"])
+    sound, after = ends
+    assert after["terminated"][:, 0].tolist() == after["done"][:, 0].tolist() == [True] * 4 + [False] * 2
+    assert not sound["terminated"].any() and caplog.text.count("vehicles [0, 1, 2, 3] were given actions") == 1
+    for key, value in after.items(include_nested=True, leaves_only=True):
+        assert not value.is_floating_point() or value.isfinite().all(), key
+        assert torch.equal(value[4:], sound[key][4:]), key
+
+
+@backends
+def test_a_policy_that_gives_no_numbers_is_rolled_out(backend):
+    """A rollout goes on through ends and resets: each step ends the episodes of the vehicles with such an action."""
+
+    def policy(tensordict):
+        action = torch.zeros(3, 4)
+        action[1] = math.nan
+        return tensordict.set("action", action)
+
+    data = make_fleet(backend, PAPER, SHORT, 3, seed=0).rollout(15, policy, break_when_any_done=False)
+    assert data["next", "terminated"][..., 0].sum(1).tolist() == [0, 15, 0]
+    assert data["next", "observation"].isfinite().all() and data["next", "reward"].isfinite().all()
+
+
+def test_a_gradient_through_such_a_step_is_finite():
+    """No gradient flows to an action that is no number, and those of the neighbours are as ever."""
+    fleet = make_fleet("torch", PAPER, SHORT, 2, seed=0, straight_through=True)
+    action = torch.full((2, 4), 0.5)
+    action[0, 2] = math.nan
+    action.requires_grad_()
+    after = fleet.step(fleet.reset().set("action", action))["next"]
+    assert after["terminated"][:, 0].tolist() == [True, False] and after["observation"].isfinite().all()
+    (slope,) = torch.autograd.grad(after["reward"].sum(), action)
+    assert slope.isfinite().all() and not slope[0].any() and slope[1].all()
+
+
+@backends
+@pytest.mark.parametrize(
+    ("action", "found"),
+    [
+        (torch.zeros(2, 3), r"torch.float32 of shape \[2, 3\]"),
+        (torch.zeros(2, 4, 1), r"torch.float32 of shape \[2, 4, 1\]"),
+        (torch.zeros(2, 4).double(), r"torch.float64 of shape \[2, 4\]"),
+        (torch.zeros(2, 4).long(), r"torch.int64 of shape \[2, 4\]"),
+    ],
+)
+def test_an_action_of_another_shape_is_named(backend, action, found):
+    """The error says what came and what to give."""
+    fleet = make_fleet(backend, PAPER, SHORT, 2, seed=0)
+    fleet.reset()
+    with pytest.raises(ValueError, match=rf"the action is {found}: give torch.float32 of shape \[2, 4\]"):
+        fleet.step(TensorDict({"action": action}, [2]))
+
+
+@backends
+def test_a_step_before_a_reset_is_refused(backend):
+    """Where the vehicles are then is nobody's start."""
+    fleet = make_fleet(backend, PAPER, SHORT, 2, seed=0)
+    with pytest.raises(RuntimeError, match="step before the first reset: call reset"):
+        fleet.step(TensorDict({"action": torch.zeros(2, 4)}, [2]))
+
+
 @pytest.mark.parametrize("name", ["paper", "bluerov2", "bluerov2_heavy"])
 def test_wide_starts_and_randomization_stay_stable(name):
     """Starts at 2 m/s per axis with the wide ranges never diverge."""
@@ -294,6 +371,10 @@ def test_wrong_fleets_are_refused():
         make_fleet("torch", PAPER, SHORT, 0)
     with pytest.raises(ValueError, match="batch"):
         make_fleet("torch", PAPER.expand(3), SHORT, 2)
+    with pytest.raises(ValueError, match="thrusters push surge, heave and yaw both ways.*also needs sway"):
+        make_fleet("torch", load_vehicle(without_sway()), SHORT, 2)
+    with pytest.raises(ValueError, match="also needs pitch"):
+        make_fleet("torch", PAPER, Lemniscate(attitude=True, thruster_commands=True), 2)
 
 
 @backends

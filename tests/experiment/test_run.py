@@ -201,6 +201,13 @@ def test_ctrl_c_ends_with_one_line_and_the_exit_code_of_an_interrupt(tmp_path):
     assert "Traceback" not in error and "run the same command to go on" in error
 
 
+def test_a_vehicle_that_lacks_an_axis_is_refused_when_the_config_is_read(experiment):
+    """Before anything is trained, with the name of the vehicle and of what it lacks."""
+    one = "vehicle.thrusters={position:[[-0.5,0,0]],direction:[[1,0,0]]}"
+    with pytest.raises(ValueError, match="vehicle bluerov2: its thrusters push surge both ways.*sway, heave and yaw"):
+        experiment("nominal", "vehicle=bluerov2", one, "vehicle.mixer=[[1,0,0,0,0,0]]")
+
+
 def test_a_path_is_flown_adapted_drawn_and_recorded(experiment, tmp_path):
     """A helix leaves the same files, and the results name the task."""
     run(experiment("reversed", "task=helix", "task.episode_s=11", "starts=2"), tmp_path)

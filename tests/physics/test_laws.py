@@ -23,7 +23,8 @@ from auv_torchrl.physics.kinematics import (
     wrap_angle,
 )
 from auv_torchrl.physics.step import runge_kutta_step
-from auv_torchrl.vehicle import GRAVITY, Vehicle, load_vehicle
+from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle_fields import GRAVITY
 
 VEHICLES = config_names("vehicle")
 seeds = st.integers(0, 2**31 - 1)

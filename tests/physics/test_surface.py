@@ -13,7 +13,8 @@ from auv_torchrl.physics.step import runge_kutta_steps
 from auv_torchrl.physics.surface import FULL_BELOW, NONE_ABOVE, PROPELLER_RADIUS, immersed
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.mujoco import MujocoSimulator
-from auv_torchrl.vehicle import GRAVITY, Vehicle, load_vehicle, read_vehicle_file
+from auv_torchrl.vehicle import Vehicle, load_vehicle, read_vehicle_file
+from auv_torchrl.vehicle_fields import GRAVITY
 from auv_torchrl.vehicle_file import entries, fold
 from tests.physics.test_adjoint import flight, outcome
 from tests.physics.test_kernel import H, assert_equal, drawn_flight, names, seeds, written
@@ -137,7 +138,7 @@ def test_a_file_may_say_where_the_surface_is():
     assert (float(again.surface), float(again.air), float(again.hull_height)) == (LEVEL, 1.0, 0.25)
     cube = prepare(load_vehicle("bluerov2_heavy")).hull_height
     assert float(cube) == pytest.approx(0.0134 ** (1 / 3), rel=1e-3)  # its volume in m^3 is published
-    with pytest.raises(ValueError, match="air is 2.0: give 1 for air, 0 for water everywhere"):
+    with pytest.raises(ValueError, match=r"air is 2.0: give values in \[0, 1\]"):
         load_vehicle(dict(read_vehicle_file("paper")) | {"air": 2.0})
     with pytest.raises(ValueError, match="hull_height is -1.0: give values of 0 or more"):
         light_vehicle(0.9, hull_height=-1.0)

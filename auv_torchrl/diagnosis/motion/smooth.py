@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficie
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.tangent import linearise, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import TILTS
+from auv_torchrl.diagnosis.thresholds import SMALL_SWING, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import FELT, MOTION, Inverse
@@ -97,8 +97,9 @@ def loose_start(vehicle: Vehicle) -> Floats:
     stiffness = np.abs(c.restoring[0, [3, 4], [1, 0]])  # N m per rad of roll and pitch
     moment = (np.abs(c.allocation[0, 3:5]) * c.full_thrust[0]).sum(-1)
     loose = LOOSE_START.copy()
-    with np.errstate(divide="ignore"):
-        tilt = np.minimum(TILTS * np.maximum(moment, moment.max()) / stiffness, loose[3:5])
+    with np.errstate(divide="ignore", invalid="ignore"):  # without a righting moment, anything may be
+        tilt = np.fmin(TILTS * np.maximum(moment, moment.max()) / stiffness, loose[3:5])
+    tilt = np.maximum(tilt, SMALL_SWING)  # where no thruster tilts it, the water does
     loose[9:11] *= tilt / loose[3:5]
     loose[3:5] = tilt
     return loose
