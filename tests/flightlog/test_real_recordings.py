@@ -133,7 +133,7 @@ def test_a_bag_of_transforms_alone_is_refused(name):
     """What it holds, and what to record instead."""
     pytest.importorskip("rosbags")
     path = real(name)
-    with pytest.raises(FlightLogError, match="has no topic that is known .*tf2_msgs/msg/TFMessage.*: record"):
+    with pytest.raises(FlightLogError, match="has no topic that is known .*tf2_msgs/TFMessage.*: record"):
         read_streams(path.parent if path.suffix == ".db3" else path)
 
 

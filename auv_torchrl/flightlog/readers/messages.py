@@ -39,6 +39,12 @@ def stacked(columns: Columns, fields: Iterable[str]) -> np.ndarray:
     return np.stack([columns[field].astype(np.float64) for field in fields], axis=-1)
 
 
+def changes(*columns: np.ndarray) -> np.ndarray:
+    """The first row, and those in which one of the columns (T,) differs from the row before."""
+    differs = np.logical_or.reduce([np.diff(column) != 0 for column in columns])
+    return np.concatenate(([0], np.flatnonzero(differs) + 1))
+
+
 def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding] = ()) -> Messages:
     """Times ``t`` that start at 0 and never go back; each start over is put a second behind what was before.
 
