@@ -6,6 +6,7 @@ from dataclasses import replace
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.flightlog.streams.configuration import SHOWN_BY_FLIGHT, compare_configuration, to_set
+from auv_torchrl.flightlog.streams.parameters import known
 
 
 def configured(
@@ -45,7 +46,7 @@ def to_change(diagnosis: Diagnosis) -> dict[str, float]:
 
 
 def _advised(effects: Iterable[FoundEffect]) -> dict[str, float]:
-    return {name: value for effect in effects for one in effect.advice for name, value in one.param.items()}
+    return known(*(one.param for effect in effects for one in effect.advice))
 
 
 def _covered(finding: Finding, advised: dict[str, float]) -> bool:

@@ -36,7 +36,7 @@ def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
     if gain <= -DEAD:
         weak = "" if gain <= REVERSED else "; it is weak, too: look for weed or a propeller of the other hand"
         name = f"MOT_{thruster}_DIRECTION"
-        if name in autopilot:
+        if abs(autopilot.get(name, 0.0)) == 1:  # else it is no direction, and its sign says nothing
             set_to = -autopilot[name]
             return Advice(f"set {name} to {set_to:g} (it is {autopilot[name]:g}){weak}", {name: set_to})
         return Advice(

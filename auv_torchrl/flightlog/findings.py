@@ -4,11 +4,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from auv_torchrl.text import printable
+
 _REPEATED = 3  # findings of one kind that are listed one by one
 
 
 class FlightLogError(ValueError):
-    """Nothing of a log can be used; the message names the cause, where it is and the remedy."""
+    """Nothing of a log can be used; the message names the cause, where it is and the remedy, and is made printable."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message, None))
 
 
 class Severity(StrEnum):
@@ -21,7 +26,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing about a log that its reader should know.
+    """One thing about a log that its reader should know; sentence, remedy and columns are made printable.
 
     ``rows`` are the first and last row concerned, counted from 1 below the header; None concerns all of it.
     """
@@ -34,6 +39,11 @@ class Finding:
     rows: tuple[int, int] | None = None
     limits: bool = False  # bounds verdict and probabilities of a diagnosis: they stay in doubt until it is mended
     param: tuple[tuple[str, float], ...] = ()  # parameters of the autopilot to set, where they are the remedy
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sentence", printable(self.sentence, None))
+        object.__setattr__(self, "remedy", printable(self.remedy, None))
+        object.__setattr__(self, "columns", tuple(map(printable, self.columns)))
 
     @property
     def where(self) -> str:

@@ -4,13 +4,15 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.findings import Finding, FlightLogError
 from auv_torchrl.flightlog.log import AXES
 from auv_torchrl.flightlog.streams.compass import check_compass
 from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration
 from auv_torchrl.flightlog.streams.grid import choose, tabulate
 from auv_torchrl.flightlog.streams.motors import listed, motors_of
+from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Stream, Streams
+from auv_torchrl.flightlog.streams.vehicle_kind import check_kind, other_kind
 from auv_torchrl.flightlog.table import Table
 
 _LISTED = 8  # stretches that are listed one by one
@@ -21,16 +23,23 @@ def info_lines(
 ) -> Iterator[str]:
     """The lines of ``auv-log info`` for the log of a vehicle, compared with the parameters of a ``healthy`` flight."""
     options = options or ReadOptions()
-    parameters = {**options.parameters, **streams.vehicle.parameters}
+    parameters = known(options.parameters, streams.vehicle.parameters)
     yield f"{streams.name}: {streams.format}, {streams.end - streams.start:.1f} s"
     yield from (f"  {key:<10} {text}" for key, text in _facts(streams, parameters))
     yield "  streams"
     yield from (f"    {_stream_line(stream)}" for stream in streams.streams.values())
-    compared = compare_configuration(parameters, [healthy]) if healthy else []
-    checked = (*check_configuration(streams, parameters), *check_compass(streams, parameters))
-    for finding in (*streams.findings, *checked, *compared):
+    for finding in (*streams.findings, *options.findings, *_checked(streams, parameters, healthy)):
         yield f"  {finding}"
     yield from (f"  {line}" for line in _diagnosable(streams, options))
+
+
+def _checked(streams: Streams, parameters: Mapping[str, float], healthy: Mapping[str, float] | None) -> list[Finding]:
+    """What is wrong with the vehicle; nothing is looked for in one that does not go under water."""
+    if other_kind(streams.vehicle.kinds):
+        return []
+    compared = compare_configuration(parameters, [healthy]) if healthy else []
+    configured = check_configuration(streams, parameters)
+    return [*check_kind(streams), *configured, *check_compass(streams, parameters), *compared]
 
 
 def table_lines(table: Table) -> Iterator[str]:
@@ -48,7 +57,10 @@ def _facts(streams: Streams, parameters: Mapping[str, float]) -> Iterator[tuple[
     vehicle = streams.vehicle
     yield "firmware", vehicle.firmware or "not said"
     yield "frame", (vehicle.frame or "not said") + (f", {vehicle.motors} motors" if vehicle.motors else "")
-    yield "motors", _motors(streams, parameters)
+    if other := other_kind(vehicle.kinds):
+        yield "vehicle", f"{other}: no underwater vehicle"
+    else:
+        yield "motors", _motors(streams, parameters)
     yield "parameters", str(len(vehicle.parameters))
     if streams.armed is None:
         yield "armed", "not said"
@@ -98,6 +110,9 @@ def _stream_line(stream: Stream) -> str:
 
 
 def _diagnosable(streams: Streams, options: ReadOptions) -> Iterator[str]:
+    if other_kind(streams.vehicle.kinds):
+        yield "diagnosis  none: only underwater vehicles are diagnosed"
+        return
     try:
         table = tabulate(streams, options)
     except FlightLogError as error:

@@ -7,6 +7,7 @@ from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.info import info_lines, table_lines
 from auv_torchrl.flightlog.readers import TABLES, read_log, read_streams
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
+from auv_torchrl.flightlog.streams.parameters import NOT_FINITE
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.writer import write_table
 
@@ -21,12 +22,13 @@ def info(files: list[Path], options: ReadOptions, healthy: str = "") -> None:
     parameters = sound.vehicle.parameters if sound else None
     if healthy and not parameters:
         raise FlightLogError(f"healthy={healthy} holds no parameters of an autopilot: give the log of a sound flight")
+    odd = [finding for finding in sound.findings if finding.code == NOT_FINITE] if sound else []
     failed = []
     for file in files:
         try:
             log = read_log(file, options)
             lines = table_lines(log) if isinstance(log, Table) else info_lines(log, options, parameters)
-            print("\n".join(lines))
+            print("\n".join((*lines, *(f"  {finding}" for finding in odd))))
         except FlightLogError as error:
             failed.append(str(error))
     if failed:

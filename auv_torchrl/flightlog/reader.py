@@ -18,6 +18,7 @@ from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY, Episod
 from auv_torchrl.flightlog.readers import read_log
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
+from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.vehicle_file import check_frame
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.units import check_commands, check_time_unit, convert_degrees
@@ -84,7 +85,7 @@ def read_flightlog(
         findings += more
     findings += check_excitation(episodes)
     said = tuple(condensed(findings))
-    return FlightLog(table.name, episodes, axes, said, checked.resolution, table.errors, table.autopilot)
+    return FlightLog(table.name, episodes, axes, said, checked.resolution, table.errors, known(table.autopilot))
 
 
 def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions | None) -> Table:

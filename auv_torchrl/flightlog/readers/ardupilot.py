@@ -26,6 +26,7 @@ from auv_torchrl.flightlog.streams.attitude import euler_angles
 from auv_torchrl.flightlog.streams.compass import COMPASSES, MOST_SAMPLES
 from auv_torchrl.flightlog.streams.configuration import changed_in_flight
 from auv_torchrl.flightlog.streams.stream import (
+    Kind,
     Sampling,
     Spans,
     Stream,
@@ -35,10 +36,12 @@ from auv_torchrl.flightlog.streams.stream import (
     spans_of,
     stream,
 )
+from auv_torchrl.flightlog.streams.vehicle_kind import kind_of_build
 
 WANTED = {
     "PARM": ("TimeUS", "Name", "Value"),
     "MSG": ("TimeUS", "Message"),
+    "VER": ("TimeUS", "BU"),
     "MODE": ("TimeUS", "ModeNum", "Mode"),
     "ARM": ("TimeUS", "ArmState"),
     "EV": ("TimeUS", "Id"),
@@ -64,7 +67,8 @@ _ARMED, _DISARMED = 10, 11  # EV.Id
 def streams_of(name: str, kind: str, messages: Messages) -> Streams:
     """The streams of a log whose messages have the fields of :data:`WANTED`, times in s."""
     primary, lane, findings = primary_lane(messages)
-    vehicle = vehicle_facts(messages, ("PARM", "Name", "Value"), ("MSG", "Message"))
+    built = _built_for(messages)
+    vehicle, odd = vehicle_facts(name, messages, ("PARM", "Name", "Value"), ("MSG", "Message"), built)
     sounding, more = depth(messages, primary)
     modes = _modes(messages, vehicle)
     found = (
@@ -79,8 +83,16 @@ def streams_of(name: str, kind: str, messages: Messages) -> Streams:
         vehicle=vehicle,
         armed=_armed(messages),
         modes=modes,
-        findings=(*messages.findings, *findings, *more, *_set_in_flight(messages)),
+        findings=(*messages.findings, *odd, *findings, *more, *_set_in_flight(messages)),
     )
+
+
+def _built_for(messages: Messages) -> list[Kind]:
+    version = messages.get("VER", "BU")
+    if version is None:
+        return []
+    kinds = (kind_of_build(number, "build of the firmware, VER") for number in np.unique(version["BU"]).tolist())
+    return [kind for kind in kinds if kind is not None]
 
 
 def _set_in_flight(messages: Messages) -> Iterator[Finding]:
@@ -96,7 +108,7 @@ def _modes(messages: Messages, vehicle: VehicleFacts) -> tuple[tuple[float, str]
     numbers = mode["ModeNum"] if "ModeNum" in mode else mode.get("Mode")
     if numbers is None:
         return ()
-    return tuple((float(t), mode_name(vehicle.firmware, n)) for t, n in zip(mode["t"], numbers, strict=True))
+    return tuple((float(t), mode_name(vehicle, n)) for t, n in zip(mode["t"], numbers, strict=True))
 
 
 def _armed(messages: Messages) -> Spans | None:

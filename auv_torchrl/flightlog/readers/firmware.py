@@ -1,56 +1,68 @@
 """What is ArduPilot's own: names that it gives by number, and the lanes of its filter, of which one is in use."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.readers.messages import Columns, Messages
-from auv_torchrl.flightlog.streams.stream import VehicleFacts
+from auv_torchrl.flightlog.streams.parameters import read_parameters
+from auv_torchrl.flightlog.streams.stream import Kind, VehicleFacts
+from auv_torchrl.flightlog.streams.vehicle_kind import kind_of_text, other_kind
 
 _MODES = {  # https://ardupilot.org/sub/docs/ardusub-flight-modes.html
     0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 7: "CIRCLE", 9: "SURFACE", 16: "POSHOLD",
     19: "MANUAL", 20: "MOTOR_DETECT", 21: "SURFTRAK",
 }  # fmt: skip
-_FRAMES = {  # FRAME_CONFIG of ArduSub: name and number of motors; a custom frame (7) may have any
+_FRAMES: dict[float, tuple[str, int | None]] = {  # FRAME_CONFIG: name and motors; a custom frame (7) may have any
     0: ("bluerov1", 6), 1: ("vectored", 6), 2: ("vectored_6dof", 8), 3: ("vectored_6dof_90deg", 8),
     4: ("simplerov_3", 3), 5: ("simplerov_4", 4), 6: ("simplerov_5", 5), 7: ("custom", None),
 }  # fmt: skip
-SUB = "ArduSub"
+_MOST_TEXTS = 10_000  # among which the firmware names itself; it does so when it starts
 _VELOCITY_KNOWN = 1 << 1  # of XKF4.SS and EKF_STATUS_REPORT.flags: horizontal velocity,
 _POSITION_KNOWN = (1 << 3) | (1 << 4)  # relative, absolute; https://mavlink.io/en/messages/ardupilotmega.html
 _STANDS_STILL = 1 << 7  # constant position mode: the filter has no position and says 0
 
 
-def vehicle_facts(messages: Messages, parameter: tuple[str, str, str], text: tuple[str, str]) -> VehicleFacts:
-    """What a log says of its vehicle, in messages of the types, with the fields, of a parameter and of a text."""
+def vehicle_facts(
+    name: str, messages: Messages, parameter: tuple[str, str, str], text: tuple[str, str], kinds: Iterable[Kind] = ()
+) -> tuple[VehicleFacts, tuple[Finding, ...]]:
+    """What a log says of its vehicle, in messages of the types, with the fields, of a parameter and of a text.
+
+    Args:
+        name: of the file.
+        messages: of the log.
+        parameter: message, and its fields with name and value of a parameter.
+        text: message, and its field with a text of the firmware.
+        kinds: of vehicle that the log names elsewhere.
+    """
     given, said = messages.get(*parameter), messages.get(*text)
-    named = () if given is None else zip(given[parameter[1]], given[parameter[2]], strict=True)
-    parameters = {spelt(name): float(value) for name, value in named}
-    texts = () if said is None else map(spelt, said[text[1]])
-    firmware = next((told for told in texts if told.startswith("Ardu")), "")
-    return VehicleFacts(firmware, *frame_of(firmware, parameters), parameters)
+    named = [] if given is None else zip(map(spelt, given[parameter[1]]), given[parameter[2]].tolist(), strict=True)
+    parameters, findings = read_parameters(name, named)
+    texts = [] if said is None else list(dict.fromkeys(map(spelt, said[text[1]][:_MOST_TEXTS])))
+    source = f"text of the firmware, {text[0]}"
+    kind = next(((told, of) for told in texts if (of := kind_of_text(told, source)) is not None), None)
+    firmware = kind[0] if kind else next((told for told in texts if told.startswith("Ardu")), "")
+    every = (*((kind[1],) if kind else ()), *kinds)
+    frame = ("", None) if other_kind(every) else _frame_of(parameters)
+    return VehicleFacts(firmware, *frame, parameters, every), findings
 
 
 def spelt(value: bytes | str) -> str:
-    """A text as a log has it, in letters."""
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    """A text as a log has it, in letters, up to its first zero."""
+    return (value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)).partition("\0")[0]
 
 
-def mode_name(firmware: str, number: float) -> str:
-    """The name of a mode, or its number where the firmware is no ArduSub that says so."""
-    number = int(number)
-    if firmware and not firmware.startswith(SUB):
-        return f"MODE_{number}"  # numbers mean other modes there
-    return _MODES.get(number, f"MODE_{number}")
+def mode_name(vehicle: VehicleFacts, number: float) -> str:
+    """The name of a mode, or its number where the vehicle is another one, whose numbers mean other modes."""
+    number = int(number) if np.isfinite(number) else -1
+    return f"MODE_{number}" if other_kind(vehicle.kinds) else _MODES.get(number, f"MODE_{number}")
 
 
-def frame_of(firmware: str, parameters: Mapping[str, float]) -> tuple[str, int | None]:
-    """Name and number of motors of the frame; empty and None where the log does not say."""
+def _frame_of(parameters: Mapping[str, float]) -> tuple[str, int | None]:
+    """Name and number of motors of the frame; empty and None where the parameters do not say."""
     number = parameters.get("FRAME_CONFIG")
-    if number is None or (firmware and not firmware.startswith(SUB)):
-        return "", None
-    return _FRAMES.get(int(number), (f"frame {int(number)}", None))
+    return ("", None) if number is None else _FRAMES.get(number, (f"frame {number:g}", None))
 
 
 def primary_lane(messages: Messages) -> tuple[Columns | None, int, list[Finding]]:

@@ -71,18 +71,18 @@ def _choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: in
 
 def _streams_of(name: str, kind: str, messages: Messages) -> Streams:
     """The streams of one vehicle whose messages have the fields of :data:`WANTED`, times in s."""
-    vehicle = vehicle_facts(messages, ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text"))
+    vehicle, odd = vehicle_facts(name, messages, ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text"))
     beat = messages.get("HEARTBEAT", "base_mode", "custom_mode")
     armed, modes = None, ()
     if beat is not None:
         on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
         at = changes(on, beat["custom_mode"])
-        names = (mode_name(vehicle.firmware, number) for number in beat["custom_mode"][at].tolist())
+        names = (mode_name(vehicle, number) for number in beat["custom_mode"][at].tolist())
         armed, modes = state_of(zip(beat["t"][at].tolist(), on[at].tolist(), names, strict=True), messages.end)
     sounding, findings = _depth(messages, vehicle)
     found = (_outputs(messages), *_attitude(messages), _accelerometer(messages), sounding, *_filtered(messages),
              _battery(messages))  # fmt: skip
-    return Streams(name, kind, by_name(found), vehicle, armed, modes, findings=(*messages.findings, *findings))
+    return Streams(name, kind, by_name(found), vehicle, armed, modes, findings=(*messages.findings, *odd, *findings))
 
 
 def _outputs(messages: Messages) -> Stream | None:

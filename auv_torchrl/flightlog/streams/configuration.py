@@ -6,44 +6,40 @@ meanings: https://ardupilot.org/sub/docs/parameters.html.
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from auv_torchrl.autopilot import function_of, is_function, motor_of
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.streams.motors import outputs_of
+from auv_torchrl.flightlog.streams.parameters import Use, Values, check_ranges, known, moves, parameter
 from auv_torchrl.flightlog.streams.stream import Streams
-
-Values = Mapping[str, float]
 
 DIRECTION, EXCHANGED = "motor_direction", "motors_exchanged"
 SHOWN_BY_FLIGHT = (DIRECTION, EXCHANGED)  # codes: a flight shows whether wires or plugs were changed along with it
 _WAYS = ("MIN", "MAX", "TRIM", "REVERSED")  # of the pulses of an output
 _FULL = {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}  # us: what a T200 on its own speed controller takes
-_MOVES = re.compile(  # what changes how commands or sensors are to be read
-    r"MOT_(\d+_DIRECTION|PWM_\w+|\d*_?CPLNG\w*|FV_CPLNG_K)|SERVO\d+_(FUNCTION|MIN|MAX|TRIM|REVERSED)|FRAME_CONFIG|"
-    r"AHRS_ORIENTATION|AHRS_TRIM_[XYZ]|COMPASS_ORIENT\d?|COMPASS_USE\d?|VISO_ORIENT|VISO_POS_[XYZ]|BARO_PRIMARY"
-)
-_COUNTS = re.compile(  # what a vehicle writes itself: counters, and what it calibrates at each start
-    r"STAT_\w+|MIS_TOTAL|FENCE_TOTAL|RALLY_TOTAL|COMPASS_DEC|COMPASS_(OFS|DIA|ODI|MOT)\w*|INS_\w*(OFF|SCAL|TEMP|_ID)\w*|"
-    r"BARO\d?_(GND_PRESS|GND_TEMP|DEVID)|GND_(ABS_PRESS|TEMP)|\w*_DEV_ID\d?|SYS_NUM_RESETS|FORMAT_VERSION"
-)
 _LISTED = 6  # parameters that are named
 _ON_ITS_BACK = -0.5  # mean of cos(roll) cos(pitch), below which a vehicle seems to fly upside down
 
 
 def check_configuration(streams: Streams, parameters: Values) -> list[Finding]:
     """What no vehicle of this frame should have, worst first."""
+    parameters = known(parameters)
     if "commands" in streams.streams or not parameters:
         return []
     motors = streams.vehicle.motors or max(outputs_of(parameters), default=0)
-    return [*_plugged(parameters, motors), *_pulses(parameters), *_upside_down(streams, parameters)]
+    plugged, pulses = _plugged(parameters, motors), _pulses(parameters)
+    return [*check_ranges(parameters), *plugged, *pulses, *_upside_down(streams, parameters)]
 
 
 def compare_configuration(parameters: Values, healthy: Sequence[Values]) -> list[Finding]:
-    """What differs from the flights in which the vehicle was sound, as far as they agree with each other."""
-    told = [values for values in healthy if values]
+    """What differs from the flights in which the vehicle was sound, as far as they agree with each other.
+
+    What is no finite number in one of them is not compared.
+    """
+    parameters, told = known(parameters), [values for values in map(known, healthy) if values]
     if not parameters or not told:
         return []
     sound = {n: v for n, v in told[0].items() if all(other.get(n) == v for other in told[1:])}
@@ -51,8 +47,8 @@ def compare_configuration(parameters: Values, healthy: Sequence[Values]) -> list
     found = list(_exchanged(differ, sound))
     named = {name for finding in found for name, _ in finding.param}
     rest = {name: value for name, value in differ.items() if name not in named}
-    found += [_turned(n, value, sound[n]) for n, value in rest.items() if _MOVES.fullmatch(n)]
-    others = sorted(n for n in rest if not _MOVES.fullmatch(n) and not _COUNTS.fullmatch(n))
+    found += [_turned(n, value, sound[n]) for n, value in rest.items() if moves(n)]
+    others = sorted(n for n in rest if _is_other(n))
     if others:
         listed = ", ".join(f"{n} {parameters[n]:g} (was {sound[n]:g})" for n in others[:_LISTED])
         more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
@@ -65,7 +61,9 @@ def changed_in_flight(t: np.ndarray, names: Sequence[str], values: np.ndarray) -
     """A finding for each parameter that was set while the log was written, and that says how it is to be read."""
     first: dict[str, float] = {}
     for at, name, value in zip(t, names, values, strict=True):
-        if value != first.setdefault(name, value) and _MOVES.fullmatch(name):
+        if not np.isfinite(value) or not moves(name):
+            continue
+        if value != first.setdefault(name, value):
             sentence = f"{name} was set from {first[name]:g} to {value:g} at {at:.1f} s; all of the log is read with it"
             remedy = "Give a log that was begun after the parameter was set"
             yield Finding(Severity.WARNING, "set_in_flight", sentence, remedy, limits=True)
@@ -74,7 +72,13 @@ def changed_in_flight(t: np.ndarray, names: Sequence[str], values: np.ndarray) -
 
 def to_set(findings: Iterable[Finding]) -> dict[str, float]:
     """The parameters that these findings say should be set."""
-    return {name: value for finding in findings for name, value in finding.param}
+    return known(*(dict(finding.param) for finding in findings))
+
+
+def _is_other(name: str) -> bool:
+    """Whether a parameter neither changes how a log is read nor is written by the vehicle itself."""
+    entry = parameter(name)
+    return entry is None or entry.use is Use.VALUE
 
 
 def _plugged(parameters: Values, motors: int) -> Iterator[Finding]:
@@ -158,7 +162,7 @@ def _exchanged(differ: Values, sound: Values) -> Iterator[Finding]:
 
 def _turned(name: str, value: float, sound: float) -> Finding:
     """One parameter that differs from the healthy flight."""
-    motor = re.fullmatch(r"MOT_(\d+)_DIRECTION", name)
+    motor = re.fullmatch(r"MOT_([0-9]+)_DIRECTION", name)
     code = DIRECTION if motor else "parameter_differs"
     which = f", the direction of motor {motor[1]}," if motor else ""
     sentence = f"{name}{which} is {value:g}, and was {sound:g} in the healthy flight"

@@ -17,7 +17,9 @@ from auv_torchrl.flightlog.streams.compass import check_compass
 from auv_torchrl.flightlog.streams.configuration import check_configuration
 from auv_torchrl.flightlog.streams.drift import drift_of
 from auv_torchrl.flightlog.streams.motors import commands_of
+from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.stream import Floats, ReadOptions, Sampling, Spans, Stream, Streams
+from auv_torchrl.flightlog.streams.vehicle_kind import check_kind
 from auv_torchrl.flightlog.table import MAX_ROWS, Table
 from auv_torchrl.physics import CONTROL_DT
 
@@ -40,10 +42,12 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     """One table of all that the diagnosis can use; every armed stretch, in the modes wanted, is an episode.
 
     Raises:
-        FlightLogError: if there are no commands, the vehicle was never armed, or never flew in the modes wanted.
+        FlightLogError: if it was written by another kind of vehicle, there are no commands, the vehicle was never
+            armed, or never flew in the modes wanted.
     """
     options = options or ReadOptions()
-    autopilot = {**options.parameters, **streams.vehicle.parameters}
+    mixed = check_kind(streams)
+    autopilot = known(options.parameters, streams.vehicle.parameters)
     commands = commands_of(streams, autopilot)
     chosen = choose(streams)
     if not chosen:
@@ -68,7 +72,8 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     columns.update({name: commands.values[row, i] for i, name in enumerate(commands.channels)})
     if "battery" in streams.streams:
         columns["battery"] = sampled(streams.streams["battery"], "voltage", t, interval)
-    findings += [*check_configuration(streams, autopilot), *check_compass(streams, autopilot)]
+    findings += [*mixed, *options.findings, *check_configuration(streams, autopilot)]
+    findings += check_compass(streams, autopilot)
     return Table(
         streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True,
         measured=_measured_rows(told, t, interval), errors=_errors(streams, commands, chosen), autopilot=autopilot,

@@ -1,5 +1,6 @@
 """What people add to a file: modes to take, parameters that it lacks, which vehicle of several."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -7,10 +8,12 @@ from typing import Any
 
 import yaml
 
-from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.findings import Finding, FlightLogError
+from auv_torchrl.flightlog.streams.parameters import is_name, read_parameters
 from auv_torchrl.flightlog.streams.stream import ReadOptions
+from auv_torchrl.text import number, whole
 
-_NAME = re.compile(r"[A-Z][A-Z0-9_]{1,15}")
+_MOST = 3.4e38  # what a parameter can be: ArduPilot has them as float32
 _MOST_BYTES = 4 << 20  # of a file of parameters; a vehicle has some thousand
 
 
@@ -20,20 +23,24 @@ def read_options(modes: Iterable[str] = (), params: Any = None, system: Any = No
     Raises:
         FlightLogError: for a file of parameters that cannot be read, or a value that is no number.
     """
-    if system is not None and not str(system).isdigit():
+    chosen = None if system is None else whole(str(system))
+    if system is not None and (chosen is None or chosen < 0):
         raise FlightLogError(f"system={system} is no number of a vehicle: give system=1")
     named = tuple(str(mode).upper() for mode in modes)
-    return ReadOptions(named, _parameters(params), None if system is None else int(system))
+    values, findings = _parameters(params)
+    return ReadOptions(named, values, chosen, findings)
 
 
-def _parameters(given: Any) -> dict[str, float]:
+def _parameters(given: Any) -> tuple[dict[str, float], tuple[Finding, ...]]:
     if given is None or given == "":
-        return {}
+        return {}, ()
     if isinstance(given, str) and given.lstrip().startswith("{"):
         given = _mapping(given)
     if isinstance(given, Mapping):
-        return {str(name).upper(): _number(str(name), value) for name, value in given.items()}
-    return _from_file(Path(str(given)))
+        values = [(str(name).upper(), _number(str(name), value)) for name, value in given.items()]
+        return read_parameters("params=", values)
+    path = Path(str(given))
+    return read_parameters(path.name, _from_file(path))
 
 
 def _mapping(text: str) -> Any:
@@ -44,13 +51,13 @@ def _mapping(text: str) -> Any:
 
 
 def _number(name: str, value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError) as error:
-        raise FlightLogError(f"params: {name} is {value!r}, which is no number") from error
+    given = number(value) if isinstance(value, str) else value
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise FlightLogError(f"params: {name} is {str(value)[:40]!r}, which is no number: give one such as 1 or -0.5")
+    return float(given) if abs(given) <= _MOST else math.copysign(math.inf, given)
 
 
-def _from_file(path: Path) -> dict[str, float]:
+def _from_file(path: Path) -> list[tuple[str, float]]:
     """Parameters as QGroundControl, Mission Planner and MAVProxy save them."""
     try:
         if path.stat().st_size > _MOST_BYTES:
@@ -58,13 +65,13 @@ def _from_file(path: Path) -> dict[str, float]:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise FlightLogError(f"params={path}: {error.strerror or error}: give a file of parameters") from error
-    found = {}
-    for line in text.splitlines():
+    found = []
+    for line in text.split("\n"):
         words = re.split(r"[\s,]+", line.partition("#")[0].strip())
-        if len(words) >= 4 and words[0].isdigit() and words[1].isdigit():  # system, component, name, value, type
+        if len(words) >= 4 and None not in (whole(words[0]), whole(words[1])):  # system, component, name, value, type
             words = words[2:]
-        if len(words) >= 2 and _NAME.fullmatch(words[0]):
-            found[words[0]] = _number(words[0], words[1])
+        if len(words) >= 2 and is_name(words[0]):
+            found.append((words[0], _number(words[0], words[1])))
     if not found:
         raise FlightLogError(f"{path} holds no parameters: save them from a ground station, a name and a value a line")
     return found

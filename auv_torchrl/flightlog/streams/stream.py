@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import groupby
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auv_torchrl.flightlog.findings import Finding
+from auv_torchrl.text import printable
 
 Floats = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]  # s, from and to
@@ -103,19 +105,32 @@ def stream(
     return Stream(name, channels, units, t, values, sampling, source, drift) if len(t) else None
 
 
+class Kind(NamedTuple):
+    """A kind of vehicle as one thing in a file names it."""
+
+    source: str  # what names it, such as "text of the firmware"
+    name: str  # such as "ArduCopter" or "a quadrotor"
+    underwater: bool
+
+
 @dataclass(frozen=True)
 class VehicleFacts:
-    """What a log says about the vehicle; empty or None where it says nothing."""
+    """What a log says about the vehicle; empty or None where it says nothing. Its texts are made printable."""
 
     firmware: str = ""
     frame: str = ""
     motors: int | None = None  # thrusters of the frame
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    kinds: tuple[Kind, ...] = ()  # of vehicle, by each thing that names one
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "firmware", printable(self.firmware))
+        object.__setattr__(self, "frame", printable(self.frame))
 
 
 @dataclass(frozen=True)
 class Streams:
-    """Everything that was read from one file."""
+    """Everything that was read from one file. Its name and its modes are made printable."""
 
     name: str
     format: str
@@ -124,6 +139,10 @@ class Streams:
     armed: Spans | None = None  # None where the file does not say
     modes: Modes = ()  # since when which; what is before the first is not known
     findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", printable(self.name))
+        object.__setattr__(self, "modes", tuple((t, printable(mode)) for t, mode in self.modes))
 
     @property
     def start(self) -> float:
@@ -148,6 +167,7 @@ class ReadOptions:
     modes: tuple[str, ...] = ()  # to take alone; empty takes all
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # that the file lacks
     system: int | None = None  # which vehicle of several
+    findings: tuple[Finding, ...] = ()  # about what they gave
 
 
 def by_name(found: Iterable[Stream | None]) -> dict[str, Stream]:
