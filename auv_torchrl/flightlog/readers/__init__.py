@@ -5,7 +5,17 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from auv_torchrl.flightlog.readers import ardupilot, dataflash, dataflash_text, mcap, mcap_records, ros, tlog, ulog
+from auv_torchrl.flightlog.readers import (
+    ardupilot,
+    dataflash,
+    dataflash_text,
+    mcap,
+    mcap_records,
+    ros,
+    tlog,
+    ulog,
+    ulog_records,
+)
 from auv_torchrl.flightlog.readers.reader import Reader, choose_reader
 from auv_torchrl.flightlog.readers.unpacked import bare, unpacked
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
@@ -32,7 +42,7 @@ READERS = Registry(
     (
         Reader("ArduPilot DataFlash log", (".bin",), lambda head: head.startswith(dataflash.MAGIC), _read_dataflash),
         Reader("ArduPilot DataFlash log as text", (".log",), dataflash_text.recognizes, _read_dataflash_text),
-        Reader("PX4 log", (".ulg",), lambda head: head.startswith(ulog.MAGIC), ulog.read),
+        Reader("PX4 log", (".ulg",), lambda head: head.startswith(ulog_records.MAGIC), ulog.read),
         Reader("MCAP recording", (".mcap",), lambda head: head.startswith(mcap_records.MAGIC), mcap.read),
         Reader("ROS bag", (".bag", ".db3"), ros.recognizes, ros.read, ros.is_bag),
         Reader("MAVLink telemetry", (".tlog",), tlog.recognizes, tlog.read),

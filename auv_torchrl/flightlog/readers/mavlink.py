@@ -9,7 +9,17 @@ from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers.bounds import MOST_TEXTS, Budget, Loss, Rows
 from auv_torchrl.flightlog.readers.firmware import leave_out_unknown, mode_name, vehicle_facts
 from auv_torchrl.flightlog.readers.messages import AT, Messages, changes, in_order, stacked
-from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, state_of, stream
+from auv_torchrl.flightlog.streams.stream import (
+    Kind,
+    Sampling,
+    Stream,
+    Streams,
+    VehicleFacts,
+    by_name,
+    state_of,
+    stream,
+)
+from auv_torchrl.flightlog.streams.vehicle_kind import kind_of_type
 from auv_torchrl.text import MOST_CHARACTERS
 
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
@@ -30,18 +40,12 @@ WANTED = {
 }
 ADDED = {"SERVO_OUTPUT_RAW": _SERVOS[8:]}  # fields of MAVLink 2 that an older message lacks: 0, no output
 TEXTS = ("param_id", "text")  # fields that are no number; a message has one at most
-COUNTS = (
-    "type",
-    "autopilot",
-    "base_mode",
-    "custom_mode",
-    "port",
-    "flags",
-    "time_usec",
-    "time_boot_ms",
-)  # whole numbers
+COUNTS = (  # whole numbers
+    "type", "autopilot", "base_mode", "custom_mode", "port", "flags", "time_usec", "time_boot_ms",
+)  # fmt: skip
 AUTOPILOT = 1  # number of the component that flies
 _NO_AUTOPILOT, _GROUND_STATION = 8, 6  # HEARTBEAT.autopilot, .type
+_MOST_KINDS = 3  # that are named; one vehicle has one, besides "generic" while it starts
 _ARMED = 128  # of HEARTBEAT.base_mode
 _G = 9.80665e-3  # m/s^2 for each mG of RAW_IMU and SCALED_IMU
 _PA_A_METRE = 9800.0  # Pa/m, by which AP_Baro makes a depth of a pressure in water of specific gravity 1
@@ -71,8 +75,10 @@ def _choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: in
 
 def _streams_of(name: str, kind: str, messages: Messages) -> Streams:
     """The streams of one vehicle whose messages have the fields of :data:`WANTED`, times in s."""
-    vehicle, odd = vehicle_facts(name, messages, ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text"))
-    beat = messages.get("HEARTBEAT", "base_mode", "custom_mode")
+    beat = messages.get("HEARTBEAT", "type", "base_mode", "custom_mode")
+    kinds = () if beat is None else _kinds(beat["type"])
+    parameter, text = ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text")
+    vehicle, odd = vehicle_facts(name, messages, parameter, text, kinds)
     armed, modes = None, ()
     if beat is not None:
         on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
@@ -83,6 +89,13 @@ def _streams_of(name: str, kind: str, messages: Messages) -> Streams:
     found = (_outputs(messages), *_attitude(messages), _accelerometer(messages), sounding, *_filtered(messages),
              _battery(messages))  # fmt: skip
     return Streams(name, kind, by_name(found), vehicle, armed, modes, findings=(*messages.findings, *odd, *findings))
+
+
+def _kinds(types: np.ndarray) -> tuple[Kind, ...]:
+    """The kinds of vehicle that heartbeats name, the most frequent first."""
+    numbers, counts = np.unique(types, return_counts=True)
+    named = (kind_of_type(number, "HEARTBEAT.type") for number in numbers[np.argsort(-counts)][:_MOST_KINDS].tolist())
+    return tuple(kind for kind in named if kind is not None)
 
 
 def _outputs(messages: Messages) -> Stream | None:

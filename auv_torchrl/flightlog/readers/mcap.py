@@ -28,7 +28,15 @@ _FLAGS = (  # EKF_STATUS_REPORT.flags from the lowest bit
     "EKF_POS_VERT_ABS", "EKF_POS_VERT_AGL", "EKF_CONST_POS_MODE",
 )  # fmt: skip
 _BITS = {**{name: 1 << i for i, name in enumerate(_FLAGS)}, "MAV_MODE_FLAG_SAFETY_ARMED": 128}
-_NUMBERS = {"MAV_AUTOPILOT_INVALID": 8, "MAV_AUTOPILOT_ARDUPILOTMEGA": 3, "MAV_TYPE_GCS": 6, "MAV_TYPE_SUBMARINE": 12}
+_NUMBERS = {  # https://mavlink.io/en/messages/minimal.html
+    "MAV_AUTOPILOT_INVALID": 8, "MAV_AUTOPILOT_ARDUPILOTMEGA": 3, "MAV_AUTOPILOT_PX4": 12,
+    **{f"MAV_TYPE_{name}": number for number, name in enumerate((
+        "GENERIC", "FIXED_WING", "QUADROTOR", "COAXIAL", "HELICOPTER", "ANTENNA_TRACKER", "GCS", "AIRSHIP",
+        "FREE_BALLOON", "ROCKET", "GROUND_ROVER", "SURFACE_BOAT", "SUBMARINE", "HEXAROTOR", "OCTOROTOR", "TRICOPTER",
+        "FLAPPING_WING", "KITE", "ONBOARD_CONTROLLER", "VTOL_TAILSITTER_DUOROTOR", "VTOL_TAILSITTER_QUADROTOR",
+        "VTOL_TILTROTOR",
+    ))},
+}  # fmt: skip
 
 
 @np.errstate(invalid="ignore", over="ignore")  # of numbers in a damaged file

@@ -38,7 +38,8 @@ KNOWN = {  # of ROS 2: https://github.com/ros2/common_interfaces, https://github
     "geometry_msgs/TwistWithCovariance twist",
     "sensor_msgs/Imu": "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\n"
     "float64[9] orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\n"
-    "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance",
+    "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n"
+    "float64[9] linear_acceleration_covariance",
     # of a BatteryState, how it begins
     "sensor_msgs/BatteryState": "std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current",
     "mavros_msgs/RCOut": "std_msgs/Header header\nuint16[] channels",
