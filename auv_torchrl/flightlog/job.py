@@ -5,13 +5,11 @@ from pathlib import Path
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.info import info_lines, table_lines
-from auv_torchrl.flightlog.readers import read_streams
+from auv_torchrl.flightlog.readers import TABLES, read_log, read_streams
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.streams.parameters import NOT_FINITE
-from auv_torchrl.flightlog.table import read_table
+from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.writer import write_table
-
-_TABLES = (".csv", ".parquet", ".pq")
 
 
 def info(files: list[Path], options: ReadOptions, healthy: str = "") -> None:
@@ -28,8 +26,8 @@ def info(files: list[Path], options: ReadOptions, healthy: str = "") -> None:
     failed = []
     for file in files:
         try:
-            streams = read_streams(file, options)
-            lines = table_lines(read_table(file)) if streams is None else info_lines(streams, options, parameters)
+            log = read_log(file, options)
+            lines = table_lines(log) if isinstance(log, Table) else info_lines(log, options, parameters)
             print("\n".join((*lines, *(f"  {finding}" for finding in odd))))
         except FlightLogError as error:
             failed.append(str(error))
@@ -47,7 +45,7 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     if len(files) > 1:
         raise FlightLogError(f"convert takes one log, these are {len(files)}: convert them one by one")
     output = Path(keys.get("output", ""))
-    if output.suffix.lower() not in _TABLES:
+    if output.suffix.lower() not in TABLES:
         raise FlightLogError(
             f"output={keys.get('output', '')} says no format: give output=log.csv or output=log.parquet"
         )
@@ -56,8 +54,8 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     replace = keys.get("replace", "").lower() == "true"
     if output.exists() and not replace:
         raise FileExistsError(f"{output} exists: choose another name, or give replace=true")
-    streams = read_streams(files[0], options)
-    table = read_table(files[0]) if streams is None else tabulate(streams, options)
+    log = read_log(files[0], options)
+    table = log if isinstance(log, Table) else tabulate(log, options)
     for finding in table.findings:
         print(finding, file=sys.stderr)
     write_table(table, output, replace)

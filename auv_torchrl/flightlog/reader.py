@@ -15,12 +15,12 @@ from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.gravity import check_gravity
 from auv_torchrl.flightlog.information import check_information
 from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY, Episode, FlightLog, Floats
-from auv_torchrl.flightlog.readers import read_streams
+from auv_torchrl.flightlog.readers import read_log
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.vehicle_file import check_frame
-from auv_torchrl.flightlog.table import Table, read_table
+from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.units import check_commands, check_time_unit, convert_degrees
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.vehicle import Vehicle
@@ -89,11 +89,11 @@ def read_flightlog(
 
 
 def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions | None) -> Table:
-    streams = read_streams(path, options)
-    if streams is None:
-        return read_table(path)
-    table = tabulate(streams, options)
-    return replace(table, findings=(*table.findings, *check_frame(streams, table, vehicle)))
+    log = read_log(path, options)
+    if isinstance(log, Table):
+        return log
+    table = tabulate(log, options)
+    return replace(table, findings=(*table.findings, *check_frame(log, table, vehicle)))
 
 
 def _thruster_commands(sent: Floats, names: tuple[str, ...], vehicle: Vehicle) -> Floats:

@@ -63,6 +63,12 @@ def left_out(more: Mapping[str, int]) -> Iterator[Finding]:
             yield Finding(Severity.WARNING, "too_many_messages", sentence, "Give a part of the log")
 
 
+def changes(*columns: np.ndarray) -> np.ndarray:
+    """The first row, and those in which one of the columns (T,) differs from the row before."""
+    differs = np.logical_or.reduce([np.diff(column) != 0 for column in columns])
+    return np.concatenate(([0], np.flatnonzero(differs) + 1))
+
+
 def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding] = ()) -> Messages:
     """Times ``t`` that start at 0 and never go back; each start over is put a second behind what was before.
 
