@@ -102,7 +102,7 @@ def test_a_log_of_velocities_alone_is_read(paper, tmp_path):
     ("names", "message"),
     [
         ("t,x,y,z,heading,cmd_1", "heading"),
-        ("t,x,Yaw,cmd_1", "did you mean yaw"),
+        ("t,x,cmd_saway,cmd_1", "did you mean cmd_sway"),
         ("x,y,cmd_1", "no column t"),
         ("t,x,y", "cmd_1 to cmd_6"),
         ("t,cmd_1,cmd_2,cmd_3,cmd_4,cmd_5,cmd_6", "measures nothing"),
