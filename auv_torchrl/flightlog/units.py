@@ -64,7 +64,7 @@ def check_time_unit(name: str, t: Floats) -> None:
 
 
 def convert_degrees(
-    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle
+    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle, settled: frozenset[str] = frozenset()
 ) -> tuple[tuple[Episode, ...], list[Finding]]:
     """Angles and angular rates in radians, converted where they evidently are in degrees."""
     angles = tuple(axis for axis in ANGLES if axis in axes)
