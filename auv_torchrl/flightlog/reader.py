@@ -11,7 +11,7 @@ from auv_torchrl.flightlog.clock import check_clock
 from auv_torchrl.flightlog.columns import DEMANDS, choose_columns
 from auv_torchrl.flightlog.contact import leave_out_contact
 from auv_torchrl.flightlog.excitation import check_excitation
-from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity, condensed
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity, condensed, quoted
 from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.gravity import check_gravity
 from auv_torchrl.flightlog.information import Checked, check_information
@@ -119,7 +119,7 @@ def find_usable(understood: Understood, thrusters: int | None = None, mixer: Flo
         stretches, more = usable_stretches(table, commanded, axes, commands, checked.cuts)
         findings += more
     if not stretches:
-        raise FlightLogError(f"{table.name} has nothing that can be used: {'; '.join(map(str, condensed(findings)))}")
+        raise FlightLogError(f"{table.name} has nothing that can be used: {quoted(findings)}")
     return Usable(table, axes, stretches, checked, findings)
 
 

@@ -6,6 +6,7 @@ folder.
 """
 
 import io
+import os
 import re
 import sqlite3
 import struct
@@ -170,12 +171,13 @@ def storage_of(folder: Path, loss: Loss) -> list[Path]:
 def read_database(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: Loss) -> Messages:
     """The messages of a bag of ROS 2 in sqlite3, as far as the database can be read; as :func:`read_bag` otherwise."""
     steps = iter(range(_MOST_STEPS))
-    database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
+    name = quote(os.fsencode(path.absolute()))  # of bytes: a name need not be UTF-8
+    database = sqlite3.connect(f"file:{name}?mode=ro&immutable=1", uri=True)
     try:
         database.set_progress_handler(lambda: next(steps, None) is None, _STEPS)
         database.text_factory = lambda text: text.decode("utf-8", "replace")
         yield from _rows(database, wanted, seen, loss)
-    except (sqlite3.Error, OverflowError) as error:
+    except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:  # the last where an error quotes damaged text
         loss.cut("what sqlite cannot read", error)
     finally:
         database.close()

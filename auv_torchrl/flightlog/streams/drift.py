@@ -34,7 +34,7 @@ def drift_of(stream: Stream, gyro: Stream | None) -> float:
 
 def _apart(attitude: Stream, gyro: Stream) -> float | None:
     """How far off an attitude (roll, pitch, yaw) turns from what its gyro felt, rad/s; None if they hardly overlap."""
-    if attitude.channels != ANGLES or len(gyro) < 2:
+    if attitude.channels != ANGLES or min(len(attitude), len(gyro)) < 2:
         return None
     known = np.isfinite(attitude.values).all(-1) & (attitude.t >= gyro.t[0]) & (attitude.t <= gyro.t[-1])
     t, felt = attitude.t[known], np.isfinite(gyro.values).all(-1)

@@ -77,8 +77,8 @@ def _field(draw: Draw) -> str:
 def _changed(draw: Draw, message: Message) -> Message:
     kind, body = message
     if kind == "F" and not chance(draw, 4):
-        name, _, fields = body.decode().partition(":")
-        parts = fields.split(";")[:-1]
+        name, _, fields = body.decode("utf-8", "replace").partition(":")
+        parts = fields.split(";")[:-1] or [""]
         if chance(draw, 2):
             parts[place(draw, len(parts))] = _field(draw)
         else:
