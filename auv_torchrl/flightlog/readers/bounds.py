@@ -21,6 +21,7 @@ MOST_CHUNK = 256 * MIB  # bytes that one chunk may unpack to; recorders write ch
 MOST_MESSAGE = 64 << 10  # bytes; the largest message that is needed, an Odometry, has 0.7 kB, as JSON some kB
 MOST_VALUES = 24_000_000  # numbers that are held of a file, 8 bytes each, copied some times over while in use
 MOST_TEXTS = 50_000  # messages with texts that are held; a vehicle has 1,500 parameters and sends them a few times
+MOST_RECORDS = 20_000_000  # of a recording that are looked at: 11 h at 500 Hz
 MOST_NAME = 1000  # characters of the name of a topic or of a type
 _LEAST_UNPACKED = 2048 * MIB  # bytes that any file may unpack to in all,
 _MOST_RATIO = 20  # and times its own size that a large one may; JSON of telemetry shrinks by 10
@@ -39,6 +40,7 @@ class Loss:
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
         self._stopped = ""
+        self._looked = 0
 
     def add(self, kind: str, count: int = 1) -> None:
         """Note something that is left out, such as "messages that cannot be read"."""
@@ -53,6 +55,12 @@ class Loss:
         """Note that the rest of the file is not read."""
         self._stopped = self._stopped or reason
 
+    def look(self) -> None:
+        """Count a record that is looked at."""
+        self._looked += 1
+        if self._looked > MOST_RECORDS:
+            self.stop(f"it holds more than {MOST_RECORDS:,} records")
+
     @property
     def stopped(self) -> bool:
         """Whether the rest of the file is not read."""
@@ -61,7 +69,7 @@ class Loss:
     @property
     def sentence(self) -> str:
         """What is left out; empty where that is nothing."""
-        parts = [f"{count:,} {kind}" if count else kind for kind, count in self._counts.items()]
+        parts = [f"{kind} ({count:,})" if count else kind for kind, count in self._counts.items()]
         more = [f"{len(parts) - _LISTED} more kinds of damage"] if len(parts) > _LISTED else []
         return "; ".join([*parts[:_LISTED], *more])
 

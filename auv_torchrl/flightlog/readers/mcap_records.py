@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO
 
 from auv_torchrl.flightlog.readers.bounds import MIB, MOST_MESSAGE, MOST_NAME, Loss, Part, skip
-from auv_torchrl.flightlog.readers.packings import PACKINGS, Chunks
+from auv_torchrl.flightlog.readers.packings import DAMAGED, PACKINGS, Chunks
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted, short
 
 MAGIC = b"\x89MCAP"
@@ -70,6 +70,10 @@ def read_messages(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: L
                 loss.cut("what was to come behind the end of the file")
                 return
             kind, length = _HEAD.unpack(head)
+            loss.look()
+            if not kind:
+                loss.cut("what is behind damage")
+                return
             end = file.tell() + length
             if kind in (_FOOTER, _DATA_END):
                 file.seek(max(size - _MAGIC_BYTES, 0))
@@ -109,6 +113,10 @@ def _records(stream: IO[bytes], index: _Index, loss: Loss) -> Messages:
         if len(head) < _HEAD.size:
             return
         kind, length = _HEAD.unpack(head)
+        loss.look()
+        if not kind:
+            loss.add(DAMAGED)
+            return
         if kind in (_SCHEMA, _CHANNEL, _MESSAGE):
             yield from _record(stream, kind, length, index, loss)
         elif not skip(stream, length):

@@ -14,6 +14,8 @@ from auv_torchrl.flightlog.readers.reader import library
 
 _WINDOW = 128 << 20  # bytes, the most that zstd may ask for to look back; its own tools refuse more, too
 
+DAMAGED = "damaged chunks, from the damage on"
+
 Errors = tuple[type[Exception], ...]
 
 
@@ -83,7 +85,7 @@ class Chunks:
         yield io.BufferedReader(limited, MIB)
         self._room -= limited.count
         if limited.damage is not None:
-            self._loss.add("damaged chunks, from the damage on")
+            self._loss.add(DAMAGED)
         if limited.full and most < MOST_CHUNK:
             self._loss.stop("it unpacks to more than any recording does")
         elif limited.full:

@@ -15,7 +15,7 @@ from typing import IO
 from urllib.parse import quote
 
 from auv_torchrl.flightlog.readers.bounds import MIB, MOST_MESSAGE, MOST_NAME, Loss, Part, skip
-from auv_torchrl.flightlog.readers.packings import Chunks
+from auv_torchrl.flightlog.readers.packings import DAMAGED, Chunks
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted, short
 from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1
 from auv_torchrl.flightlog.readers.unpacked import BAG, STORAGE
@@ -67,6 +67,7 @@ def read_bag(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: Loss) 
         file.readline(64)  # its version
         while not loss.stopped and file.tell() < size:
             fields, length = _header(file)
+            loss.look()
             if fields is None:
                 loss.cut("what was to come behind the end of the file, or behind damage")
                 return
@@ -91,9 +92,10 @@ def _records(stream: IO[bytes], connections: _Connections, loss: Loss) -> Messag
     """The messages of a chunk."""
     while not loss.stopped:
         fields, length = _header(stream)
+        loss.look()
         if fields is None:
             if length:
-                loss.add("damaged chunks, from the damage on")
+                loss.add(DAMAGED)
             return
         yield from _record(stream, fields, length, connections, loss)
 
@@ -107,7 +109,7 @@ def _header(stream: IO[bytes]) -> tuple[dict[bytes, bytes] | None, int]:
     data = stream.read(length) if length <= _MOST_HEADER else b""
     content = stream.read(4)
     fields = _fields(data)
-    if len(data) < length or len(content) < 4 or fields is None:
+    if len(data) < length or len(content) < 4 or not fields:
         return None, 1
     return fields, struct.unpack("<I", content)[0]
 
