@@ -7,8 +7,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.flightlog.fuzz.contract import read_or_refuse, written
+from auv_torchrl.flightlog.findings import Finding, Severity, quoted
+from auv_torchrl.flightlog.streams.stream import Sampling, stream
+from tests.flightlog.fuzz.contract import read_or_refuse, shows, written
+from tests.flightlog.fuzz.damage import Log
 from tests.flightlog.fuzz.formats import FORMATS
+from tests.flightlog.fuzz.ros import sound_bag
+from tests.flightlog.vehicle_log import streams_of
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -25,3 +30,29 @@ def test_any_log(pytestconfig, name):
             read_or_refuse(written(data.draw(FORMATS[name]()), Path(folder)))
 
     read()
+
+
+def test_a_bag_whose_name_is_no_utf_8_is_read(tmp_path):
+    """The library takes the name as bytes."""
+    folder = sound_bag("sqlite3")
+    path = written(Log("\udcff\udcfe", folder), tmp_path)
+    assert streams_of(path).streams
+
+
+def test_a_database_whose_error_is_no_utf_8_is_refused_in_a_line(tmp_path):
+    """The library quotes the damaged statement in what it says."""
+    folder = sound_bag("sqlite3")
+    damaged = folder["flight.db3"].replace(b"CREATE TABLE topics", b"CREATE TABL\xbf topics")
+    assert read_or_refuse(written(Log("flight", {**folder, "flight.db3": damaged}), tmp_path)) == "refused, no rows"
+
+
+def test_an_error_quotes_three_findings_of_many():
+    """And counts the others."""
+    findings = [Finding(Severity.WARNING, f"code_{n}", f"sentence {n}") for n in range(9)]
+    assert quoted(findings).count("sentence") == 3 and quoted(findings).endswith("and 6 more findings")
+
+
+def test_the_name_of_a_topic_is_shown_without_its_control_characters():
+    """A stream says where it comes from."""
+    made = stream("depth", "z", "m", [0.0], [[1.0]], Sampling.MEASURED, "/a\r\x1b[31m")
+    assert made is not None and shows(made.source)

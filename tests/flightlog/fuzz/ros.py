@@ -243,7 +243,7 @@ def ros1_logs() -> st.SearchStrategy[Log]:
 
 
 @cache
-def _ros2_sound(storage: str) -> dict[str, bytes]:
+def sound_bag(storage: str) -> dict[str, bytes]:
     """The files of a bag that the library wrote."""
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
     plugin = rosbag2.StoragePlugin.MCAP if storage == "mcap" else rosbag2.StoragePlugin.SQLITE3
@@ -270,7 +270,7 @@ def _database(draw: Draw) -> bytes:
     """A database whose rows hold any type: sqlite asks for none."""
     connections, sent = draw(_parts(2))
     base = sqlite3.connect(":memory:")
-    base.deserialize(_ros2_sound("sqlite3")["flight.db3"])
+    base.deserialize(sound_bag("sqlite3")["flight.db3"])
     with base:
         base.execute("DELETE FROM messages")
         rows = [(m.connection + 1, m.stamp if m.stamp < 2**63 else -1, m.data) for m in sent]
@@ -348,7 +348,7 @@ def _description(draw: Draw, said: bytes) -> bytes:
 def _mcap(draw: Draw) -> bytes:
     """A recording of ROS 2, by hand and without an index, or as the library wrote it with bytes altered."""
     if chance(draw, 3):
-        return bytes_altered(draw, _ros2_sound("mcap")["flight.mcap"])
+        return bytes_altered(draw, sound_bag("mcap")["flight.mcap"])
     connections, sent = draw(_parts(2))
     records: list[mcap.Record] = []
     for number, c in enumerate(connections):
@@ -371,7 +371,7 @@ def _ros2(draw: Draw, storage: str) -> bytes | dict[str, bytes]:
     if chance(draw, 20):
         recording = draw(st.sampled_from((_POINTER, b"", b"\0" * 100)))
     name = "flight.db3" if storage == "sqlite3" else "flight.mcap"
-    described = draw(_description(_ros2_sound(storage)["metadata.yaml"]))
+    described = draw(_description(sound_bag(storage)["metadata.yaml"]))
     folder = {name: recording, "metadata.yaml": described}
     if chance(draw, 20):
         del folder[draw(st.sampled_from(sorted(folder)))]
