@@ -7,7 +7,8 @@ from enum import StrEnum
 from auv_torchrl.text import printable
 
 _REPEATED = 3  # findings of one kind that are listed one by one
-_QUOTED = 3  # findings that an error quotes
+_QUOTED = 3  # findings that an error quotes,
+_QUOTED_LETTERS = 250  # and characters of each: an error fits a screen
 
 
 class FlightLogError(ValueError):
@@ -79,4 +80,4 @@ def quoted(findings: Iterable[Finding]) -> str:
     """The worst findings in one sentence, and how many more there are."""
     worst = condensed(findings)
     more = [f"and {len(worst) - _QUOTED} more findings"] if len(worst) > _QUOTED else []
-    return "; ".join([*map(str, worst[:_QUOTED]), *more])
+    return "; ".join([*(printable(str(finding), _QUOTED_LETTERS) for finding in worst[:_QUOTED]), *more])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from auv_torchrl.flightlog.findings import Finding, Severity, quoted
 from auv_torchrl.flightlog.streams.stream import Sampling, stream
+from tests.flightlog.dataflash_writer import dive
 from tests.flightlog.fuzz.contract import read_or_refuse, shows, written
 from tests.flightlog.fuzz.damage import Log
 from tests.flightlog.fuzz.formats import FORMATS
@@ -56,3 +57,11 @@ def test_the_name_of_a_topic_is_shown_without_its_control_characters():
     """A stream says where it comes from."""
     made = stream("depth", "z", "m", [0.0], [[1.0]], Sampling.MEASURED, "/a\r\x1b[31m")
     assert made is not None and shows(made.source)
+
+
+def test_half_floats_are_compared_with_what_is_larger_than_any(tmp_path):
+    """A field of half precision, which the description of a message may have, says nothing of the others."""
+    data = dive(seconds=3.0)
+    described = data.replace(b"QBf\0", b"QBg\0", 1)
+    records = described.replace(b"\xa3\x95\x80\x11" + bytes((16,)), b"\xa3\x95\x80\x11" + bytes((14,)), 1)
+    assert read_or_refuse(written(Log("flight.BIN", records), tmp_path))

@@ -125,7 +125,7 @@ def _drop_odd_values(name: str, columns: dict[str, np.ndarray]) -> Finding | Non
     for field, values in columns.items():
         if field == "t" or values.dtype.kind != "f" or _is_text(columns):
             continue
-        large = np.abs(values) > _MOST
+        large = np.abs(values) > np.float64(_MOST)  # a plain number would be made a half float like those of a field
         if large.any():
             columns[field] = np.where(large, np.nan, values)
             odd[field] = int(large.sum())
