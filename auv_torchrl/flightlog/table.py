@@ -90,15 +90,16 @@ def _read_csv(path: Path) -> Table:
         lengths.append(row.actual_columns)
         return "skip"
 
-    reader = pyarrow.csv.open_csv(
-        path,
-        read_options=pyarrow.csv.ReadOptions(use_threads=False, block_size=_BLOCK_BYTES, skip_rows=skipped),
-        parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
-        convert_options=pyarrow.csv.ConvertOptions(
-            column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=True
-        ),
-    )
-    columns, texts = _collect(path.name, reader.schema.names, iter(reader))
+    with path.open("rb") as file:  # by its name, arrow would take it for packed or not
+        reader = pyarrow.csv.open_csv(
+            file,
+            read_options=pyarrow.csv.ReadOptions(use_threads=False, block_size=_BLOCK_BYTES, skip_rows=skipped),
+            parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=remember),
+            convert_options=pyarrow.csv.ConvertOptions(
+                column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=True
+            ),
+        )
+        columns, texts = _collect(path.name, reader.schema.names, iter(reader))
     rows = len(next(iter(columns.values()), ()))
     kept = np.setdiff1d(np.arange(1, rows + len(bad_rows) + 1), bad_rows)[:rows]
     findings = _text_findings(texts, kept)

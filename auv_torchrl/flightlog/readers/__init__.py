@@ -17,7 +17,7 @@ from auv_torchrl.flightlog.readers import (
     ulog_records,
 )
 from auv_torchrl.flightlog.readers.reader import Reader, choose_reader
-from auv_torchrl.flightlog.readers.unpacked import bare, unpacked
+from auv_torchrl.flightlog.readers.packed_log import bare, unpacked
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 from auv_torchrl.registry import Registry
 

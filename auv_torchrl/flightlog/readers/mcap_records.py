@@ -139,7 +139,7 @@ def _record(stream: IO[bytes], kind: int, length: int, index: _Index, loss: Loss
         if channel is None:
             return
         if length > most:
-            loss.add(f"messages larger than {most >> 10} KiB")
+            loss.beyond(f"messages larger than {most >> 10} KiB")
         else:
             yield channel, received, data[_MESSAGE_HEAD.size :]
         return

@@ -89,4 +89,4 @@ class Chunks:
         if limited.full and most < MOST_CHUNK:
             self._loss.stop("it unpacks to more than any recording does")
         elif limited.full:
-            self._loss.add(f"chunks beyond their first {MOST_CHUNK // MIB} MiB")
+            self._loss.beyond(f"chunks beyond their first {MOST_CHUNK // MIB} MiB")
