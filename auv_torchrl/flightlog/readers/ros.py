@@ -18,11 +18,11 @@ from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.readers import mcap_records, rosbag
 from auv_torchrl.flightlog.readers.bounds import MOST_MESSAGE, Budget, Loss, Rows
 from auv_torchrl.flightlog.readers.messages import changes
+from auv_torchrl.flightlog.readers.packed_log import BAG, unpacked
 from auv_torchrl.flightlog.readers.packings import PACKINGS
 from auv_torchrl.flightlog.readers.reader import HEAD_BYTES, refuse_pointer
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted
 from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1, DefinitionError, Type, Values
-from auv_torchrl.flightlog.readers.packed_log import BAG, unpacked
 from auv_torchrl.flightlog.streams.attitude import euler_angles, frd_of_flu, ned_of_enu, ned_of_enu_vector
 from auv_torchrl.flightlog.streams.stream import (
     Floats,
