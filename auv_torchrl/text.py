@@ -8,7 +8,6 @@ import re
 import unicodedata
 
 MOST_CHARACTERS = 200  # of a name or a text that are shown; ArduPilot's longest text has 64
-_NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.ASCII | re.IGNORECASE)
 _WHOLE = re.compile(r"[-+]?\d{1,18}", re.ASCII)  # digits of what fits into 64 bits
 
 
@@ -44,7 +43,12 @@ def number(text: str) -> float | None:
     Python's own ``float`` also takes digits of other scripts, and underscores between digits.
     """
     text = text.strip(" \t\r\n\0")
-    return float(text) if _NUMBER.fullmatch(text) else None
+    if not text.isascii() or "_" in text:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def whole(text: str) -> int | None:

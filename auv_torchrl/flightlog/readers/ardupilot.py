@@ -21,7 +21,7 @@ from auv_torchrl.flightlog.readers.firmware import (
     spelt,
     vehicle_facts,
 )
-from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked
+from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked, whole_numbers
 from auv_torchrl.flightlog.streams.attitude import euler_angles
 from auv_torchrl.flightlog.streams.compass import COMPASSES, MOST_SAMPLES
 from auv_torchrl.flightlog.streams.configuration import changed_in_flight
@@ -91,7 +91,10 @@ def _built_for(messages: Messages) -> list[Kind]:
     version = messages.get("VER", "BU")
     if version is None:
         return []
-    kinds = (kind_of_build(number, "build of the firmware, VER") for number in np.unique(version["BU"]).tolist())
+    kinds = (
+        kind_of_build(number, "build of the firmware, VER")
+        for number in np.unique(whole_numbers(version["BU"])).tolist()
+    )
     return [kind for kind in kinds if kind is not None]
 
 
@@ -105,25 +108,29 @@ def _modes(messages: Messages, vehicle: VehicleFacts) -> tuple[tuple[float, str]
     mode = messages.get("MODE")
     if mode is None:
         return ()
-    numbers = mode["ModeNum"] if "ModeNum" in mode else mode.get("Mode")
-    if numbers is None:
+    given = mode["ModeNum"] if "ModeNum" in mode else mode.get("Mode")
+    if given is None:
         return ()
-    return tuple((float(t), mode_name(vehicle, n)) for t, n in zip(mode["t"], numbers, strict=True))
+    numbers = whole_numbers(given).tolist()
+    return tuple((t, mode_name(vehicle, n)) for t, n in zip(mode["t"].tolist(), numbers, strict=True))
 
 
 def _armed(messages: Messages) -> Spans | None:
     """When the vehicle was armed. If the first that is told is the disarming, it was armed before."""
     arm, event = messages.get("ARM", "ArmState"), messages.get("EV", "Id")
-    changes = [] if arm is None else [(float(t), bool(s)) for t, s in zip(arm["t"], arm["ArmState"], strict=True)]
+    changes = [] if arm is None else [(t, n > 0) for t, n in _numbered(arm, "ArmState")]
     if not changes and event is not None:
-        known = [(float(t), int(i)) for t, i in zip(event["t"], event["Id"], strict=True)]
-        changes = [(t, i == _ARMED) for t, i in known if i in (_ARMED, _DISARMED)]
+        changes = [(t, n == _ARMED) for t, n in _numbered(event, "Id") if n in (_ARMED, _DISARMED)]
     spans: list[tuple[float, float]] = []
     for begin, stop in pairwise((-np.inf, *messages.starts, np.inf)):  # each start of the vehicle by itself
         within = [(t - max(begin, 0.0), on) for t, on in sorted(changes) if begin <= t < stop]
         found = spans_of(within, min(stop, messages.end) - max(begin, 0.0)) or ()
         spans += [(a + max(begin, 0.0), b + max(begin, 0.0)) for a, b in found]
     return tuple(spans) if changes else None
+
+
+def _numbered(columns: Columns, field: str) -> Iterator[tuple[float, int]]:
+    return zip(columns["t"].tolist(), whole_numbers(columns[field]).tolist(), strict=True)
 
 
 def _outputs(messages: Messages) -> Stream | None:
@@ -200,6 +207,7 @@ def _battery(messages: Messages) -> Stream | None:
         return None
     number = next((power[name] for name in ("Inst", "Instance", "I") if name in power), None)
     if number is not None:
+        number = whole_numbers(number)
         power = rows(power, number == number.min())
     volts = power["Volt"].astype(np.float64)
     current = power["Curr"].astype(np.float64) if "Curr" in power else np.full(len(volts), np.nan)

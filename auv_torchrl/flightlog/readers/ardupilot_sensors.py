@@ -7,9 +7,10 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.readers.firmware import latest, of_lane
-from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked
+from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked, whole_numbers
 from auv_torchrl.flightlog.streams.stream import Sampling, Stream, stream
 
+_BAROMETERS = 8  # more than an autopilot has; numbers beyond are one that is none
 _SAME_M = 0.25  # m, median by which a barometer differs from the altitude in use; the one inside is metres away
 BIASES = {"XKF1": ("GX", "GY", "GZ"), "XKF2": ("AX", "AY", "AZ")}  # that the filter found of gyro and accelerometer
 _GROUP_DELAY = np.sqrt(2) / (2 * np.pi)  # periods, of a Butterworth filter of second order below its corner
@@ -23,7 +24,7 @@ def depth(messages: Messages, primary: Columns | None) -> tuple[Stream | None, l
     sensed = messages.get("BARO", "Alt")
     if sensed is None:
         return None, []
-    numbers = sensed["I"] if "I" in sensed else np.zeros(len(sensed["t"]), np.int64)
+    numbers = whole_numbers(sensed["I"]).clip(-1, _BAROMETERS) if "I" in sensed else np.zeros(len(sensed["t"]), int)
     reference = _reference(messages, primary)
     each = np.unique(numbers).tolist()
     if reference is None and len(each) > 1:
@@ -93,7 +94,7 @@ def inertial(
         return None, None
     unit, source = lane, messages.get("XKFS", "GI")
     if source is not None:
-        used = of_lane(source, primary, lane)["GI"].astype(np.int64).clip(0, 255)
+        used = whole_numbers(of_lane(source, primary, lane)["GI"]).clip(0, 255)
         unit = int(np.bincount(used).argmax()) if len(used) else lane
     kept = np.flatnonzero(imu["I"] == unit) if "I" in imu else slice(None)
     gyro, accelerometer = (  # one after the other: of a large log their copies are most of the memory

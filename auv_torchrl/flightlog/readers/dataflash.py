@@ -5,8 +5,8 @@ place that looks like the head of a record points to where it ends, and those th
 lies between is skipped and counted, so that a file that is cut, or that other data was written into, can be read.
 """
 
-import re
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order
+from auv_torchrl.flightlog.readers.descriptions import Description, Wanted, checked, damaged, described
+from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order, left_out, most_of
 
 MAGIC = b"\xa3\x95"
 FMT = 128  # type of the record that describes a type; its own form is fixed
@@ -22,15 +23,15 @@ FMT_SIZE = 89  # bytes: head 3, type, length, name 4, format 16, columns 64
 _HEAD = 3  # bytes
 _LONGEST = 255  # bytes of a record
 _BLOCK = 16 << 20  # bytes; index arrays of a block take about as much
-_TYPES = {  # https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
+CODES = {  # https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
     "a": ("<i2", 32), "b": ("i1", 1), "B": ("u1", 1), "h": ("<i2", 1), "H": ("<u2", 1), "i": ("<i4", 1),
     "I": ("<u4", 1), "f": ("<f4", 1), "d": ("<f8", 1), "n": ("S4", 1), "N": ("S16", 1), "Z": ("S64", 1),
     "c": ("<i2", 1), "C": ("<u2", 1), "e": ("<i4", 1), "E": ("<u4", 1), "L": ("<i4", 1), "M": ("u1", 1),
     "q": ("<i8", 1), "Q": ("<u8", 1), "g": ("<f2", 1),
 }  # fmt: skip
 _SCALE = {"c": 1e-2, "C": 1e-2, "e": 1e-2, "E": 1e-2, "L": 1e-7}
-_NAME = re.compile(rb"[A-Za-z][A-Za-z0-9_]{0,3}\0*")
-_COLUMNS = re.compile(rb"[A-Za-z0-9_,]+\0*")
+_FEW = 5  # heads, as many as bytes that are no records may hold by chance
+_MOST_DESCRIPTIONS = 4096  # that differ, of a file; a type has one, and there are 256 types
 
 
 class Form(NamedTuple):
@@ -43,7 +44,7 @@ class Form(NamedTuple):
 
 def _form_of(name: str, fields: list[str], types: str) -> Form:
     each = list(zip(fields, types, strict=True))
-    layout = np.dtype([("-", "V3"), *((f, _TYPES[c][0], (_TYPES[c][1],) * (_TYPES[c][1] > 1)) for f, c in each)])
+    layout = np.dtype([("-", "V3"), *((f, CODES[c][0], (CODES[c][1],) * (CODES[c][1] > 1)) for f, c in each)])
     return Form(name, layout, {f: _SCALE[c] for f, c in each if c in _SCALE})
 
 
@@ -54,9 +55,15 @@ _OF_FORMS = _form_of("FMT", ["Type", "Length", "Name", "Format", "Columns"], "BB
 class _Found:
     """What was read so far."""
 
-    wanted: Mapping[str, tuple[str, ...]]
+    wanted: Wanted
     forms: dict[int, Form] = field(default_factory=lambda: {FMT: _OF_FORMS})
+    descriptions: dict[bytes, tuple[Description, Form | None]] = field(default_factory=dict)  # by record
+    read: dict[Description, None] = field(default_factory=dict)  # descriptions that are records of the file
+    anew: int = 0  # times at which a type was described otherwise than before
     parts: dict[str, list[dict[str, np.ndarray]]] = field(default_factory=dict)
+    records: Counter[str] = field(default_factory=Counter)  # of each type in parts
+    unknown: Counter[tuple[int, int]] = field(default_factory=Counter)  # heads of types that nothing describes
+    more: Counter[str] = field(default_factory=Counter)  # records of each type that are too many
     lost: int = 0  # bytes that belong to no record
 
     def length(self) -> np.ndarray:
@@ -67,7 +74,7 @@ class _Found:
         return lengths
 
 
-def read_messages(path: Path, wanted: Mapping[str, tuple[str, ...]]) -> Messages:
+def read_messages(path: Path, wanted: Wanted) -> Messages:
     """The records of the types ``wanted``, with those of their fields that the log has; times ``t`` in s.
 
     Raises:
@@ -81,19 +88,27 @@ def read_messages(path: Path, wanted: Mapping[str, tuple[str, ...]]) -> Messages
             used = _read_block(np.frombuffer(data, np.uint8), begin, found)
             begin, rest = begin + used, data[used:]
     found.lost += len(rest)
+    odd = {entry.name: entry for entry in _without_records(found)}
+    read = [entry for entry in found.read if entry.name not in odd or entry.damage]
+    findings = (*damaged((*read, *odd.values()), wanted), *_lost(found, begin + len(rest)))
     if not found.parts:
+        said = "".join(f"; {finding.sentence}" for finding in findings)
         raise FlightLogError(
-            f"{path.name} begins like an ArduPilot log and holds no record that can be read: copy it from the vehicle "
-            "again"
+            f"{path.name} begins like an ArduPilot log and holds no record that can be read{said}: copy it from the "
+            "vehicle again"
         )
     types = {name: _timed(_joined(found.parts.pop(name))) for name in list(found.parts)}
-    return in_order(types, _lost(found.lost, begin + len(rest)))
+    return in_order(types, findings)
 
 
-def _lost(lost: int, size: int) -> Iterable[Finding]:
-    if lost > FMT_SIZE:  # the last record of a log is usually cut
-        sentence = f"{lost:,} of {size:,} bytes belong to no record and are skipped: the file is cut or damaged"
+def _lost(found: _Found, size: int) -> Iterator[Finding]:
+    if found.lost > FMT_SIZE:  # the last record of a log is usually cut
+        sentence = f"{found.lost:,} of {size:,} bytes belong to no record and are skipped: the file is cut or damaged"
         yield Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again")
+    if len(found.descriptions) >= _MOST_DESCRIPTIONS:
+        sentence = f"the file describes messages in more than {_MOST_DESCRIPTIONS:,} ways; further ones are left out"
+        yield Finding(Severity.WARNING, "too_many_descriptions", sentence, "Copy it from the vehicle again")
+    yield from left_out(found.more)
 
 
 def _joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -108,44 +123,127 @@ def _timed(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _read_block(data: np.ndarray, begin: int, found: _Found) -> int:
-    """Take the records of a block; returns how many bytes of it are done with."""
-    heads = (
-        np.flatnonzero((data[:-2] == MAGIC[0]) & (data[1:-1] == MAGIC[1])) if len(data) > _HEAD else np.zeros(0, int)
-    )
-    _learn_forms(data, heads, found)
+    """Take the records of a block; returns how many bytes of it are done with.
+
+    Where a type is described anew and otherwise, what is before is read by the description until then.
+    """
+    if len(data) <= _HEAD:
+        return 0
+    heads = np.flatnonzero((data[:-2] == MAGIC[0]) & (data[1:-1] == MAGIC[1]))
+    descriptions = heads[(data[heads + 2] == FMT) & (heads + FMT_SIZE <= len(data))].tolist()
+    done = known = 0
+    while known < len(descriptions):
+        known = _learn_forms(data, descriptions, known, found)
+        if known < len(descriptions) and descriptions[known] > done:
+            stop = descriptions[known]
+            inside = heads[slice(*np.searchsorted(heads, (done, stop)))]
+            used = _read_records(data[:stop], inside, done, begin, found)
+            found.lost += stop - used  # cut by the description, which is a record itself
+            done = stop
+        if known < len(descriptions):
+            _learn(data, descriptions[known], found)
+            known += 1
+    return _read_records(data, heads[np.searchsorted(heads, done) :], done, begin, found)
+
+
+def _read_records(data: np.ndarray, heads: np.ndarray, done: int, begin: int, found: _Found) -> int:
+    """Take the records at ``heads``, from ``done`` on; returns up to where bytes are done with."""
     length = found.length()[data[heads + 2]]
+    _count_unknown(data, heads, length, found)
     heads, length = heads[length > 0], length[length > 0]
     if not len(heads):
-        keep = min(len(data), _LONGEST)
-        found.lost += len(data) - keep
-        return len(data) - keep
-    records, done = _chain(heads, heads + length, len(data))
+        stop = max(done, len(data) - _LONGEST)
+        found.lost += stop - done
+        return stop
+    records, stop = _chain(heads, heads + length, len(data))
     taken = heads[records]
-    found.lost += done - int(length[records].sum())
+    found.lost += stop - done - int(length[records].sum())
     kinds = data[taken + 2]
     for kind in np.unique(kinds).tolist():
-        form = found.forms[kind]
+        form, mine = found.forms[kind], taken[kinds == kind]
+        if kind == FMT:
+            found.read.update(dict.fromkeys(_descriptions_at(data, mine, found)))
         if form.name in found.wanted:
-            part = _extract(data, taken[kinds == kind], form, found.wanted[form.name])
-            part[AT] = taken[kinds == kind] + begin
+            room = max(most_of(form.name) - found.records[form.name], 0)
+            found.records[form.name] += len(mine[:room])
+            found.more[form.name] += len(mine[room:])
+            part = _extract(data, mine[:room], form, found.wanted[form.name])
+            part[AT] = mine[:room] + begin
             found.parts.setdefault(form.name, []).append(part)
-    return done
+    return stop
 
 
-def _learn_forms(data: np.ndarray, heads: np.ndarray, found: _Found) -> None:
-    fits = heads[(data[heads + 2] == FMT) & (heads + FMT_SIZE <= len(data))]
-    for head in fits.tolist():
-        record = data[head : head + FMT_SIZE].tobytes()
-        kind, size, name, spelt, columns = record[3], record[4], record[5:9], record[9:25], record[25:]
-        types = spelt.rstrip(b"\0").decode("ascii", "replace")
-        if not (_NAME.fullmatch(name) and _COLUMNS.fullmatch(columns) and all(c in _TYPES for c in types)):
+def _count_unknown(data: np.ndarray, heads: np.ndarray, length: np.ndarray, found: _Found) -> None:
+    """Count heads of types that nothing describes, by type and by how far the next head is."""
+    known = np.flatnonzero(length[:-1] == 0)
+    apart = heads[known + 1] - heads[known]
+    near = apart <= _LONGEST
+    pairs = data[heads[known[near]] + 2].astype(np.int64) * (_LONGEST + 1) + apart[near]
+    for pair, number in zip(*(each.tolist() for each in np.unique(pairs, return_counts=True)), strict=True):
+        found.unknown[divmod(pair, _LONGEST + 1)] += number
+
+
+def _without_records(found: _Found) -> Iterator[Description]:
+    """Types that are described and have no record, while as long ones of a type stand there that nothing describes."""
+    for kind, form in found.forms.items():
+        if form.name not in found.wanted or form.name in found.parts:
             continue
-        fields = columns.rstrip(b"\0").decode().split(",")
-        if len(fields) != len(types) or len(set(fields)) != len(fields) or "" in fields:
-            continue
-        form = _form_of(name.rstrip(b"\0").decode(), fields, types)
-        if form.layout.itemsize == size and kind != FMT:
-            found.forms[kind] = form
+        for (other, size), number in found.unknown.items():
+            if size == form.layout.itemsize and number >= _FEW and other not in found.forms:
+                damage = f"it gives it the type {kind}, and {number:,} records of its length have the type {other}"
+                yield Description(form.name, (), "", damage)
+
+
+def _descriptions_at(data: np.ndarray, heads: np.ndarray, found: _Found) -> Iterator[Description]:
+    for head in heads.tolist():
+        known = found.descriptions.get(data[head : head + FMT_SIZE].tobytes())
+        if known is not None:
+            yield known[0]
+
+
+def _learn_forms(data: np.ndarray, heads: list[int], first: int, found: _Found) -> int:
+    """Learn the descriptions at ``heads`` from the ``first`` on, up to one that says otherwise of a type known."""
+    for number in range(first, len(heads)):
+        form = _described_at(data, heads[number], found)
+        before = found.forms.get(data[heads[number] + 3])
+        if form and form.name and before and before.name and form != before and found.anew < _MOST_DESCRIPTIONS:
+            found.anew += 1
+            return number
+        _learn(data, heads[number], found)
+    return len(heads)
+
+
+def _learn(data: np.ndarray, head: int, found: _Found) -> None:
+    """Take a description; a damaged one does not take the place of a sound one."""
+    form, kind = _described_at(data, head, found), int(data[head + 3])
+    if form is not None and (form.name or kind not in found.forms):
+        found.forms[kind] = form
+
+
+def _described_at(data: np.ndarray, head: int, found: _Found) -> Form | None:
+    """How the records are laid out that the FMT record at ``head`` describes; None where it does not say.
+
+    The form of a description that is damaged, but says how long its records are, has no name.
+    """
+    record = data[head : head + FMT_SIZE].tobytes()
+    if record not in found.descriptions and len(found.descriptions) < _MOST_DESCRIPTIONS:
+        found.descriptions[record] = _parsed(record, found.wanted)
+    return found.descriptions.get(record, (None, None))[1]
+
+
+def _parsed(record: bytes, wanted: Wanted) -> tuple[Description, Form | None]:
+    kind, size = record[3], record[4]
+    description = described(record[5:9], record[9:25], record[25:], CODES)
+    if description.damage:
+        return description, None
+    form = _form_of(description.name, list(description.fields), description.types)
+    if form.layout.itemsize != size:
+        says = f"it says that a record has {size} bytes, its columns have {form.layout.itemsize}"
+        return description._replace(damage=says), None
+    description = checked(description, wanted)
+    if description.damage:  # its records can be skipped all the same
+        return description, Form("", form.layout, {})
+    return description, None if kind == FMT else form
 
 
 def _chain(heads: np.ndarray, ends: np.ndarray, size: int) -> tuple[np.ndarray, int]:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.readers.messages import Columns, Messages
+from auv_torchrl.flightlog.readers.messages import Columns, Messages, whole_numbers
 from auv_torchrl.flightlog.streams.parameters import read_parameters
 from auv_torchrl.flightlog.streams.stream import Kind, VehicleFacts
 from auv_torchrl.flightlog.streams.vehicle_kind import kind_of_text, other_kind
@@ -53,9 +53,9 @@ def spelt(value: bytes | str) -> str:
     return (value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)).partition("\0")[0]
 
 
-def mode_name(vehicle: VehicleFacts, number: float) -> str:
+def mode_name(vehicle: VehicleFacts, number: int) -> str:
     """The name of a mode, or its number where the vehicle is another one, whose numbers mean other modes."""
-    number = int(number) if np.isfinite(number) else -1
+    number = int(number)
     return f"MODE_{number}" if other_kind(vehicle.kinds) else _MODES.get(number, f"MODE_{number}")
 
 
@@ -71,9 +71,8 @@ def primary_lane(messages: Messages) -> tuple[Columns | None, int, list[Finding]
     if status is None:
         return None, 0, []
     kept = rows(status, status["C"] == status["PI"]) if "C" in status else status
-    lanes = status["PI"]
-    lane = int(np.bincount(lanes.astype(np.int64).clip(0, 255)).argmax())
-    switches = np.flatnonzero(np.diff(kept["PI"].astype(np.int64))) + 1
+    lane = int(np.bincount(whole_numbers(status["PI"]).clip(0, 255)).argmax())
+    switches = np.flatnonzero(np.diff(whole_numbers(kept["PI"]))) + 1
     findings = []
     if len(switches):
         at = ", ".join(f"{kept['t'][i]:.1f} s" for i in switches[:3]) + (", ..." if len(switches) > 3 else "")
@@ -99,7 +98,7 @@ def leave_out_unknown(place: np.ndarray, speed: np.ndarray, t: np.ndarray, statu
     if status is None:
         place[:, :2] = speed[:, :2] = np.nan
         return
-    flags = status[field].astype(np.int64)[latest(status["t"], t)]
+    flags = whole_numbers(status[field])[latest(status["t"], t)]
     moves = (flags & _STANDS_STILL) == 0
     place[~(((flags & _POSITION_KNOWN) != 0) & moves), :2] = np.nan
     speed[~(((flags & _VELOCITY_KNOWN) != 0) & moves), :2] = np.nan

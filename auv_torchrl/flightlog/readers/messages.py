@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.flightlog.readers.descriptions import EVENTS, MOST_EVENTS, MOST_SAMPLES
 from auv_torchrl.flightlog.signals import rolling_median
 
 Columns = Mapping[str, np.ndarray]  # by field; all of one length
@@ -13,6 +14,8 @@ AT = "at"  # column, until they are in order: where in the file a message was, a
 _JUMP_S = 1.0  # messages are written up to some tenths of a second late; what steps back further is another clock
 _TAIL_S = 600.0  # s, for which single messages may follow the last one of the most frequent type
 _NEIGHBOURS = 5  # whose median a time must agree with
+_MOST = 1e12  # of what a sensor or a filter says, in any unit; a larger number is none that was measured
+_INTEGERS = 2**53  # up to which float64 counts
 
 
 @dataclass(frozen=True)
@@ -45,15 +48,39 @@ def changes(*columns: np.ndarray) -> np.ndarray:
     return np.concatenate(([0], np.flatnonzero(differs) + 1))
 
 
+def whole_numbers(values: np.ndarray) -> np.ndarray:
+    """Numbers that count or name something, as int64; -1 for what is no number, fractions cut."""
+    if values.dtype.kind in "iu" and values.dtype.itemsize < 8:
+        return values.astype(np.int64)
+    known = np.where(np.isfinite(values.astype(np.float64)), values, -1)
+    return known.clip(-_INTEGERS, _INTEGERS).astype(np.int64)
+
+
+def most_of(name: str) -> int:
+    """How many messages of a type are read: a file may be full of one that a vehicle writes now and then."""
+    return MOST_EVENTS if name in EVENTS else MOST_SAMPLES
+
+
+def left_out(more: Mapping[str, int]) -> Iterator[Finding]:
+    """A finding for each type of which there are too many messages; ``more`` are how many too many."""
+    for name, number in more.items():
+        if number:
+            sentence = f"{name}: {number:,} messages beyond the first {most_of(name):,} are left out"
+            yield Finding(Severity.WARNING, "too_many_messages", sentence, "Give a part of the log")
+
+
 def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding] = ()) -> Messages:
     """Times ``t`` that start at 0 and never go back; each start over is put a second behind what was before.
 
     The messages of the most frequent type are the clock. One whose time is not between those of its neighbours in the
     file is left out. ``types`` is empty afterwards; ``findings`` are what there was to say before.
     """
-    timed = [name for name, columns in types.items() if "t" in columns]
+    findings = [*findings]
+    lost = sum(_drop_odd_times(columns) for columns in types.values() if "t" in columns)
+    findings += [odd for name, columns in types.items() if (odd := _drop_odd_values(name, columns)) is not None]
+    timed = [name for name, columns in types.items() if len(columns.get("t", ()))]
     if not timed:
-        return Messages(dict(types), tuple(findings))
+        return Messages(dict(types), (*findings, *_said(0, lost)))
     clock = types[max(timed, key=lambda name: len(types[name]["t"]))]
     at, usual = clock[AT], rolling_median(clock["t"], _NEIGHBOURS, "reflect")
     back = np.flatnonzero(np.diff(usual) < -_JUMP_S) + 1
@@ -61,7 +88,7 @@ def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding
     begins = at[back - 1] + 1
     usual = usual + shifts[np.searchsorted(back, np.arange(len(usual)), side="right")]
     kept: dict[str, Columns] = {}
-    lost, first = 0, np.inf
+    first = np.inf
     for name in list(types):
         columns = types.pop(name)  # so that what is put in order is not held twice
         if name not in timed:
@@ -81,6 +108,36 @@ def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding
         kept[name]["t"][:] -= first if np.isfinite(first) else 0.0
     starts = tuple(float(usual[i]) - first for i in back)
     return Messages(kept, (*findings, *_said(len(back), lost)), starts)
+
+
+def _drop_odd_times(columns: dict[str, np.ndarray]) -> int:
+    """Leave out messages whose time is none; returns how many."""
+    good = (columns["t"] >= 0) & (columns["t"] < _MOST)
+    if good.all():
+        return 0
+    columns.update({field: values[good] for field, values in columns.items()})
+    return int((~good).sum())
+
+
+def _drop_odd_values(name: str, columns: dict[str, np.ndarray]) -> Finding | None:
+    """Make NaN what is no number that anything measures; parameters have findings of their own."""
+    odd: dict[str, int] = {}
+    for field, values in columns.items():
+        if field == "t" or values.dtype.kind != "f" or _is_text(columns):
+            continue
+        large = np.abs(values) > _MOST
+        if large.any():
+            columns[field] = np.where(large, np.nan, values)
+            odd[field] = int(large.sum())
+    if not odd:
+        return None
+    listed = ", ".join(f"{number:,} of {field}" for field, number in odd.items())
+    sentence = f"{name} has values that are infinite or beyond {_MOST:g}; they are left out: {listed}"
+    return Finding(Severity.WARNING, "odd_values", sentence, "Look at what measures them")
+
+
+def _is_text(columns: Columns) -> bool:
+    return any(values.dtype.kind in "SU" for values in columns.values())
 
 
 def _said(restarts: int, lost: int) -> Iterator[Finding]:

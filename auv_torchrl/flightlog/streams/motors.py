@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_torchrl.autopilot import motor_of
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.streams.stream import Stream, Streams, stream
+from auv_torchrl.flightlog.streams.stream import DAMAGED, Stream, Streams, stream
 
 NEUTRAL = 1500.0  # us, at which a motor stands; fixed in ArduSub
 _OUTPUTS = 32
@@ -71,6 +71,10 @@ def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
         return streams.streams["commands"]
     outputs = streams.streams.get("outputs")
     if outputs is None:
+        if said := "; ".join(finding.sentence for finding in streams.findings if finding.code == DAMAGED):
+            raise FlightLogError(
+                f"{streams.name} has no outputs of thrusters that can be read: {said}: copy it from the vehicle again"
+            )
         there = ", ".join(streams.streams) or "nothing"
         raise FlightLogError(
             f"{streams.name} does not say what the thrusters were told (it has {there}): log the outputs (RCOU, "

@@ -140,7 +140,7 @@ def _unusable(file: str, odd: Values, no_names: list[str], left_out: int) -> Ite
         remedy = "Set them anew on the vehicle, or give them with params="
         yield Finding(Severity.WARNING, NOT_FINITE, sentence, remedy)
     if no_names:
-        listed = _listed([repr(printable(name, 40)) for name in no_names])
+        listed = _listed([f"'{printable(name, 40)}'" for name in no_names])
         sentence = f"parameters in {file} have names that no parameter has and are left out: {listed}"
         yield Finding(
             Severity.WARNING, "parameter_name", sentence, "The file is damaged: copy it from the vehicle again"
