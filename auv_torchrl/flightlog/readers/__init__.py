@@ -16,8 +16,8 @@ from auv_torchrl.flightlog.readers import (
     ulog,
     ulog_records,
 )
+from auv_torchrl.flightlog.readers.packed_log import bare, unpacked
 from auv_torchrl.flightlog.readers.reader import Reader, choose_reader
-from auv_torchrl.flightlog.readers.unpacked import bare, unpacked
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 from auv_torchrl.registry import Registry
 

@@ -9,7 +9,7 @@ import io
 from array import array
 from collections import Counter
 from collections.abc import Iterator
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -39,12 +39,17 @@ class Loss:
 
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
+        self._beyond: Counter[str] = Counter()
         self._stopped = ""
         self._looked = 0
 
     def add(self, kind: str, count: int = 1) -> None:
         """Note something that is left out, such as "messages that cannot be read"."""
         self._counts[kind] += count
+
+    def beyond(self, kind: str) -> None:
+        """Note something that is sound and left out because it is more than a log needs."""
+        self._beyond[kind] += 1
 
     def cut(self, kind: str, error: Exception | None = None) -> None:
         """Note damage that is said once, with what the library says of it."""
@@ -68,7 +73,7 @@ class Loss:
 
     @property
     def sentence(self) -> str:
-        """What is left out; empty where that is nothing."""
+        """What is left out for damage; empty where that is nothing."""
         parts = [f"{kind} ({count:,})" if count else kind for kind, count in self._counts.items()]
         more = [f"{len(parts) - _LISTED} more kinds of damage"] if len(parts) > _LISTED else []
         return "; ".join([*parts[:_LISTED], *more])
@@ -78,6 +83,9 @@ class Loss:
         if self.sentence:
             sentence = f"the file is cut or damaged; left out: {self.sentence}"
             yield Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again")
+        if self._beyond:
+            larger = "; ".join(f"{kind} ({count:,})" for kind, count in self._beyond.most_common(_LISTED))
+            yield Finding(Severity.WARNING, "too_large", f"left out because it is more than a log needs: {larger}")
         if self._stopped:
             remedy = "Give a part of the file for the rest"
             yield Finding(Severity.WARNING, "too_large", f"the rest of the file is not read: {self._stopped}", remedy)
@@ -147,8 +155,9 @@ class Part(io.RawIOBase):
 class Limited(io.RawIOBase):
     """What an unpacker gives, up to a number of bytes; ``damage`` is what stopped it before its end."""
 
-    def __init__(self, source: IO[bytes], most: int, errors: tuple[type[Exception], ...]) -> None:
-        self._source, self._most, self._errors = source, most, errors
+    def __init__(self, source: Any, most: int, errors: tuple[type[Exception], ...]) -> None:
+        self._read = source.read1  # one step of the unpacker: what came before damage is not lost with it
+        self._most, self._errors = most, errors
         self.count = 0
         self.damage: Exception | None = None
         self.full = False
@@ -162,7 +171,7 @@ class Limited(io.RawIOBase):
         if self.damage is not None or self.full:
             return 0
         try:
-            data = self._source.read(min(len(buffer), _BLOCK))
+            data = self._read(min(len(buffer), _BLOCK))
         except self._errors as error:
             self.damage = error
             return 0

@@ -219,7 +219,7 @@ class Received:
         rows, texts = self._rows.setdefault(system, {}), self._texts.setdefault(system, {})
         if text is not None:
             if len(texts.setdefault(name, [])) >= MOST_TEXTS:
-                self._loss.add(f"further messages {name}")
+                self._loss.beyond(f"further messages {name}")
                 return
             texts[name].append(text)
         rows.setdefault(name, Rows(len(row))).add(row)

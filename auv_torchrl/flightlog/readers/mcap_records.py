@@ -82,11 +82,11 @@ def read_messages(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: L
                 return
             if kind == _CHUNK:
                 part = io.BufferedReader(Part(file, length), MIB)
-                packing = _chunk_packing(part)
+                packing, becomes = _chunk_head(part)
                 if packing is None:
                     loss.add("chunks whose head is damaged or whose packing is not known")
                 else:
-                    with chunks.opened(part, packing) as stream:
+                    with chunks.opened(part, packing, becomes) as stream:
                         yield from _records(stream, index, loss)
             elif kind in (_SCHEMA, _CHANNEL, _MESSAGE):
                 yield from _record(file, kind, length, index, loss)
@@ -96,14 +96,17 @@ def read_messages(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: L
             file.seek(end)
 
 
-def _chunk_packing(part: IO[bytes]) -> str | None:
-    """How a chunk is packed, nothing for one that is not; None where that is not known. What it holds comes next."""
+def _chunk_head(part: IO[bytes]) -> tuple[str | None, int]:
+    """How a chunk is packed, nothing for one that is not, and what it says it becomes; what it holds comes next.
+
+    None where the packing is not known.
+    """
     head = part.read(_CHUNK_HEAD.size)
     if len(head) < _CHUNK_HEAD.size:
-        return None
-    *_, length = _CHUNK_HEAD.unpack(head)
+        return None, 0
+    _, _, becomes, _, length = _CHUNK_HEAD.unpack(head)
     name = part.read(min(length, MOST_NAME)).decode("utf-8", "replace")
-    return name if len(part.read(8)) == 8 and (not name or name in PACKINGS) else None
+    return name if len(part.read(8)) == 8 and (not name or name in PACKINGS) else None, becomes
 
 
 def _records(stream: IO[bytes], index: _Index, loss: Loss) -> Messages:
@@ -139,7 +142,7 @@ def _record(stream: IO[bytes], kind: int, length: int, index: _Index, loss: Loss
         if channel is None:
             return
         if length > most:
-            loss.add(f"messages larger than {most >> 10} KiB")
+            loss.beyond(f"messages larger than {most >> 10} KiB")
         else:
             yield channel, received, data[_MESSAGE_HEAD.size :]
         return

@@ -70,12 +70,13 @@ class Chunks:
         self._loss = loss
 
     @contextmanager
-    def opened(self, packed: IO[bytes], packing: str) -> Iterator[IO[bytes]]:
+    def opened(self, packed: IO[bytes], packing: str, size: int) -> Iterator[IO[bytes]]:
         """What is in a chunk; what is left out of it is noted behind it.
 
         Args:
             packed: its bytes.
             packing: a key of :data:`PACKINGS`, or nothing for a chunk that is not packed.
+            size: bytes that it says it becomes.
         """
         source, errors = packed, ()
         if packing:
@@ -84,9 +85,9 @@ class Chunks:
         limited = Limited(source, most, errors)
         yield io.BufferedReader(limited, MIB)
         self._room -= limited.count
-        if limited.damage is not None:
+        if limited.damage is not None or (limited.count < size and not limited.full and not self._loss.stopped):
             self._loss.add(DAMAGED)
         if limited.full and most < MOST_CHUNK:
             self._loss.stop("it unpacks to more than any recording does")
         elif limited.full:
-            self._loss.add(f"chunks beyond their first {MOST_CHUNK // MIB} MiB")
+            self._loss.beyond(f"chunks beyond their first {MOST_CHUNK // MIB} MiB")

@@ -18,11 +18,11 @@ from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.readers import mcap_records, rosbag
 from auv_torchrl.flightlog.readers.bounds import MOST_MESSAGE, Budget, Loss, Rows
 from auv_torchrl.flightlog.readers.messages import changes
+from auv_torchrl.flightlog.readers.packed_log import BAG, unpacked
 from auv_torchrl.flightlog.readers.packings import PACKINGS
 from auv_torchrl.flightlog.readers.reader import HEAD_BYTES, refuse_pointer
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted
 from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1, DefinitionError, Type, Values
-from auv_torchrl.flightlog.readers.unpacked import BAG, unpacked
 from auv_torchrl.flightlog.streams.attitude import euler_angles, frd_of_flu, ned_of_enu, ned_of_enu_vector
 from auv_torchrl.flightlog.streams.stream import (
     Floats,
@@ -83,14 +83,15 @@ _FIELDS = {  # of each type, the fields that are taken
 _ARRAYS = ("std_msgs/Float64MultiArray", "std_msgs/Float32MultiArray")
 _POSES = ("geometry_msgs/PoseStamped", "geometry_msgs/PoseWithCovarianceStamped")
 _CHANNELS = {  # of each stream: names, unit, how it is sampled, and the kinds of message that give it before others
+    "position": ("xyz", "m", Sampling.ESTIMATED, ("nav_msgs/Odometry",)),
     # headings of an IMU and of odometry begin at different norths: the one that goes with the positions counts
     "attitude": (("roll", "pitch", "yaw"), "rad", Sampling.ESTIMATED, ("nav_msgs/Odometry", *_POSES)),
     "gyro": ("pqr", "rad/s", Sampling.MEASURED, ("sensor_msgs/Imu",)),
     "accelerometer": (("ax", "ay", "az"), "m/s^2", Sampling.MEASURED, ("sensor_msgs/Imu",)),
-    "position": ("xyz", "m", Sampling.ESTIMATED, ("nav_msgs/Odometry",)),
     "body_velocity": ("uvw", "m/s", Sampling.ESTIMATED, ()),
     "battery": (("voltage", "current"), ("V", "A"), Sampling.MEASURED, ()),
 }
+_WITH_PLACE = ("attitude", "body_velocity")  # streams that are taken from the topic of the position if it has them
 
 
 @dataclass
@@ -332,11 +333,14 @@ def _streams(name: str, topics: list[Topic], others: list[str], findings: tuple[
     several: dict[str, list[str]] = {}
     for key, (channels, unit, sampling, preferred) in _CHANNELS.items():
         if holds := [(t, values[key]) for t, values in sensed if key in values]:
-            topic, rows = min(holds, key=lambda one: (one[0].kind not in preferred, -len(one[1])))
+            with_place = sources.get("position") if key in _WITH_PLACE else None
+            rank = {id(t): (t is not with_place, t.kind not in preferred, -len(values)) for t, values in holds}
+            topic, rows = min(holds, key=lambda one: rank[id(one[0])])
             made = stream(key, channels, unit, times[id(topic)] - start, rows, sampling, topic.name)
             found.update({key: made} if made else {})
             sources[key] = topic
-            if rivals := [t.name for t, _ in holds if t.kind == topic.kind and t is not topic]:
+            alike = {topic.kind, *(preferred if topic.kind in preferred else ())}
+            if rivals := [t.name for t, _ in holds if t.kind in alike and t is not topic]:
                 several.setdefault(f"{topic.name} and not from {_listed(rivals)}", []).append(key)
     told, missing = _commands(topics, times, start, others)
     found.update({told.name: told} if told else {})

@@ -15,10 +15,10 @@ from typing import IO
 from urllib.parse import quote
 
 from auv_torchrl.flightlog.readers.bounds import MIB, MOST_MESSAGE, MOST_NAME, Loss, Part, skip
+from auv_torchrl.flightlog.readers.packed_log import BAG, STORAGE
 from auv_torchrl.flightlog.readers.packings import DAMAGED, Chunks
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted, short
 from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1
-from auv_torchrl.flightlog.readers.unpacked import BAG, STORAGE
 
 SQLITE, BAG_1 = b"SQLite format 3\0", b"#ROSBAG V2"
 _MESSAGE, _CHUNK, _CONNECTION = b"\2", b"\5", b"\7"  # kinds of records
@@ -75,10 +75,11 @@ def read_bag(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: Loss) 
             kind = fields.get(b"op")
             if kind == _CHUNK:
                 packing = _CHUNK_PACKINGS.get(fields.get(b"compression", b""))
+                becomes = int.from_bytes(fields.get(b"size", b"")[:4], "little")
                 if packing is None:
                     loss.add("chunks whose packing is not known")
                 else:
-                    with chunks.opened(io.BufferedReader(Part(file, length), MIB), packing) as stream:
+                    with chunks.opened(io.BufferedReader(Part(file, length), MIB), packing, becomes) as stream:
                         yield from _records(stream, connections, loss)
             elif kind in (_MESSAGE, _CONNECTION):
                 yield from _record(file, fields, length, connections, loss)
@@ -139,7 +140,7 @@ def _record(
     if not needed or length > most:
         skip(stream, length)
         if needed:
-            loss.add(f"messages larger than {most >> 10} KiB")
+            loss.beyond(f"messages larger than {most >> 10} KiB")
         return
     data = stream.read(length)
     if len(data) < length:
@@ -215,7 +216,7 @@ def _rows(database: sqlite3.Connection, wanted: Wanted, seen: dict[Channel, None
         if kind != "blob" or not isinstance(time_ns, int):
             loss.add("messages that cannot be read")
         elif length > MOST_MESSAGE:
-            loss.add(f"messages larger than {MOST_MESSAGE >> 10} KiB")
+            loss.beyond(f"messages larger than {MOST_MESSAGE >> 10} KiB")
         else:
             yield channels[number], time_ns, data
 

@@ -163,6 +163,8 @@ class _Reading:
             if base.itemsize * number > _MOST_BYTES:
                 raise ValueError(f"{name} has a field of {base.itemsize * number} bytes")
             fields.append((label, base, (number,)) if count else (label, base))
+        if not fields:
+            raise ValueError(f"{name} has no fields")
         return np.dtype(fields)
 
     def _sample(self, data: bytes) -> None:
