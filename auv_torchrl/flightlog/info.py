@@ -66,9 +66,8 @@ def table_lines(table: Table, path: Path, vehicle: Vehicle | None = None, named:
         yield f"    {listed(taken.columns):<{width}}  {channels:<{_CHANNEL}}  {taken.sentence}"
     if lacking := list(dict.fromkeys(what for _, what in missing(understood.table.columns, None))):
         yield f"  missing    {', '.join(lacking)}"
-    for finding in table.findings:
-        yield f"  {finding}"
     extra = list(understood.refused)
+    yield from (f"  {f}" for f in table.findings if not f.columns or set(f.columns) - set(extra))
     try:
         axes, findings = begins(understood, path, vehicle)
     except FlightLogError as error:

@@ -10,6 +10,7 @@ import numpy as np
 from auv_torchrl.flightlog.clock import check_clock
 from auv_torchrl.flightlog.columns import DEMANDS, choose_columns
 from auv_torchrl.flightlog.contact import leave_out_contact
+from auv_torchrl.flightlog.degrees import convert_degrees
 from auv_torchrl.flightlog.excitation import check_excitation
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity, condensed, quoted
 from auv_torchrl.flightlog.frames import check_frames
@@ -23,7 +24,7 @@ from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.vehicle_file import check_frame
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.understand import Understood, understand
-from auv_torchrl.flightlog.units import check_commands, check_time_unit, convert_degrees
+from auv_torchrl.flightlog.units import check_commands, check_time_unit
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.vehicle import Vehicle
 
@@ -119,7 +120,8 @@ def find_usable(understood: Understood, thrusters: int | None = None, mixer: Flo
         stretches, more = usable_stretches(table, commanded, axes, commands, checked.cuts)
         findings += more
     if not stretches:
-        raise FlightLogError(f"{table.name} has nothing that can be used: {quoted(findings)}")
+        why = quoted(finding for finding in findings if finding.severity is not Severity.INFO)
+        raise FlightLogError(f"{table.name} has nothing that can be used: {why}")
     return Usable(table, axes, stretches, checked, findings)
 
 

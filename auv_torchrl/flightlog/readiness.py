@@ -97,23 +97,17 @@ def shortest(lead_s: float, window_s: float) -> Shortest:
 
 
 def check_durations(name: str, durations: Sequence[float], lead_s: float, window_s: float) -> None:
-    """Refuse episodes that last too short a time, whatever their samples.
+    """Refuse stretches without a pause that are too short to learn from and to predict, whatever their samples.
 
     Raises:
-        FlightLogError: naming the longest, and how long one must be.
+        FlightLogError: naming which one is too short, and how long it must be.
     """
     least = shortest(lead_s, window_s)
-    longest = max(durations)
-    if len(durations) >= HELD_OUT:
-        *learnt, last = durations
-        if max(learnt) >= least.learn and last >= least.predict:
-            return
-        needed = least.learn if max(learnt) < least.learn else least.predict
-    elif longest >= least.both - ROUNDING_S:
-        return
+    if len(durations) < HELD_OUT:
+        lasts, needed, which = max(durations), least.both, "its longest stretch without a pause"
+    elif durations[-1] < least.predict:
+        lasts, needed, which = durations[-1], least.predict, "the last stretch without a pause, which is held out,"
     else:
-        needed = least.both
-    raise FlightLogError(
-        f"{name} is too short: its longest stretch without a pause lasts {longest:.1f} s: "
-        f"give an episode of {needed:.1f} s or more"
-    )
+        lasts, needed, which = max(durations[:-1]), least.learn, "the longest stretch without a pause before the last"
+    if lasts < needed - ROUNDING_S:
+        raise FlightLogError(f"{name} is too short: {which} lasts {lasts:.1f} s: give {needed:.1f} s or more")

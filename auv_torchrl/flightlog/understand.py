@@ -4,6 +4,7 @@ Each assumption is a finding. What two columns say of one channel must agree, an
 read: the column stays as it is, with the reason.
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -187,11 +188,12 @@ class _Work:
 
 
 def _grouped(taken: Iterable[Taken]) -> tuple[Taken, ...]:
-    """Thrusters that are given in the same way, together."""
+    """Columns that are numbered and given in the same way, or refused for the same reason, together."""
     groups: dict[object, list[Taken]] = {}
     for number, entry in enumerate(taken):
-        numbered = len(entry.channels) == 1 and entry.channels[0] not in CHANNELS
-        groups.setdefault((entry.how, entry.assumed) if numbered else number, []).append(entry)
+        thruster = len(entry.channels) == 1 and entry.channels[0] not in CHANNELS
+        kind = re.sub("[0-9]+", "", entry.columns[0]) if entry.refused else ""
+        groups.setdefault((entry.how, entry.assumed, kind) if thruster or kind else number, []).append(entry)
     return tuple(
         replace(
             group[0],

@@ -69,27 +69,6 @@ def changes(*columns: np.ndarray) -> np.ndarray:
     return np.concatenate(([0], np.flatnonzero(differs) + 1))
 
 
-def whole_numbers(values: np.ndarray) -> np.ndarray:
-    """Numbers that count or name something, as int64; -1 for what is no number, fractions cut."""
-    if values.dtype.kind in "iu" and values.dtype.itemsize < 8:
-        return values.astype(np.int64)
-    known = np.where(np.isfinite(values.astype(np.float64)), values, -1)
-    return known.clip(-_INTEGERS, _INTEGERS).astype(np.int64)
-
-
-def most_of(name: str) -> int:
-    """How many messages of a type are read: a file may be full of one that a vehicle writes now and then."""
-    return MOST_EVENTS if name in EVENTS else MOST_SAMPLES
-
-
-def left_out(more: Mapping[str, int]) -> Iterator[Finding]:
-    """A finding for each type of which there are too many messages; ``more`` are how many too many."""
-    for name, number in more.items():
-        if number:
-            sentence = f"{name}: {number:,} messages beyond the first {most_of(name):,} are left out"
-            yield Finding(Severity.WARNING, "too_many_messages", sentence, "Give a part of the log")
-
-
 def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding] = ()) -> Messages:
     """Times ``t`` that start at 0 and never go back; each start over is put a second behind what was before.
 
