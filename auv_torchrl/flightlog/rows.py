@@ -124,8 +124,8 @@ def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Findin
         findings.append(finding)
         return [kept]
     repeats = float((steps == 0).mean())
-    if repeats > GLITCH_SHARE:
-        sentence = f"time repeats in {repeats:.0%} of the rows; the first row of each time is kept"
+    if repeats:  # few of them, too: what is cut where time goes back rises from row to row
+        sentence = f"time repeats in {max(repeats, 0.01):.0%} of the rows; the first row of each time is kept"
         remedy = "Write t with enough digits"
         findings.append(Finding(Severity.WARNING, "time_repeats", sentence, remedy, ("t",), where))
         rows = rows[np.concatenate(([True], steps != 0))]

@@ -65,3 +65,16 @@ def test_half_floats_are_compared_with_what_is_larger_than_any(tmp_path):
     described = data.replace(b"QBf\0", b"QBg\0", 1)
     records = described.replace(b"\xa3\x95\x80\x11" + bytes((16,)), b"\xa3\x95\x80\x11" + bytes((14,)), 1)
     assert read_or_refuse(written(Log("flight.BIN", records), tmp_path))
+
+
+def test_times_that_go_back_often_and_repeat_now_and_then_still_rise(tmp_path):
+    """Each start over is an episode, in which no time is twice."""
+    times = [0.05 * k for _ in range(12) for k in range(12)]
+    times[5] = times[4]
+    names = ["t", "x", "y", "z", "yaw", *(f"cmd_{n}" for n in range(1, 9))]
+    lines = [
+        ",".join(names),
+        *(",".join([f"{t:.5g}", *(f"{t * n / 10:.5g}" for n in range(1, len(names)))]) for t in times),
+    ]
+    path = written(Log("flight.csv", "\n".join(lines).encode()), tmp_path)
+    assert read_or_refuse(path).endswith(", rows")
