@@ -14,7 +14,7 @@ export MPLBACKEND := Agg
 # Where it is set, each process would compile the libraries anew, for 8 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env train diagnose sweep test test-all test-fast check format bench blind real clean
+.PHONY: help env train diagnose sweep test test-all test-fast check format bench blind real fuzz clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -64,6 +64,9 @@ blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430 SENSORS=stock ST
 
 real: $(READY) ## logs of real vehicles and firmware that are at hand: AUV_TORCHRL_DATA=FOLDER JOBS=2, writes docs/real.md
 	$(BIN)/python -m benchmarks.real --publish --jobs $(JOBS)
+
+fuzz: $(READY) ## read logs of all formats that are altered at random: DRAWS=5000
+	$(BIN)/python -m tests.flightlog.fuzz --draws $(or $(DRAWS),5000)
 
 clean: ## remove the environment and caches, keep outputs
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info

@@ -7,45 +7,24 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.thresholds import STEEP
 from auv_torchrl.flightlog import POSE, Finding, FlightLog, FlightLogError, Severity
-from auv_torchrl.flightlog.log import ACCELERATION, AXES, with_axes
+from auv_torchrl.flightlog.log import AXES, with_axes
+from auv_torchrl.flightlog.readiness import followed_axes
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
 DARK = 1e-3  # of the largest push, below which a thruster does not act in a degree of freedom
-TOGETHER = ("x", "y", "yaw")  # a horizontal position says nothing of the body without the other one and the heading
 REMEDY = {"surge": "x, y and yaw, or u", "sway": "x, y and yaw, or v", "heave": "z or w", "roll": "roll or p",
           "pitch": "pitch or q", "yaw": "yaw or r"}  # fmt: skip
 
 
 def followable(log: FlightLog) -> FlightLog:
-    """The log without horizontal positions whose partner or heading is missing, and accelerations without an attitude.
-
-    Findings say so. A degree of tilt is 0.17 m/s^2 of what is felt.
+    """The log with those axes alone that :func:`auv_torchrl.flightlog.readiness.followed_axes` leaves; findings say so.
 
     Raises:
         FlightLogError: if no axis is left.
     """
-    felt = tuple(axis for axis in ACCELERATION if axis in log.axes)
-    if not {"roll", "pitch"} <= set(log.axes):
-        why = "without roll and pitch: nothing tells along which of them the weight is"
-        log = _without(log, felt, f"{', '.join(felt)} cannot be used {why}", "Log roll and pitch too")
-    placed = tuple(axis for axis in ("x", "y") if axis in log.axes)
-    if missing := ", ".join(axis for axis in TOGETHER if axis not in log.axes):
-        why = f"without {missing}: forces act along the body, wherever it points"
-        remedy = f"Log {missing} too, or body velocities u, v, r"
-        log = _without(log, placed, f"{' and '.join(placed)} cannot be used {why}", remedy)
-    return log
-
-
-def _without(log: FlightLog, lost: tuple[str, ...], sentence: str, remedy: str) -> FlightLog:
-    """The log without some axes, of which a finding says why they cannot be used."""
-    if not lost:
-        return log
-    axes = tuple(axis for axis in log.axes if axis not in lost)
-    if not axes:
-        raise FlightLogError(f"{log.name}: {sentence}, and nothing else is measured. {remedy}")
-    finding = Finding(Severity.WARNING, "axes_not_followed", f"{sentence}; left out", remedy, lost)
-    return restricted(replace(log, findings=(*log.findings, finding)), axes)
+    axes, findings = followed_axes(log.name, log.axes)
+    return restricted(replace(log, findings=(*log.findings, *findings)), axes) if findings else log
 
 
 def restricted(log: FlightLog, axes: tuple[str, ...]) -> FlightLog:

@@ -6,18 +6,16 @@ from dataclasses import replace
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Windows
-from auv_torchrl.diagnosis.validate.predict import START_S, cut_stretches
+from auv_torchrl.diagnosis.validate.predict import cut_stretches
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join
-
-LEARNT = 0.8  # of each episode, where no test log is given and there are too few episodes to hold one out
-ROUNDING_S = 0.1  # s: cuts fall on samples and on grid steps
+from auv_torchrl.flightlog.readiness import HELD_OUT, LEARNT, ROUNDING_S, START_S, shortest
 
 
 def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:
     """What to learn from, what to test on, and the numbers of the held-out episodes."""
     if test:
         return log, join(test), ()
-    if len(log.episodes) >= 3:
+    if len(log.episodes) >= HELD_OUT:
         last = log.episodes[-1].number
         return log.only(e.number for e in log.episodes[:-1]), log.only([last]), (last,)
     cut = [int(LEARNT * len(episode)) for episode in log.episodes]
@@ -41,9 +39,8 @@ def check_lengths(
     Raises:
         FlightLogError: naming the log, the settings and how long an episode must be.
     """
-    learn, predict = settings.lead_s + settings.window_s, settings.lead_s + START_S
+    learn, predict, shared = shortest(settings.lead_s, settings.window_s)
     lead, window = f"diagnosis.lead_s={settings.lead_s:g}", f"diagnosis.window_s={settings.window_s:g}"
-    shared = max(learn / LEARNT, predict / (1 - LEARNT)) + ROUNDING_S
 
     def windows(log: FlightLog) -> Windows:
         return cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)

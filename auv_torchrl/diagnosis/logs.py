@@ -7,13 +7,12 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.readers import READERS, choose_reader
+from auv_torchrl.flightlog.readers import READERS, TABLES, choose_reader, is_log_name
 from auv_torchrl.paths import EXAMPLE_LOG
 from auv_torchrl.text import whole
 
 KINDS = ("log", "healthy", "test")
 EXAMPLE = "example"  # log=example is the log that comes with the package, unless there is a file of that name
-TABLES = (".csv", ".parquet")  # what a folder of dives may hold beside the formats of vehicles
 NO_LOG = f"no log: give log=flight.csv, or log={EXAMPLE} for the one that comes with the package"
 
 
@@ -52,11 +51,10 @@ def _is_folder(path: Path) -> bool:
 
 
 def _inside(folder: Path) -> Iterator[Path]:
-    known = {suffix for reader in READERS.values() for suffix in reader.suffixes} | set(TABLES)
     found = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    logs = [p for p in found if (p.suffix.lower() in known if p.is_file() else not _is_folder(p))]
+    logs = [p for p in found if (is_log_name(p.name) if p.is_file() else not _is_folder(p))]
     if not logs:
-        wanted = ", ".join(sorted(known))
+        wanted = ", ".join(sorted({suffix for reader in READERS.values() for suffix in reader.suffixes} | set(TABLES)))
         raise FlightLogError(f"the directory {folder} holds no log ({wanted}): name a log, or a folder of dives")
     yield from sorted(logs, key=_as_counted)
 

@@ -13,7 +13,8 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncert
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.logs import KINDS, find_logs, names
 from auv_torchrl.diagnosis.settings import read_settings
-from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity, join, read_flightlog
+from auv_torchrl.flightlog import Finding, FlightLog, Severity, join, read_flightlog
+from auv_torchrl.flightlog.readiness import refuse_errors
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.vehicle import Vehicle, load_vehicle, vehicle_doubts
 
@@ -95,17 +96,6 @@ def report_findings(logs: Sequence[FlightLog]) -> None:
         )
         for finding in flight.findings:
             log.info("  %s", finding)
-
-
-def refuse_errors(logs: Sequence[FlightLog]) -> None:
-    """Refuse logs of which the check says that they cannot be what they should.
-
-    Raises:
-        FlightLogError: naming log and error.
-    """
-    errors = [f"{flight.name}: {f}" for flight in logs for f in flight.findings if f.severity is Severity.ERROR]
-    if errors:
-        raise FlightLogError(f"{'; '.join(errors)} Or give trust_log=true to diagnose it as it is")
 
 
 def plain_config(config: Any) -> Any:

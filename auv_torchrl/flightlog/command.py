@@ -13,13 +13,14 @@ from auv_torchrl.importing import importing_without_compiler
 from auv_torchrl.text import printable
 
 _BAD_INPUT = 2  # exit code, as for a wrong command line
-_KEYS = ("output", "modes", "params", "system", "replace", "healthy")
+_KEYS = ("output", "modes", "params", "system", "replace", "healthy", "vehicle")
 HELP = """What is in a log of a vehicle, and the same in the simple form that diagnose.py reads too.
 
   auv-log info FILE [FILE ...]           streams, rates and gaps, frame, motors, modes, arming, what can be diagnosed
   auv-log convert FILE output=log.csv    one table with commands, pose and rates; also output=log.parquet
 
   healthy=FILE      of info: a flight while the vehicle was sound; parameters that differ from it are named
+  vehicle=NAME      of info: read a table as a diagnosis of this vehicle does
   params=FILE       parameters that the log lacks, as a ground station saves them; or params={MOT_1_DIRECTION: -1}
   modes=[MANUAL]    take these modes alone
   system=1          which vehicle, where a file has several
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             from auv_torchrl.flightlog.job import convert, info
 
         if action == "info":
-            info(files, options, keys.get("healthy", ""))
+            info(files, options, keys.get("healthy", ""), keys.get("vehicle", ""))
         else:
             convert(files, options, keys)
     except (FlightLogError, FileExistsError) as error:

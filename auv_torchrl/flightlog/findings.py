@@ -7,6 +7,8 @@ from enum import StrEnum
 from auv_torchrl.text import printable
 
 _REPEATED = 3  # findings of one kind that are listed one by one
+_QUOTED = 3  # findings that an error quotes,
+_QUOTED_LETTERS = 250  # and characters of each: an error fits a screen
 
 
 class FlightLogError(ValueError):
@@ -72,3 +74,10 @@ def condensed(findings: Iterable[Finding]) -> list[Finding]:
         short.append(replace(crowd[0], sentence=sentence, rows=(min(rows), max(rows)) if rows else None))
     order = list(Severity)
     return sorted(short, key=lambda finding: order.index(finding.severity))
+
+
+def quoted(findings: Iterable[Finding]) -> str:
+    """The worst findings in one sentence, and how many more there are."""
+    worst = condensed(findings)
+    more = [f"and {len(worst) - _QUOTED} more findings"] if len(worst) > _QUOTED else []
+    return "; ".join([*(printable(str(finding), _QUOTED_LETTERS) for finding in worst[:_QUOTED]), *more])

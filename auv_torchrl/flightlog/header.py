@@ -1,6 +1,7 @@
 """Where the table in a CSV file begins and what its columns are called, or why it is no such table."""
 
 import codecs
+import csv
 import os
 import re
 import stat
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.text import printable
 
 MOST_COLUMNS = 1000  # fifty times what a log needs; a file with more has its samples side by side, or is no log
 _LONGEST_LINE = 1 << 20  # bytes
@@ -24,7 +26,7 @@ _FOREIGN = {
 }
 SAID = "# auv-log: "  # begins a remark with what a converted log says beside its columns
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|", re.IGNORECASE)
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|", re.ASCII | re.IGNORECASE)
 
 
 class Header(NamedTuple):
@@ -41,17 +43,19 @@ def first_bytes(path: Path, count: int) -> bytes:
     Raises:
         FlightLogError: for a file that cannot be read, a directory, or a pipe or device, which may never end.
     """
-    remedy = "give the path of a log"
+    remedy, shown = "give the path of a log", printable(str(path), None)
     try:
         mode = os.stat(path).st_mode
         if stat.S_ISDIR(mode):
-            raise FlightLogError(f"{path} is a directory: {remedy}")
+            raise FlightLogError(f"{shown} is a directory: {remedy}")
         if not stat.S_ISREG(mode):
-            raise FlightLogError(f"{path} is a pipe or device: {remedy}, what comes out of a pipe kept in a file first")
+            raise FlightLogError(
+                f"{shown} is a pipe or device: {remedy}, what comes out of a pipe kept in a file first"
+            )
         with path.open("rb") as file:
             return file.read(count)
     except OSError as error:
-        raise FlightLogError(f"{path}: {error.strerror or error}: {remedy}") from error
+        raise FlightLogError(f"{shown}: {error.strerror or error}: {remedy}") from error
 
 
 def read_header(path: Path) -> Header:
@@ -60,40 +64,56 @@ def read_header(path: Path) -> Header:
     Raises:
         FlightLogError: for a file that is binary, not in UTF-8, not separated by commas, or without a header.
     """
+    name = printable(path.name)
     with path.open("rb") as file:
-        _refuse_foreign(path.name, file.read(256))
+        _refuse_foreign(name, file.read(256))
         file.seek(0)
         remarks: list[str] = []
         while True:
             line = file.readline(_LONGEST_LINE)
-            text = _decoded(path.name, line).strip()
+            text = _decoded(name, line).strip()
             if not line or (text and not text.startswith("#") and not text.lower().startswith("sep=")):
                 break
             remarks.append(text)
             if len(remarks) > _MOST_REMARKS:
-                raise FlightLogError(f"{path.name} begins with more than {_MOST_REMARKS} lines of remarks: remove them")
-        following = _decoded(path.name, file.readline(_LONGEST_LINE))
+                raise FlightLogError(f"{name} begins with more than {_MOST_REMARKS} lines of remarks: remove them")
+        following = _decoded(name, file.readline(_LONGEST_LINE))
         file.seek(0)
-        _check_text(path.name, file)
+        _check_text(name, file)
     if not text:
-        raise FlightLogError(f"{path.name} holds nothing but remarks: give a header line and one row per sample")
+        raise FlightLogError(f"{name} holds nothing but remarks: give a header line and one row per sample")
     if len(line) == _LONGEST_LINE:
-        raise FlightLogError(
-            f"{path.name}: its first line is longer than {_LONGEST_LINE:,} bytes: give lines of values"
-        )
-    check_number(path.name, text.count(",") + 1)
-    _check_separator(path.name, text, following)
-    names = [name.strip().strip('"').strip() for name in text.split(",")]
-    if all(_NUMBER.fullmatch(name) for name in names) and any(names):
+        raise FlightLogError(f"{name}: its first line is longer than {_LONGEST_LINE:,} bytes: give lines of values")
+    if "\r" in text:
+        raise FlightLogError(f"{name} ends its lines by carriage returns alone: end them by line feeds")
+    check_number(name, text.count(",") + 1)
+    _check_separator(name, text, following)
+    names = _names(name, text)
+    if all(_NUMBER.fullmatch(column) for column in names) and any(names):
         commented = next((remark for remark in reversed(remarks) if remark), "")
         remedy = (
-            f"remove the # before {commented.lstrip('# ')[:40]!r}"
+            f"remove the # before {printable(commented.lstrip('# '), 40)!r}"
             if commented.count(",") == text.count(",") > 0
             else "give the names of the columns as first line, such as t,x,y,z,yaw,cmd_1"
         )
-        raise FlightLogError(f"{path.name} has no header, its first line holds numbers: {remedy}")
+        raise FlightLogError(f"{name} has no header, its first line holds numbers: {remedy}")
     said = next((remark.removeprefix(SAID) for remark in remarks if remark.startswith(SAID)), "")
     return Header(names, len(remarks), said)
+
+
+def _names(name: str, text: str) -> list[str]:
+    """The names in a header line; one in quotes may hold commas.
+
+    Raises:
+        FlightLogError: for a name that goes on in the next line.
+    """
+    try:
+        (row,) = csv.reader([text], strict=True)
+    except csv.Error as error:
+        raise FlightLogError(
+            f"{name}: its header cannot be read ({error}): write short names, all on one line, quotation marks in pairs"
+        ) from error
+    return [column.strip() for column in row]
 
 
 def check_number(name: str, columns: int) -> None:

@@ -1,11 +1,16 @@
 """What is in a log of a vehicle, and what could be diagnosed with it, in lines for people."""
 
+import shlex
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 
+from auv_torchrl.flightlog.columns import extra_of, missing
 from auv_torchrl.flightlog.findings import Finding, FlightLogError
 from auv_torchrl.flightlog.log import AXES
+from auv_torchrl.flightlog.readiness import begins
+from auv_torchrl.flightlog.rows import runs_of_time
 from auv_torchrl.flightlog.streams.compass import check_compass
 from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration
 from auv_torchrl.flightlog.streams.grid import choose, tabulate
@@ -14,8 +19,13 @@ from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Stream, Streams
 from auv_torchrl.flightlog.streams.vehicle_kind import check_kind, other_kind
 from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.understand import understand
+from auv_torchrl.text import printable
+from auv_torchrl.vehicle import Vehicle
 
 _LISTED = 8  # stretches that are listed one by one
+_WIDEST = 24  # letters of the names of columns that others are lined up with
+_CHANNEL = 14  # letters of "cmd_1 to cmd_8"
 
 
 def info_lines(
@@ -42,15 +52,46 @@ def _checked(streams: Streams, parameters: Mapping[str, float], healthy: Mapping
     return [*check_kind(streams), *configured, *check_compass(streams, parameters), *compared]
 
 
-def table_lines(table: Table) -> Iterator[str]:
-    """The same for a CSV or Parquet file."""
-    t = table.columns.get("t")
-    length = f", {np.nanmax(t) - np.nanmin(t):.1f} s" if t is not None and np.isfinite(t).any() else ", no time t"
-    yield f"{table.name}: table of {len(table.row)} rows{length}"
-    yield f"  columns    {', '.join(table.columns)}"
-    for finding in table.findings:
-        yield f"  {finding}"
-    yield f"  diagnosis  python diagnose.py log={table.name} vehicle=..."
+def table_lines(table: Table, path: Path, vehicle: Vehicle | None = None, named: str = "...") -> Iterator[str]:
+    """The same for a CSV or Parquet file: what each column is taken for, what is missing, and what a diagnosis needs.
+
+    Where a ``vehicle`` is ``named``, the file is read as a diagnosis of that vehicle reads it.
+    """
+    understood = understand(table)
+    yield f"{table.name}: table of {_counted(len(table.row), 'row')}, {_duration(understood.table)}"
+    yield "  columns"
+    width = min(max(len(listed(taken.columns)) for taken in understood.taken), _WIDEST)
+    for taken in understood.taken:
+        channels = listed(taken.channels) or "-"
+        yield f"    {listed(taken.columns):<{width}}  {channels:<{_CHANNEL}}  {taken.sentence}"
+    if lacking := list(dict.fromkeys(what for _, what in missing(understood.table.columns, None))):
+        yield f"  missing    {', '.join(lacking)}"
+    extra = list(understood.refused)
+    yield from (f"  {f}" for f in table.findings if not f.columns or set(f.columns) - set(extra))
+    try:
+        axes, findings = begins(understood, path, vehicle)
+    except FlightLogError as error:
+        yield f"  diagnosis  not yet: {error}"
+        return
+    yield from (f"  {finding}" for finding in findings)
+    ignored = f", {_counted(len(extra), 'column')} ignored" if extra else ""
+    yield f"  diagnosis  of {' '.join(axes)}{ignored}"
+    words = [f"log={path}", *([extra_of(extra)] if extra else [])]
+    quoted = (printable(shlex.quote(word), None) for word in words)
+    yield f"    python diagnose.py {' '.join(quoted)} vehicle={named}"
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _duration(table: Table) -> str:
+    """Seconds of all episodes together, each from its first to its last row."""
+    if "t" not in table.columns:
+        return "no time"
+    runs = runs_of_time(table, np.ones(len(table.row), bool), [])
+    passed = sum(float(table.columns["t"][run[-1]] - table.columns["t"][run[0]]) for run in runs)
+    return f"{_counted(len(runs), 'episode')}, {passed:.1f} s" if runs else "no row with a time"
 
 
 def _facts(streams: Streams, parameters: Mapping[str, float]) -> Iterator[tuple[str, str]]:

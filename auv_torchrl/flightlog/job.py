@@ -1,21 +1,30 @@
 """What ``auv-log`` does once its command line is read."""
 
+import re
 import sys
+import textwrap
 from pathlib import Path
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.info import info_lines, table_lines
-from auv_torchrl.flightlog.readers import read_streams
+from auv_torchrl.flightlog.readers import TABLES, read_log, read_streams
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.streams.parameters import NOT_FINITE
-from auv_torchrl.flightlog.table import read_table
+from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.flightlog.writer import write_table
+from auv_torchrl.vehicle import Vehicle, load_vehicle
 
-_TABLES = (".csv", ".parquet", ".pq")
+WIDTH = 80  # letters of a row on a terminal
+_DEEPEST = 45  # letters that a row is indented at most
+_INDENT = 2
+_COMMAND = "python diagnose.py"  # of a line that is copied
 
 
-def info(files: list[Path], options: ReadOptions, healthy: str = "") -> None:
+def info(files: list[Path], options: ReadOptions, healthy: str = "", vehicle: str = "") -> None:
     """Print what is in each log, its parameters compared with those of a ``healthy`` one.
+
+    A table is read as a diagnosis of this ``vehicle`` reads it, where one is named.
 
     Raises:
         FlightLogError: at the end, for those that cannot be read.
@@ -25,16 +34,39 @@ def info(files: list[Path], options: ReadOptions, healthy: str = "") -> None:
     if healthy and not parameters:
         raise FlightLogError(f"healthy={healthy} holds no parameters of an autopilot: give the log of a sound flight")
     odd = [finding for finding in sound.findings if finding.code == NOT_FINITE] if sound else []
+    flown = _vehicle(vehicle) if vehicle else None
     failed = []
     for file in files:
         try:
-            streams = read_streams(file, options)
-            lines = table_lines(read_table(file)) if streams is None else info_lines(streams, options, parameters)
-            print("\n".join((*lines, *(f"  {finding}" for finding in odd))))
+            log = read_log(file, options)
+            if isinstance(log, Table):
+                lines = table_lines(log, file, flown, vehicle or "...")
+            else:
+                lines = info_lines(log, options, parameters)
+            print("\n".join(fitted(line) for line in (*lines, *(f"  {finding}" for finding in odd))))
         except FlightLogError as error:
             failed.append(str(error))
     if failed:
         raise FlightLogError("; ".join(failed))
+
+
+def _vehicle(name: str) -> Vehicle:
+    try:
+        return load_vehicle(name)
+    except (FileNotFoundError, ValueError) as error:
+        raise FlightLogError(str(error)) from error
+
+
+def fitted(line: str) -> str:
+    """A line in rows of 80 letters: what is behind its first word goes on below it, commands stay whole."""
+    if len(line) <= WIDTH or _COMMAND in line:
+        return line
+    head = re.match(r" *(\S+( \S+)* {2,})*", line)
+    indent = min(head.end() if head else 0, _DEEPEST) or _INDENT
+    blanks = len(line) - len(line.lstrip())
+    first, rest = " " * blanks, " " * max(indent, blanks + _INDENT if head and head.end() == blanks else 0)
+    whole = {"break_long_words": False, "break_on_hyphens": False, "drop_whitespace": True}
+    return textwrap.fill(line[blanks:], WIDTH, initial_indent=first, subsequent_indent=rest, **whole)
 
 
 def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> None:
@@ -47,7 +79,7 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     if len(files) > 1:
         raise FlightLogError(f"convert takes one log, these are {len(files)}: convert them one by one")
     output = Path(keys.get("output", ""))
-    if output.suffix.lower() not in _TABLES:
+    if output.suffix.lower() not in TABLES:
         raise FlightLogError(
             f"output={keys.get('output', '')} says no format: give output=log.csv or output=log.parquet"
         )
@@ -56,8 +88,8 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     replace = keys.get("replace", "").lower() == "true"
     if output.exists() and not replace:
         raise FileExistsError(f"{output} exists: choose another name, or give replace=true")
-    streams = read_streams(files[0], options)
-    table = read_table(files[0]) if streams is None else tabulate(streams, options)
+    log = read_log(files[0], options)
+    table = understand(log).table if isinstance(log, Table) else tabulate(log, options)
     for finding in table.findings:
         print(finding, file=sys.stderr)
     write_table(table, output, replace)

@@ -3,25 +3,28 @@
 import os
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from auv_torchrl.flightlog.clock import check_clock
 from auv_torchrl.flightlog.columns import DEMANDS, choose_columns
 from auv_torchrl.flightlog.contact import leave_out_contact
+from auv_torchrl.flightlog.degrees import convert_degrees
 from auv_torchrl.flightlog.excitation import check_excitation
-from auv_torchrl.flightlog.findings import FlightLogError, Severity, condensed
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity, condensed, quoted
 from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.gravity import check_gravity
-from auv_torchrl.flightlog.information import check_information
+from auv_torchrl.flightlog.information import Checked, check_information
 from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY, Episode, FlightLog, Floats
-from auv_torchrl.flightlog.readers import read_streams
+from auv_torchrl.flightlog.readers import read_log
 from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.vehicle_file import check_frame
-from auv_torchrl.flightlog.table import Table, read_table
-from auv_torchrl.flightlog.units import check_commands, check_time_unit, convert_degrees
+from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.understand import Understood, understand
+from auv_torchrl.flightlog.units import check_commands, check_time_unit
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
@@ -43,26 +46,9 @@ def read_flightlog(
     Raises:
         FlightLogError: if nothing of the file can be used.
     """
-    table = _table(path, vehicle, options)
-    ignored = set(extra)
-    table = replace(table, columns={name: column for name, column in table.columns.items() if name not in ignored})
-    axes, commanded = choose_columns(table.name, table.columns, vehicle.thrusters)
-    check_time_unit(table.name, table.columns["t"])
-    sent = np.stack([table.columns[name] for name in commanded], axis=-1)
-    findings = [*table.findings, *check_commands(table.name, commanded, sent, table.row)]
-    commands = _thruster_commands(sent, commanded, vehicle)
-    axes, more = usable_axes(table, axes)
-    findings += more
-    checked = check_information(table, axes, commands)
-    findings += checked.findings
-    axes = tuple(axis for axis in axes if axis in checked.columns)
-    table = replace(table, columns={**table.columns, **checked.columns})
-    stretches: list[Stretch] = []
-    if axes:
-        stretches, more = usable_stretches(table, commanded, axes, commands, checked.cuts)
-        findings += more
-    if not stretches:
-        raise FlightLogError(f"{table.name} has nothing that can be used: {'; '.join(map(str, condensed(findings)))}")
+    understood = understand(without(_table(path, vehicle, options), extra))
+    usable = find_usable(understood, vehicle.thrusters, vehicle.mixer.detach().cpu().double().numpy())
+    table, axes, stretches, checked, findings = usable
     numbers = [stretch.episode for stretch in stretches]
     if len(set(numbers)) < len(numbers):
         numbers = list(range(len(stretches)))
@@ -73,7 +59,7 @@ def read_flightlog(
     findings += clock
     seconds = not any(finding.severity is Severity.ERROR for finding in clock)  # rates in another unit show nothing
     if seconds and not table.units_known:
-        episodes, more = convert_degrees(episodes, axes, vehicle)
+        episodes, more = convert_degrees(episodes, axes, vehicle, understood.settled)
         findings += more
     episodes = tuple(_wrapped(episode) for episode in episodes)
     if seconds:
@@ -91,19 +77,69 @@ def read_flightlog(
     )
 
 
+def without(table: Table, extra: Iterable[str]) -> Table:
+    """The table without the columns that are to be ignored."""
+    ignored = set(extra)
+    findings = tuple(finding for finding in table.findings if not finding.columns or set(finding.columns) - ignored)
+    columns = {name: column for name, column in table.columns.items() if name not in ignored}
+    return replace(table, columns=columns, findings=findings)
+
+
+class Usable(NamedTuple):
+    """What of a table can be used."""
+
+    table: Table  # with doubtful values filled in
+    axes: tuple[str, ...]  # measured
+    stretches: list[Stretch]  # one at least
+    checked: Checked
+    findings: list[Finding]
+
+
+def find_usable(understood: Understood, thrusters: int | None = None, mixer: Floats | None = None) -> Usable:
+    """Which columns and rows can be used.
+
+    Args:
+        understood: the table.
+        thrusters: of the vehicle; None takes as many as there are commands.
+        mixer: (n, 6) of the vehicle, for demands; None takes these as they are, to count rows alone.
+
+    Raises:
+        FlightLogError: if none can.
+    """
+    table = understood.table
+    axes, commanded = choose_columns(table.name, table.columns, thrusters, understood.refused)
+    check_time_unit(table.name, table.columns["t"])
+    sent = np.stack([table.columns[name] for name in commanded], axis=-1)
+    findings = [*table.findings, *check_commands(table.name, commanded, sent, table.row)]
+    commands = _thruster_commands(sent, commanded, mixer)
+    axes, more = usable_axes(table, axes)
+    findings += more
+    checked = check_information(table, axes, commands)
+    findings += checked.findings
+    axes = tuple(axis for axis in axes if axis in checked.columns)
+    table = replace(table, columns={**table.columns, **checked.columns})
+    stretches: list[Stretch] = []
+    if axes:
+        stretches, more = usable_stretches(table, commanded, axes, commands, checked.cuts)
+        findings += more
+    if not stretches:
+        why = quoted(finding for finding in findings if finding.severity is not Severity.INFO)
+        raise FlightLogError(f"{table.name} has nothing that can be used: {why}")
+    return Usable(table, axes, stretches, checked, findings)
+
+
 def _table(path: str | os.PathLike[str], vehicle: Vehicle, options: ReadOptions | None) -> Table:
-    streams = read_streams(path, options)
-    if streams is None:
-        return read_table(path)
-    table = tabulate(streams, options)
-    return replace(table, findings=(*table.findings, *check_frame(streams, table, vehicle)))
+    log = read_log(path, options)
+    if isinstance(log, Table):
+        return log
+    table = tabulate(log, options)
+    return replace(table, findings=(*table.findings, *check_frame(log, table, vehicle)))
 
 
-def _thruster_commands(sent: Floats, names: tuple[str, ...], vehicle: Vehicle) -> Floats:
+def _thruster_commands(sent: Floats, names: tuple[str, ...], mixer: Floats | None) -> Floats:
     """Commands of the thrusters (T, n), after mixer and clip, from the columns ``sent`` (T, k) of these names."""
-    if names[0] not in DEMANDS:
+    if names[0] not in DEMANDS or mixer is None:
         return np.clip(sent, -1.0, 1.0)
-    mixer = vehicle.mixer.detach().cpu().double().numpy()
     return np.clip(sent @ mixer[:, [DEMANDS.index(name) for name in names]].T, -1.0, 1.0)
 
 

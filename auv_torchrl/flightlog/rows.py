@@ -77,23 +77,29 @@ def usable_stretches(
 
     They are cut before the rows ``jumps``, too.
     """
-    t, number = table.columns["t"], table.episode
     findings = _missing(table, commanded, axes)
     seen = np.logical_and.reduce([np.isfinite(table.columns[axis]) for axis in axes])
-    usable = np.flatnonzero(np.isfinite(t) & np.isfinite(number) & np.isfinite(commands).all(axis=-1))
+    stretches = []
+    for run in runs_of_time(table, np.isfinite(commands).all(axis=-1), findings):
+        stretches += _cut_at_gaps(table, run, seen, commands, int(table.episode[run[0]]), jumps, findings)
+    return stretches, findings
+
+
+def runs_of_time(table: Table, used: np.ndarray, findings: list[Finding]) -> list[Index]:
+    """The rows that are ``used`` (T,) and have a time, in runs of one episode and strictly increasing time.
+
+    What is wrong with the time is added to ``findings``.
+    """
+    t, number = table.columns["t"], table.episode
+    usable = np.flatnonzero(np.isfinite(t) & np.isfinite(number) & used)
     if len(usable) > 1 and _runs_backwards(t[usable], number[usable]):
         rows = (int(table.row[usable[0]]), int(table.row[usable[-1]]))
         sentence = "time runs backwards through the whole file; its rows are taken in reverse order"
         remedy = "Sort the rows by t, rising; if t counts down, give the time since the start instead"
         findings.append(Finding(Severity.WARNING, "reversed_rows", sentence, remedy, ("t",), rows))
         usable = usable[::-1]
-    changes = np.flatnonzero(np.diff(number[usable])) + 1
-    stretches = []
-    for rows in np.split(usable, changes):
-        if len(rows):
-            for run in _increasing_runs(table, t, rows, findings):
-                stretches += _cut_at_gaps(table, run, seen, commands, int(number[rows[0]]), jumps, findings)
-    return stretches, findings
+    episodes = np.split(usable, np.flatnonzero(np.diff(number[usable])) + 1)
+    return [run for rows in episodes if len(rows) for run in _increasing_runs(table, t, rows, findings)]
 
 
 def _runs_backwards(t: Floats, number: Floats) -> bool:
@@ -118,8 +124,8 @@ def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Findin
         findings.append(finding)
         return [kept]
     repeats = float((steps == 0).mean())
-    if repeats > GLITCH_SHARE:
-        sentence = f"time repeats in {repeats:.0%} of the rows; the first row of each time is kept"
+    if repeats:  # few of them, too: what is cut where time goes back rises from row to row
+        sentence = f"time repeats in {max(repeats, 0.01):.0%} of the rows; the first row of each time is kept"
         remedy = "Write t with enough digits"
         findings.append(Finding(Severity.WARNING, "time_repeats", sentence, remedy, ("t",), where))
         rows = rows[np.concatenate(([True], steps != 0))]

@@ -51,16 +51,15 @@ def write_columns(
     if path.exists() and not replace:
         raise FileExistsError(f"{path} exists: remove it or choose another name")
     table = pa.table(dict(columns))
-    with whole(path) as partial:
+    with whole(path) as partial, partial.open("wb") as file:
         if path.suffix.lower() in (".parquet", ".pq"):
             from pyarrow import parquet  # here, not above: few logs are
 
-            parquet.write_table(table.replace_schema_metadata({SAID_KEY: said} if said else None), partial)
+            parquet.write_table(table.replace_schema_metadata({SAID_KEY: said} if said else None), file)
         else:
             rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
-            with partial.open("wb") as file:
-                file.write(f"{SAID}{said}\n".encode() if said else b"")
-                pyarrow.csv.write_csv(pa.table(rounded), file)
+            file.write(f"{SAID}{said}\n".encode() if said else b"")
+            pyarrow.csv.write_csv(pa.table(rounded), file)
     return path
 
 

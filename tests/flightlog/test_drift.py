@@ -57,3 +57,9 @@ def test_a_gyro_that_was_hardly_there_tells_nothing():
     t = np.arange(0, 100, 0.1)
     few = t[t < 10]
     assert drift_of(turning(0 * t, t), felt(0 * few, few)) == ANGLE_DRIFT
+
+
+def test_one_sample_of_an_attitude_tells_nothing():
+    """It has no interval; what filters usually do is taken."""
+    t = np.arange(0, 20, 0.1)
+    assert drift_of(turning(np.zeros(1), t[:1]), felt(0 * t, t)) == ANGLE_DRIFT

@@ -28,10 +28,11 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.report.progress import ProgressBar
-from auv_torchrl.diagnosis.request import plain_config, refuse_errors, report_findings
+from auv_torchrl.diagnosis.request import plain_config, report_findings
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join, read_flightlog
+from auv_torchrl.flightlog.readiness import refuse_errors
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 

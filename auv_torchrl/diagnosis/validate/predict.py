@@ -17,13 +17,15 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_mot
 from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.flightlog.readiness import START_S
 from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.sensors import MOTION, motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
-START_S = 1.0  # s of samples from which the state at the start is estimated, ...
-PUSHED = 4.0  # ... pushed by so many times the floor: of all stretches, some begin where it is that large
+PUSHED = (
+    4.0  # times the floor: the force under which a start is estimated; some of all stretches begin in as large a one
+)
 MOST_STRETCHES = 60
 SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction
 

@@ -1,12 +1,30 @@
 """Readers of the logs that vehicles write: one file each, chosen by content and suffix."""
 
 import os
-from pathlib import Path
+from dataclasses import replace
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
 
-from auv_torchrl.flightlog.readers import ardupilot, dataflash, dataflash_text, mcap, ros, tlog, ulog
+from auv_torchrl.flightlog.readers import (
+    ardupilot,
+    dataflash,
+    dataflash_text,
+    mcap,
+    mcap_records,
+    ros,
+    tlog,
+    ulog,
+    ulog_records,
+)
+from auv_torchrl.flightlog.readers.packed_log import bare, unpacked
 from auv_torchrl.flightlog.readers.reader import Reader, choose_reader
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 from auv_torchrl.registry import Registry
+
+if TYPE_CHECKING:
+    from auv_torchrl.flightlog.table import Table
+
+TABLES = (".csv", ".parquet", ".pq")  # how tables are called
 
 
 def _read_dataflash(path: Path, options: ReadOptions) -> Streams:
@@ -24,8 +42,8 @@ READERS = Registry(
     (
         Reader("ArduPilot DataFlash log", (".bin",), lambda head: head.startswith(dataflash.MAGIC), _read_dataflash),
         Reader("ArduPilot DataFlash log as text", (".log",), dataflash_text.recognizes, _read_dataflash_text),
-        Reader("PX4 log", (".ulg",), lambda head: head.startswith(ulog.MAGIC), ulog.read),
-        Reader("MCAP recording", (".mcap",), lambda head: head.startswith(mcap.MAGIC), mcap.read),
+        Reader("PX4 log", (".ulg",), lambda head: head.startswith(ulog_records.MAGIC), ulog.read),
+        Reader("MCAP recording", (".mcap",), lambda head: head.startswith(mcap_records.MAGIC), mcap.read),
         Reader("ROS bag", (".bag", ".db3"), ros.recognizes, ros.read, ros.is_bag),
         Reader("MAVLink telemetry", (".tlog",), tlog.recognizes, tlog.read),
     ),
@@ -33,15 +51,43 @@ READERS = Registry(
 )
 
 
-def read_streams(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Streams | None:
-    """Everything that a log holds; None for a table (CSV, Parquet), which is no log of a vehicle's own.
+def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -> "Streams | Table":
+    """Everything that a log holds, packed or not: streams of a vehicle's own log, or a table (CSV, Parquet).
 
     Raises:
         FlightLogError: if nothing of the file can be used.
     """
-    path = Path(path)
-    reader = choose_reader(path, READERS)
-    return None if reader is None else reader.read(path, options or ReadOptions())
+    with unpacked(Path(path), _is_log) as (log, findings):
+        reader = choose_reader(log, READERS)
+        if reader is not None:
+            read = reader.read(log, options or ReadOptions())
+        else:
+            from auv_torchrl.flightlog.table import read_table  # here, not above: it loads pyarrow
+
+            read = read_table(log)
+    return replace(read, findings=(*findings, *read.findings)) if findings else read
 
 
-__all__ = ["READERS", "Reader", "choose_reader", "read_streams"]
+def read_streams(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Streams | None:
+    """Everything that a log of a vehicle's own holds; None for a table (CSV, Parquet).
+
+    Raises:
+        FlightLogError: if nothing of the file can be used.
+    """
+    read = read_log(path, options)
+    return read if isinstance(read, Streams) else None
+
+
+def is_log_name(name: str) -> bool:
+    """Whether the name of a file is that of a log, packed or not."""
+    suffix = PurePath(bare(name)).suffix.lower()
+    known = suffix in TABLES or any(suffix in reader.suffixes for reader in READERS.values())
+    return known or name.lower().endswith(".zip")
+
+
+def _is_log(name: str, head: bytes) -> bool:
+    """Whether a member of an archive is a log; its name alone says so of a table."""
+    return PurePath(bare(name)).suffix.lower() in TABLES or any(reader.recognizes(head) for reader in READERS.values())
+
+
+__all__ = ["READERS", "Reader", "choose_reader", "is_log_name", "read_log", "read_streams"]

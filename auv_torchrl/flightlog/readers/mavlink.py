@@ -6,9 +6,21 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.flightlog.readers.bounds import MOST_TEXTS, Budget, Loss, Rows
 from auv_torchrl.flightlog.readers.firmware import leave_out_unknown, mode_name, vehicle_facts
-from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order, stacked
-from auv_torchrl.flightlog.streams.stream import Sampling, Stream, Streams, VehicleFacts, by_name, state_of, stream
+from auv_torchrl.flightlog.readers.messages import AT, Messages, changes, in_order, stacked, whole_numbers
+from auv_torchrl.flightlog.streams.stream import (
+    Kind,
+    Sampling,
+    Stream,
+    Streams,
+    VehicleFacts,
+    by_name,
+    state_of,
+    stream,
+)
+from auv_torchrl.flightlog.streams.vehicle_kind import kind_of_type
+from auv_torchrl.text import MOST_CHARACTERS
 
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 _PRESSURES = ("SCALED_PRESSURE", "SCALED_PRESSURE2", "SCALED_PRESSURE3")
@@ -27,9 +39,13 @@ WANTED = {
     **{name: ("time_boot_ms", "press_abs") for name in _PRESSURES},
 }
 ADDED = {"SERVO_OUTPUT_RAW": _SERVOS[8:]}  # fields of MAVLink 2 that an older message lacks: 0, no output
-TEXTS = ("param_id", "text")  # fields that are no number
+TEXTS = ("param_id", "text")  # fields that are no number; a message has one at most
+COUNTS = (  # whole numbers
+    "type", "autopilot", "base_mode", "custom_mode", "port", "flags", "time_usec", "time_boot_ms",
+)  # fmt: skip
 AUTOPILOT = 1  # number of the component that flies
 _NO_AUTOPILOT, _GROUND_STATION = 8, 6  # HEARTBEAT.autopilot, .type
+_MOST_KINDS = 3  # that are named; one vehicle has one, besides "generic" while it starts
 _ARMED = 128  # of HEARTBEAT.base_mode
 _G = 9.80665e-3  # m/s^2 for each mG of RAW_IMU and SCALED_IMU
 _PA_A_METRE = 9800.0  # Pa/m, by which AP_Baro makes a depth of a pressure in water of specific gravity 1
@@ -59,17 +75,27 @@ def _choose_vehicle(name: str, heard: Iterable[tuple[int, int, int]], system: in
 
 def _streams_of(name: str, kind: str, messages: Messages) -> Streams:
     """The streams of one vehicle whose messages have the fields of :data:`WANTED`, times in s."""
-    vehicle, odd = vehicle_facts(name, messages, ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text"))
-    beat = messages.get("HEARTBEAT", "base_mode", "custom_mode")
+    beat = messages.get("HEARTBEAT", "type", "base_mode", "custom_mode")
+    kinds = () if beat is None else _kinds(beat["type"])
+    parameter, text = ("PARAM_VALUE", "param_id", "param_value"), ("STATUSTEXT", "text")
+    vehicle, odd = vehicle_facts(name, messages, parameter, text, kinds)
     armed, modes = None, ()
     if beat is not None:
-        on = (beat["base_mode"].astype(np.int64) & _ARMED) != 0
-        names = (mode_name(vehicle, number) for number in beat["custom_mode"].astype(np.int64).tolist())
-        armed, modes = state_of(zip(beat["t"].tolist(), on.tolist(), names, strict=True), messages.end)
+        on, numbers = (whole_numbers(beat["base_mode"]) & _ARMED) != 0, whole_numbers(beat["custom_mode"])
+        at = changes(on, numbers)
+        names = (mode_name(vehicle, number) for number in numbers[at].tolist())
+        armed, modes = state_of(zip(beat["t"][at].tolist(), on[at].tolist(), names, strict=True), messages.end)
     sounding, findings = _depth(messages, vehicle)
     found = (_outputs(messages), *_attitude(messages), _accelerometer(messages), sounding, *_filtered(messages),
              _battery(messages))  # fmt: skip
     return Streams(name, kind, by_name(found), vehicle, armed, modes, findings=(*messages.findings, *odd, *findings))
+
+
+def _kinds(types: np.ndarray) -> tuple[Kind, ...]:
+    """The kinds of vehicle that heartbeats name, the most frequent first."""
+    numbers, counts = np.unique(types, return_counts=True)
+    named = (kind_of_type(number, "HEARTBEAT.type") for number in numbers[np.argsort(-counts)][:_MOST_KINDS].tolist())
+    return tuple(kind for kind in named if kind is not None)
 
 
 def _outputs(messages: Messages) -> Stream | None:
@@ -155,24 +181,49 @@ def _battery(messages: Messages) -> Stream | None:
 
 
 class Received:
-    """Messages of vehicles in the order in which they were received."""
+    """Messages of vehicles in the order in which they were received; ``loss`` takes what has no room."""
 
-    def __init__(self) -> None:
-        self._rows: dict[int, dict[str, list[tuple]]] = {}  # by number of the vehicle and name of the message
+    def __init__(self, loss: Loss) -> None:
+        self._rows: dict[int, dict[str, Rows]] = {}  # by number of the vehicle and name of the message
+        self._texts: dict[int, dict[str, list[str]]] = {}  # the one field of each row that is a text
         self._heard: set[tuple[int, int, int]] = set()
+        self._budget = Budget(loss)
+        self._loss = loss
         self._count = 0
 
     def __bool__(self) -> bool:
         return bool(self._rows)
 
     def add(self, system: int, name: str, received: float, fields: Mapping[str, Any]) -> None:
-        """Take a message of a vehicle; one that lacks a field is not taken."""
-        if name == "HEARTBEAT" and {"type", "autopilot"} <= fields.keys():
+        """Take a message of a vehicle; one that lacks a field is not taken.
+
+        Raises:
+            TypeError: if a field is of another type than the message has.
+            ValueError: for a count, a time or a text that cannot be one.
+            OverflowError: for a number of hundreds of digits.
+        """
+        wanted = WANTED[name]
+        if not all(field in fields for field in wanted):
+            return
+        row = [float(self._count), received]
+        text = None
+        for field in wanted:
+            if field in TEXTS:
+                text = str(fields[field])[:MOST_CHARACTERS]
+            else:
+                row.append(_count(fields[field]) if field in COUNTS else float(fields[field]))
+        if name == "HEARTBEAT":
             self._heard.add((system, int(fields["type"]), int(fields["autopilot"])))
-        rows, wanted = self._rows.setdefault(system, {}), WANTED[name]
-        if all(field in fields for field in wanted):
-            rows.setdefault(name, []).append((self._count, received, *(fields[field] for field in wanted)))
-            self._count += 1
+        if not self._budget.take(len(row)):
+            return
+        rows, texts = self._rows.setdefault(system, {}), self._texts.setdefault(system, {})
+        if text is not None:
+            if len(texts.setdefault(name, [])) >= MOST_TEXTS:
+                self._loss.beyond(f"further messages {name}")
+                return
+            texts[name].append(text)
+        rows.setdefault(name, Rows(len(row))).add(row)
+        self._count += 1
 
     def streams(self, file: str, kind: str, system: int | None, findings: Iterable[Finding]) -> Streams:
         """The streams of the vehicle ``system``, or of the only one; ``findings`` are what there is to say of the file.
@@ -181,13 +232,26 @@ class Received:
             FlightLogError: if there is no such vehicle, or several.
         """
         types: dict[str, dict[str, np.ndarray]] = {}
-        for name, rows in self._rows[_choose_vehicle(file, self._heard, system)].items():
-            columns = list(zip(*rows, strict=True))
-            types[name] = {AT: np.array(columns[0]), "received": np.array(columns[1], np.float64)}
-            for field, values in zip(WANTED[name], columns[2:], strict=True):
-                types[name][field] = np.array(values, dtype=str if field in TEXTS else np.float64)
+        system = _choose_vehicle(file, self._heard, system)
+        for name, rows in self._rows.get(system, {}).items():
+            numbers = iter(rows.array().T)
+            types[name] = {AT: next(numbers), "received": next(numbers)}
+            for field in WANTED[name]:
+                types[name][field] = np.array(self._texts[system][name]) if field in TEXTS else next(numbers)
         _set_times(types)
         return _streams_of(file, kind, in_order(types, findings))
+
+
+def _count(value: Any) -> float:
+    """A field that counts something: a whole number of up to 64 bits.
+
+    Raises:
+        TypeError: if it is no number.
+        ValueError: if it is another one.
+    """
+    if not (0 <= value < 2**64 and value == int(value)):
+        raise ValueError(value)
+    return float(value)
 
 
 def _set_times(types: dict[str, dict[str, np.ndarray]]) -> None:

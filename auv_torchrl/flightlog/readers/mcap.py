@@ -8,81 +8,72 @@ beyond the eighth are (github.com/bluerobotics/mavlink-server, src/lib/drivers/z
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+import numpy as np
+
+from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import mavlink, ros
-from auv_torchrl.flightlog.readers.reader import library
+from auv_torchrl.flightlog.readers.bounds import Loss
+from auv_torchrl.flightlog.readers.mcap_records import read_messages
+from auv_torchrl.flightlog.readers.recording import Channel
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
-MAGIC = b"\x89MCAP"
-_TOPIC = re.compile(r"/?mavlink/(\d+)/(\d+)/(?:in/|out/)?([A-Z0-9_]+)")
+_TOPIC = re.compile(r"/?mavlink/([0-9]{1,3})/([0-9]{1,3})/(?:in/|out/)?([A-Z0-9_]+)")
 _ALL = re.compile(r"/?mavlink/out")  # under which the bus has every message, beside the topic of its own
 _FLAGS = (  # EKF_STATUS_REPORT.flags from the lowest bit
     "EKF_ATTITUDE", "EKF_VELOCITY_HORIZ", "EKF_VELOCITY_VERT", "EKF_POS_HORIZ_REL", "EKF_POS_HORIZ_ABS",
     "EKF_POS_VERT_ABS", "EKF_POS_VERT_AGL", "EKF_CONST_POS_MODE",
 )  # fmt: skip
 _BITS = {**{name: 1 << i for i, name in enumerate(_FLAGS)}, "MAV_MODE_FLAG_SAFETY_ARMED": 128}
-_NUMBERS = {"MAV_AUTOPILOT_INVALID": 8, "MAV_AUTOPILOT_ARDUPILOTMEGA": 3, "MAV_TYPE_GCS": 6, "MAV_TYPE_SUBMARINE": 12}
+_NUMBERS = {  # https://mavlink.io/en/messages/minimal.html
+    "MAV_AUTOPILOT_INVALID": 8, "MAV_AUTOPILOT_ARDUPILOTMEGA": 3, "MAV_AUTOPILOT_PX4": 12,
+    **{f"MAV_TYPE_{name}": number for number, name in enumerate((
+        "GENERIC", "FIXED_WING", "QUADROTOR", "COAXIAL", "HELICOPTER", "ANTENNA_TRACKER", "GCS", "AIRSHIP",
+        "FREE_BALLOON", "ROCKET", "GROUND_ROVER", "SURFACE_BOAT", "SUBMARINE", "HEXAROTOR", "OCTOROTOR", "TRICOPTER",
+        "FLAPPING_WING", "KITE", "ONBOARD_CONTROLLER", "VTOL_TAILSITTER_DUOROTOR", "VTOL_TAILSITTER_QUADROTOR",
+        "VTOL_TILTROTOR",
+    ))},
+}  # fmt: skip
 
 
+@np.errstate(invalid="ignore", over="ignore")  # of numbers in a damaged file
 def read(path: Path, options: ReadOptions) -> Streams:
     """The streams of an MCAP file.
 
     Raises:
         FlightLogError: if it holds neither MAVLink nor ROS messages, or a library is missing.
     """
-    cut: list[str] = []
-    received = mavlink.Received()
-    encodings: set[str] = set()
-    broken, by_name = 0, False
-    for topic, encoding, time_ns, data in _messages(path, cut):
-        encodings.add(encoding)
-        if encoding != "json":
-            continue
-        if not by_name and _TOPIC.fullmatch(topic):
+    loss = Loss()
+    received = mavlink.Received(loss)
+    seen: dict[Channel, None] = {}
+    by_name = False
+    for channel, time_ns, data in read_messages(path, _is_mavlink, seen, loss):
+        if not by_name and _TOPIC.fullmatch(channel.topic):
             by_name = True
-            received = mavlink.Received()  # what came under the common topic comes again under its own
+            received = mavlink.Received(loss)  # what came under the common topic comes again under its own
         try:
-            told = _message(topic, data, by_name)
-        except (ValueError, KeyError, TypeError, AttributeError):
-            broken += 1
-            continue
-        if told is not None:
-            system, name, fields = told
-            received.add(system, name, time_ns * 1e-9, fields)
-    if not received:
-        if encodings - {"json"}:
-            return ros.read(path, options)
-        raise FlightLogError(f"{path.name} holds no MAVLink and no ROS messages: record mavlink/** of the vehicle")
-    findings = []
-    if cut or broken:
-        sentence = f"the file is cut or damaged: {cut[0] if cut else f'{broken} messages cannot be read'}"
-        findings.append(Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again"))
-    return received.streams(path.name, "MAVLink in MCAP", options.system, findings)
+            told = _message(channel.topic, data, by_name)
+            if told is not None:
+                system, name, fields = told
+                received.add(system, name, time_ns * 1e-9, fields)
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+            loss.add("messages that cannot be read")
+    if received:
+        return received.streams(path.name, "MAVLink in MCAP", options.system, loss.findings())
+    if any(channel.encoding != "json" for channel in seen):
+        return ros.read(path, options)
+    findings = " ".join(map(str, loss.findings()))
+    raise FlightLogError(
+        f"{path.name} holds no MAVLink and no ROS messages: record mavlink/** of the vehicle"
+        + (f" ({findings})" if findings else "")
+    )
 
 
-def _messages(path: Path, cut: list[str]) -> Iterator[tuple[str, str, int, bytes]]:
-    """Topic, encoding, time and content, as far as the file can be read."""
-    reader = library("mcap.stream_reader", f"an MCAP recording ({path.name})")
-    records = library("mcap.records", f"an MCAP recording ({path.name})")
-    channels: dict[int, tuple[str, str]] = {}
-    with path.open("rb") as file:
-        stream = iter(reader.StreamReader(file).records)
-        while True:
-            try:
-                record = next(stream)
-            except StopIteration:
-                return
-            except Exception as error:  # of a file that is cut or damaged: whatever lies in it
-                cut.append(" ".join(f"{type(error).__name__} {error}".split())[:100])
-                return
-            if isinstance(record, records.Channel):
-                channels[record.id] = (record.topic, record.message_encoding)
-            elif isinstance(record, records.Message) and record.channel_id in channels:
-                yield (*channels[record.channel_id], record.log_time, record.data)
+def _is_mavlink(channel: Channel) -> bool:
+    return channel.encoding == "json" and bool(_TOPIC.fullmatch(channel.topic) or _ALL.fullmatch(channel.topic))
 
 
 def _message(topic: str, data: bytes, by_name: bool) -> tuple[int, str, dict[str, Any]] | None:

@@ -63,6 +63,12 @@ def left_out(more: Mapping[str, int]) -> Iterator[Finding]:
             yield Finding(Severity.WARNING, "too_many_messages", sentence, "Give a part of the log")
 
 
+def changes(*columns: np.ndarray) -> np.ndarray:
+    """The first row, and those in which one of the columns (T,) differs from the row before."""
+    differs = np.logical_or.reduce([np.diff(column) != 0 for column in columns])
+    return np.concatenate(([0], np.flatnonzero(differs) + 1))
+
+
 def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding] = ()) -> Messages:
     """Times ``t`` that start at 0 and never go back; each start over is put a second behind what was before.
 
@@ -119,7 +125,7 @@ def _drop_odd_values(name: str, columns: dict[str, np.ndarray]) -> Finding | Non
     for field, values in columns.items():
         if field == "t" or values.dtype.kind != "f" or _is_text(columns):
             continue
-        large = np.abs(values) > _MOST
+        large = np.abs(values) > np.float64(_MOST)  # a plain number would be made a half float like those of a field
         if large.any():
             columns[field] = np.where(large, np.nan, values)
             odd[field] = int(large.sum())

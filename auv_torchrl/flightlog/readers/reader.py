@@ -38,9 +38,7 @@ def choose_reader(path: Path, readers: Mapping[str, Reader]) -> Reader | None:
             if reader.folders(path):
                 return reader
     head = first_bytes(path, HEAD_BYTES)
-    for begin, remedy in _POINTERS.items():
-        if head.startswith(begin):
-            raise FlightLogError(f"{path.name} is a pointer of {remedy}, or download it")
+    refuse_pointer(path.name, head)
     fitting = [reader for reader in readers.values() if reader.recognizes(head)]
     suffix = path.suffix.lower()
     named = [reader for reader in readers.values() if suffix in reader.suffixes]
@@ -52,6 +50,17 @@ def choose_reader(path: Path, readers: Mapping[str, Reader]) -> Reader | None:
             "the vehicle again"
         )
     return None
+
+
+def refuse_pointer(name: str, head: bytes) -> None:
+    """Name a file that stands for another one, which was not fetched.
+
+    Raises:
+        FlightLogError: for such a file, saying how to fetch the other one.
+    """
+    for begin, remedy in _POINTERS.items():
+        if head.startswith(begin):
+            raise FlightLogError(f"{name} is a pointer of {remedy}, or download it")
 
 
 def library(module: str, needed_for: str) -> Any:

@@ -8,8 +8,11 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.readers import mavlink
+from auv_torchrl.flightlog.readers.bounds import Loss
 from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
@@ -29,6 +32,7 @@ def recognizes(head: bytes) -> bool:
     return _YEARS_US[0] < struct.unpack(">Q", head[:_STAMP])[0] < _YEARS_US[1]
 
 
+@np.errstate(invalid="ignore", over="ignore")  # of numbers in a damaged file
 def read(path: Path, options: ReadOptions) -> Streams:
     """The streams of the vehicle of a telemetry file; of several, the one that the options name.
 
@@ -39,18 +43,19 @@ def read(path: Path, options: ReadOptions) -> Streams:
     numbers = {number for number, kind in dialect.mavlink_map.items() if _name(kind) in mavlink.WANTED}
     decoder = dialect.MAVLink(None)
     decoder.robust_parsing = False
-    received = mavlink.Received()
+    loss = Loss()
+    received = mavlink.Received(loss)
     lost: Counter[str] = Counter()
     for stamp, packet in _packets(path, numbers, lost):
         try:
             message = decoder.decode(packet)
-        except (dialect.MAVError, struct.error, ValueError, UnicodeError):
+            if message.get_srcComponent() == mavlink.AUTOPILOT:
+                received.add(message.get_srcSystem(), message.get_type(), stamp * 1e-6, message.to_dict())
+        except (dialect.MAVError, struct.error, ValueError, TypeError, OverflowError):
             lost["packets"] += 1
-            continue
-        if message.get_srcComponent() != mavlink.AUTOPILOT:
-            continue
-        received.add(message.get_srcSystem(), message.get_type(), stamp * 1e-6, message.to_dict())
-    return received.streams(path.name, "MAVLink telemetry", options.system, _damage(lost))
+        if loss.stopped:
+            break
+    return received.streams(path.name, "MAVLink telemetry", options.system, (*_damage(lost), *loss.findings()))
 
 
 def _name(kind) -> str:

@@ -1,16 +1,22 @@
-"""PX4's log, ``.ulg``, read by pyulog: https://docs.px4.io/main/en/dev_log/ulog_file_format.html."""
+"""What the topics of a PX4 log mean: the streams, the vehicle, arming and modes."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.readers.reader import library
+from auv_torchrl.flightlog.findings import Finding, FlightLogError
+from auv_torchrl.flightlog.readers.bounds import Loss
+from auv_torchrl.flightlog.readers.messages import changes
+from auv_torchrl.flightlog.readers.ulog_records import Content, Topic, read_content
 from auv_torchrl.flightlog.streams.attitude import euler_angles
+from auv_torchrl.flightlog.streams.parameters import read_parameters
 from auv_torchrl.flightlog.streams.stream import (
+    Kind,
+    Modes,
     ReadOptions,
     Sampling,
+    Spans,
     Stream,
     Streams,
     VehicleFacts,
@@ -18,8 +24,8 @@ from auv_torchrl.flightlog.streams.stream import (
     state_of,
     stream,
 )
+from auv_torchrl.flightlog.streams.vehicle_kind import kind_of_type
 
-MAGIC = b"ULog"
 TOPICS = (
     "actuator_motors", "vehicle_attitude", "vehicle_angular_velocity", "vehicle_acceleration", "sensor_combined",
     "vehicle_local_position", "battery_status", "vehicle_status",
@@ -30,8 +36,18 @@ _MODES = {  # vehicle_status.nav_state
     12: "DESCEND", 13: "TERMINATION", 14: "OFFBOARD", 15: "STAB", 17: "AUTO_TAKEOFF", 18: "AUTO_LAND",
 }  # fmt: skip
 _MOTORS = 12  # that actuator_motors has room for
-
-Topic = Mapping[str, np.ndarray]
+_TYPES: dict[float, str] = {
+    1: "a multirotor",
+    2: "a fixed-wing aircraft",
+    3: "a rover",
+    4: "an airship",
+}  # vehicle_type
+_AIRFRAMES = (  # SYS_AUTOSTART from which on: https://docs.px4.io/main/en/airframes/airframe_reference.html
+    (2000, "a fixed-wing aircraft", False), (3000, "a flying wing", False), (4000, "a quadrotor", False),
+    (5000, "a quadrotor", False), (6000, "a hexarotor", False), (7000, "a hexarotor", False),
+    (8000, "an octorotor", False), (13000, "a VTOL aircraft", False), (50000, "a rover", False),
+    (60000, "an underwater vehicle", True),
+)  # fmt: skip
 
 
 @np.errstate(invalid="ignore", over="ignore")  # of numbers in a damaged file
@@ -39,23 +55,22 @@ def read(path: Path, options: ReadOptions) -> Streams:
     """The streams of a PX4 log.
 
     Raises:
-        FlightLogError: if pyulog is missing or cannot read the file.
+        FlightLogError: if nothing of the file can be read.
     """
-    pyulog = library("pyulog", f"a PX4 log ({path.name})")
-    try:
-        found = pyulog.ULog(str(path), list(TOPICS), disable_str_exceptions=True)
-    except Exception as error:  # it does not say which, for a file that is cut or damaged
-        cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    loss = Loss()
+    found = read_content(path, TOPICS, loss)
+    topics = {}
+    for name, data in found.topics.items():
+        if "timestamp" in data and len(data["timestamp"]):
+            since = data["timestamp"].astype(np.float64) - found.start_us
+            topics[name] = {**data, "t": since * 1e-6}
+    if not topics and not found.parameters:
         raise FlightLogError(
-            f"{path.name} cannot be read as a PX4 log ({cause}): copy it from the vehicle again"
-        ) from error
-    topics: dict[str, Topic] = {}
-    for entry in found.data_list:
-        data = {name: values for name, values in entry.data.items() if values.dtype.kind in "fiub"}
-        if "timestamp" in data and entry.name not in topics:  # the first of several instances
-            topics[entry.name] = {**data, "t": (data["timestamp"].astype(np.float64) - found.start_timestamp) * 1e-6}
-    facts = _vehicle(found)
-    end = max((float(topic["t"].max()) for topic in topics.values() if len(topic["t"])), default=0.0)
+            f"{path.name} cannot be read as a PX4 log (left out: {loss.sentence or 'nothing, there is nothing'}): copy "
+            "it from the vehicle again"
+        )
+    facts, odd = _vehicle(path.name, found, topics.get("vehicle_status"))
+    end = max((float(topic["t"].max()) for topic in topics.values()), default=0.0)
     armed, modes = _status(topics.get("vehicle_status"), end)
     streams = (
         _commands(topics), _attitude(topics),
@@ -64,19 +79,37 @@ def read(path: Path, options: ReadOptions) -> Streams:
               ("vehicle_acceleration", "xyz"), ("sensor_combined", "accelerometer_m_s2")),
         *_local(topics), _battery(topics),
     )  # fmt: skip
-    return Streams(path.name, "PX4 ULog", by_name(streams), facts, armed, modes)
+    return Streams(path.name, "PX4 ULog", by_name(streams), facts, armed, modes, findings=(*loss.findings(), *odd))
 
 
-def _vehicle(found) -> VehicleFacts:
-    given = found.initial_parameters.items()  # of a damaged file also bytes, and numbers that are none
-    parameters = {str(k): float(v) for k, v in given if isinstance(v, int | float) and np.isfinite(v)}
-    name = str(found.msg_info_dict.get("sys_name", "PX4"))
-    release = found.msg_info_dict.get("ver_sw_release")
+def _vehicle(name: str, found: Content, status: Topic | None) -> tuple[VehicleFacts, tuple[Finding, ...]]:
+    parameters, odd = read_parameters(name, found.parameters.items())
+    system, release = found.infos.get("sys_name", "PX4"), found.infos.get("ver_sw_release")
     version = "" if not isinstance(release, int) else ".".join(str(release >> s & 255) for s in (24, 16, 8))
-    start = parameters.get("SYS_AUTOSTART")
-    motors = parameters.get("CA_ROTOR_COUNT")
+    start, motors = parameters.get("SYS_AUTOSTART"), parameters.get("CA_ROTOR_COUNT", 0.0)
     frame = f"SYS_AUTOSTART {start:g}" if start else ""
-    return VehicleFacts(f"{name} {version}".strip(), frame, int(motors) if motors else None, parameters)
+    number = int(motors) if 0 < motors <= _MOTORS else None
+    return VehicleFacts(f"{system} {version}".strip(), frame, number, parameters, _kinds(parameters, status)), odd
+
+
+def _kinds(parameters: Mapping[str, float], status: Topic | None) -> tuple[Kind, ...]:
+    """The kinds of vehicle that its status and its parameters name."""
+    found = [kind_of_type(parameters.get("MAV_TYPE", 0.0), "MAV_TYPE")]
+    if status is not None and "system_type" in status:
+        found.append(kind_of_type(_most(status["system_type"]), "vehicle_status.system_type"))
+    if status is not None and (named := _TYPES.get(_most(status["vehicle_type"]) if "vehicle_type" in status else 0)):
+        found.append(Kind("vehicle_status.vehicle_type", named, False))
+    start = parameters.get("SYS_AUTOSTART", 0.0)
+    for low, named, underwater in _AIRFRAMES:
+        if low <= start < low + 1000:
+            found.append(Kind(f"airframe {start:g}", named, underwater))
+    return tuple(kind for kind in found if kind is not None)
+
+
+def _most(values: np.ndarray) -> float:
+    """The most frequent value (T,)."""
+    numbers, counts = np.unique(values, return_counts=True)
+    return float(numbers[counts.argmax()])
 
 
 def _some(topics: Mapping[str, Topic], name: str, *fields: str) -> tuple[np.ndarray, np.ndarray] | None:
@@ -141,9 +174,10 @@ def _battery(topics: Mapping[str, Topic]) -> Stream | None:
     return stream("battery", ("voltage", "current"), ("V", "A"), *told, Sampling.MEASURED, "battery_status")
 
 
-def _status(topic: Topic | None, end: float):
+def _status(topic: Topic | None, end: float) -> tuple[Spans | None, Modes]:
     if topic is None or "arming_state" not in topic or "nav_state" not in topic:
         return None, ()
-    on = (int(state) == _ARMED for state in topic["arming_state"])
-    names = (_MODES.get(number, f"MODE_{number}") for number in topic["nav_state"].tolist())
-    return state_of(zip(topic["t"].tolist(), on, names, strict=True), end)
+    on = topic["arming_state"] == _ARMED
+    at = changes(on, topic["nav_state"])
+    names = (_MODES.get(number, f"MODE_{number}") for number in topic["nav_state"][at].tolist())
+    return state_of(zip(topic["t"][at].tolist(), on[at].tolist(), names, strict=True), end)

@@ -36,7 +36,7 @@ def drift_of(stream: Stream, gyro: Stream | None) -> float:
 
 def _apart(attitude: Stream, gyro: Stream) -> float | None:
     """How far off an attitude (roll, pitch, yaw) turns from what its gyro felt, rad/s; None if they hardly overlap."""
-    if attitude.channels != ANGLES or min(len(gyro), len(attitude)) < 2:
+    if attitude.channels != ANGLES or min(len(attitude), len(gyro)) < 2:
         return None
     inside = (attitude.t >= gyro.t[0]) & (attitude.t <= gyro.t[-1])
     known = np.flatnonzero(np.isfinite(attitude.values).all(-1) & inside)

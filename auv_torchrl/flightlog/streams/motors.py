@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.autopilot import motor_of
-from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.findings import FlightLogError, quoted
 from auv_torchrl.flightlog.streams.stream import DAMAGED, Stream, Streams, stream
 
 NEUTRAL = 1500.0  # us, at which a motor stands; fixed in ArduSub
@@ -72,10 +72,8 @@ def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
         return streams.streams["commands"]
     outputs = streams.streams.get("outputs")
     if outputs is None:
-        if said := "; ".join(finding.sentence for finding in streams.findings if finding.code == DAMAGED):
-            raise FlightLogError(
-                f"{streams.name} has no outputs of thrusters that can be read: {said}: copy it from the vehicle again"
-            )
+        if damage := [finding for finding in streams.findings if finding.code == DAMAGED]:
+            raise FlightLogError(f"{streams.name} has no outputs of thrusters that can be read: {quoted(damage)}")
         there = ", ".join(streams.streams) or "nothing"
         raise FlightLogError(
             f"{streams.name} does not say what the thrusters were told (it has {there}): log the outputs (RCOU, "
@@ -86,14 +84,18 @@ def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
         raise FlightLogError(f"{streams.name} has pulses of its outputs, and lacks {listed(missing)}: {HOW_TO_GIVE}")
     off = np.full(len(outputs), NEUTRAL)  # a motor on no output is told nothing
     pulse = np.stack([_channel(outputs, k, streams.name) if k else off for k in motors.output], axis=-1)
-    pulse = np.where(pulse > 0, pulse, np.nan) - NEUTRAL  # 0 is an output that is off
-    reach = np.where(pulse > 0, motors.high - NEUTRAL, NEUTRAL - motors.low)
-    values = np.array(motors.direction) * pulse / reach
+    values = np.array(motors.direction) * commands_of_pulses(pulse, motors.low, motors.high)
     channels = (f"cmd_{n + 1}" for n in range(len(motors.output)))
     sent = stream("commands", channels, "1", outputs.t, values, outputs.sampling, outputs.source)
     if sent is None:
         raise FlightLogError(f"{streams.name}: the outputs of the motors are off all along: give a log of a dive")
     return sent
+
+
+def commands_of_pulses(pulse: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Commands in [-1, 1] of pulses in us whose ends are full command; NaN for an output that is off, which has 0."""
+    away = np.where(pulse > 0, pulse, np.nan) - NEUTRAL
+    return away / np.where(away > 0, high - NEUTRAL, NEUTRAL - low)
 
 
 HOW_TO_GIVE = (

@@ -36,7 +36,7 @@ class Sampling(StrEnum):
 
 @dataclass(frozen=True)
 class Stream:
-    """Samples of one source. Times rise strictly; a value that was not given is NaN."""
+    """Samples of one source, whose name is made printable. Times rise strictly; a value that was not given is NaN."""
 
     name: str
     channels: tuple[str, ...]
@@ -46,6 +46,9 @@ class Stream:
     sampling: Sampling
     source: str  # where in the file, for people
     drift: float | None = None  # of an estimate: standard deviation of the rate of its error, per s; None is not said
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "source", printable(self.source))
 
     def __len__(self) -> int:
         return len(self.t)
