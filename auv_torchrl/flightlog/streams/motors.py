@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_torchrl.autopilot import motor_of
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.streams.stream import DAMAGED, Stream, Streams, stream
+from auv_torchrl.flightlog.streams.stream import DAMAGED, WHICH_COMMANDS, Stream, Streams, stream
 
 NEUTRAL = 1500.0  # us, at which a motor stands; fixed in ArduSub
 _OUTPUTS = 32
@@ -75,6 +75,11 @@ def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
             raise FlightLogError(
                 f"{streams.name} has no outputs of thrusters that can be read: {said}: copy it from the vehicle again"
             )
+        for finding in streams.findings:
+            if finding.code == WHICH_COMMANDS:
+                raise FlightLogError(
+                    f"{streams.name} does not say what the thrusters were told: {finding.sentence}: {finding.remedy}"
+                )
         there = ", ".join(streams.streams) or "nothing"
         raise FlightLogError(
             f"{streams.name} does not say what the thrusters were told (it has {there}): log the outputs (RCOU, "
