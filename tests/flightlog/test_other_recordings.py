@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.streams import tabulate
+from auv_torchrl.flightlog.streams.motors import commands_of
 from auv_torchrl.flightlog.streams.stream import ReadOptions
 from tests.flightlog.dataflash_writer import ALL
-from tests.flightlog.shared_data import EXCERPTS
+from tests.flightlog.shared_data import EXCERPTS, shared
 from tests.flightlog.vehicle_log import streams_of
 
 LEVEL_NORTH_ENU = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # w x y z of a body that looks north: 90 degrees from east
@@ -52,7 +53,6 @@ def ulog_file() -> bytes:
 
 def test_a_px4_log_is_read(tmp_path):
     """Commands as they are, attitude from the quaternion, no position where the filter has none, armed from 1 s on."""
-    pytest.importorskip("pyulog")
     path = tmp_path / "flight.ulg"
     path.write_bytes(ulog_file())
     streams = streams_of(path)
@@ -66,7 +66,6 @@ def test_a_px4_log_is_read(tmp_path):
 @given(data=st.data())
 def test_no_damage_of_a_px4_log_ends_in_a_traceback(tmp_path, data):
     """Cut anywhere, bytes changed anywhere behind the head."""
-    pytest.importorskip("pyulog")
     content = bytearray(ulog_file())
     end = data.draw(st.integers(16, len(content)))
     for place in data.draw(st.lists(st.integers(16, len(content) - 1), max_size=20)):
@@ -295,3 +294,77 @@ def test_a_bag_that_was_cut_is_a_sentence(tmp_path):
     path.write_bytes(path.read_bytes()[:5000])
     with pytest.raises(FlightLogError, match="flight.bag cannot be read as a ROS bag"):
         streams_of(path)
+
+
+def array_bag(path, **topics):
+    """A bag of ROS 1 with an attitude, and arrays of numbers by topic."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    from rosbags.rosbag1 import Writer
+
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    layout = store.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    kind = "std_msgs/msg/Float64MultiArray"
+    with Writer(path) as out:
+        for name, numbers in topics.items():
+            connection = out.add_connection(f"/{name}", kind, typestore=store)
+            for k in range(30):
+                sent = store.types[kind](layout=layout, data=np.array(numbers, float))
+                out.write(connection, (10 + k) * 10**8, store.serialize_ros1(sent, kind))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("topics", "cause"),
+    [
+        ({"states": [0.1] * 10}, r"no topic is called as .* that may be them: /states \(10 numbers\)"),
+        ({"thruster_rpm": [0.1] * 6}, r"that may be them: /thruster_rpm \(6 numbers\)"),
+        ({"thrusters": [1500.0] * 6}, r"/thrusters \(up to 1.5e\+03\) is called .* no numbers within \[-1, 1\]"),
+        ({"thrusters": [0.1] * 6, "motor_cmd": [0.1] * 6}, "/thrusters, /motor_cmd may all be the commands"),
+    ],
+)
+def test_an_array_is_no_command_unless_its_topic_says_so(tmp_path, topics, cause):
+    """States of as many numbers as there are thrusters, answers, pulses, two that may be it: listed, and not taken."""
+    streams = streams_of(array_bag(tmp_path / "flight.bag", **topics))
+    assert "commands" not in streams.streams
+    with pytest.raises(FlightLogError, match=cause + r".*Record the commands in \[-1, 1\]"):
+        commands_of(streams, {})
+
+
+def test_commands_are_found_beside_other_arrays(tmp_path):
+    """By the name of their topic."""
+    path = array_bag(tmp_path / "flight.bag", states=[0.1] * 10, rov_thruster_commands=[0.5] * 6)
+    assert streams_of(path).streams["commands"].source == "/rov_thruster_commands"
+
+
+def test_a_bag_without_definitions_is_read():
+    """As mavros wrote it, packed as it lies there; topics of other types, and other vehicles, are named."""
+    bag = shared("saab_brov/rosbag2_2025_05_14-15_59_00/metadata.yaml.xz").parent
+    streams = streams_of(bag)
+    said = {finding.code: finding.sentence for finding in streams.findings}
+    assert {"outputs", "gyro", "position", "battery"} <= streams.streams.keys() and streams.armed
+    assert "sam_mocap" in streams.streams["position"].source and "topics of other types" in said["topics_left_out"]
+    assert streams.streams["attitude"].source == streams.streams["position"].source and "several_sources" in said
+
+
+@pytest.mark.parametrize(
+    ("parameters", "cause"),
+    [
+        ({"MAV_TYPE": 2}, r"a quadrotor \(MAV_TYPE\): no underwater"),
+        ({"SYS_AUTOSTART": 50000}, r"a rover \(airframe 50000\): no underwater"),
+        ({"MAV_TYPE": 12, "SYS_AUTOSTART": 60002}, ""),
+    ],
+)
+def test_a_px4_log_of_another_vehicle_is_named(tmp_path, parameters, cause):
+    """By its type or airframe; an underwater vehicle is read."""
+    start = ulog_file()
+    for name, value in parameters.items():
+        key = f"int32_t {name}".encode()
+        body = bytes([len(key)]) + key + struct.pack("<i", value)
+        start += struct.pack("<HB", len(body), ord("P")) + body
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(start)
+    if cause:
+        with pytest.raises(FlightLogError, match=cause):
+            tabulate(streams_of(path))
+    else:
+        assert "cmd_2" in tabulate(streams_of(path)).columns

@@ -137,3 +137,15 @@ def test_the_real_telemetry_is_read():
     assert streams.armed is not None
     assert sum(end - begin for begin, end in streams.armed) == pytest.approx(16, abs=1)
     assert streams.vehicle.parameters["MOT_5_DIRECTION"] == -1
+
+
+def test_telemetry_of_another_vehicle_is_named(tmp_path):
+    """By the type in its heartbeats; where the text of the firmware says otherwise, a finding names both."""
+    link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    copter = dialect.MAVLink_heartbeat_message(2, 3, 128, 0, 4, 3)
+    beats = b"".join(sent(link, k, copter) + sent(link, k, attitude(k + 100)) for k in range(20))
+    with pytest.raises(FlightLogError, match=r"a quadrotor \(HEARTBEAT.type\): no underwater vehicle"):
+        tabulate(streams_of(written(tmp_path, beats)))
+    text = sent(link, 0, dialect.MAVLink_statustext_message(6, b"ArduSub V4.1.1"))
+    kinds = streams_of(written(tmp_path, text + beats)).vehicle.kinds
+    assert [(kind.name, kind.underwater) for kind in kinds] == [("ArduSub", True), ("a quadrotor", False)]

@@ -66,6 +66,8 @@ def read(path: Path, options: ReadOptions) -> Streams:
     if any(channel.encoding != "json" for channel in seen):
         return ros.read(path, options)
     findings = " ".join(map(str, loss.findings()))
+    if any(map(_is_mavlink, seen)) and loss.sentence:
+        raise FlightLogError(f"{path.name} holds no MAVLink message that can be read ({findings})")
     raise FlightLogError(
         f"{path.name} holds no MAVLink and no ROS messages: record mavlink/** of the vehicle"
         + (f" ({findings})" if findings else "")

@@ -25,6 +25,7 @@ from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted
 from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1, DefinitionError, Type, Values
 from auv_torchrl.flightlog.streams.attitude import euler_angles, frd_of_flu, ned_of_enu, ned_of_enu_vector
 from auv_torchrl.flightlog.streams.stream import (
+    WHICH_COMMANDS,
     Floats,
     Modes,
     ReadOptions,
@@ -387,7 +388,7 @@ def _commands(
             sentence = "no topic tells commands"
         if not chosen and (named := [other for other in others if _is_called_commands(other.partition(" ")[0])]):
             sentence += f"; {_listed(named)} may be, but is of a type that is not read"
-        return None, [Finding(Severity.WARNING, "which_commands", sentence, _TO_RECORD)]
+        return None, [Finding(Severity.WARNING, WHICH_COMMANDS, sentence, _TO_RECORD)]
     topic = chosen[0]
     t, width = times[id(topic)] - start, topic.fields.shape[1]
     if pulses:

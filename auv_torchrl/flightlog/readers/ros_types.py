@@ -65,7 +65,7 @@ class _Step(NamedTuple):
 
     name: str  # with dots
     kind: str  # code of struct; "s" for texts, "" for an array of messages
-    count: int | None  # None for one value, -1 for an array whose length goes before it
+    length: int | None  # None for one value, -1 for an array whose length goes before it
     parts: tuple["_Step", ...] = ()  # of each message of an array
 
 

@@ -6,7 +6,7 @@ description of a topic can claim more; behind damage the reading goes on where m
 
 import re
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -185,8 +185,8 @@ class _Reading:
 
 def _columns(rows: np.ndarray, prefix: str) -> Iterable[tuple[str, np.ndarray]]:
     """Columns of numbers, entries of arrays as ``name[i]``; what is in another type is not needed."""
-    fields: Mapping[str, tuple] = rows.dtype.fields or {}
-    for name, (dtype, *_) in fields.items():
+    for name in rows.dtype.names or ():
+        dtype = rows.dtype[name]
         if dtype.subdtype is None and dtype.fields is None:
             yield f"{prefix}{name}", rows[name]
         elif dtype.subdtype is not None and dtype.subdtype[0].fields is None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from auv_torchrl.autopilot import motor_of
 from auv_torchrl.flightlog.findings import FlightLogError, quoted
-from auv_torchrl.flightlog.streams.stream import DAMAGED, Stream, Streams, stream
+from auv_torchrl.flightlog.streams.stream import DAMAGED, WHICH_COMMANDS, Stream, Streams, stream
 
 NEUTRAL = 1500.0  # us, at which a motor stands; fixed in ArduSub
 _OUTPUTS = 32
@@ -74,6 +74,11 @@ def commands_of(streams: Streams, parameters: Mapping[str, float]) -> Stream:
     if outputs is None:
         if damage := [finding for finding in streams.findings if finding.code == DAMAGED]:
             raise FlightLogError(f"{streams.name} has no outputs of thrusters that can be read: {quoted(damage)}")
+        for finding in streams.findings:
+            if finding.code == WHICH_COMMANDS:
+                raise FlightLogError(
+                    f"{streams.name} does not say what the thrusters were told: {finding.sentence}: {finding.remedy}"
+                )
         there = ", ".join(streams.streams) or "nothing"
         raise FlightLogError(
             f"{streams.name} does not say what the thrusters were told (it has {there}): log the outputs (RCOU, "

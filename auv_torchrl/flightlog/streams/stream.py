@@ -22,6 +22,7 @@ Modes = tuple[tuple[float, str], ...]  # s, since when which
 
 LONG_PAUSE = 5.0  # usual sampling intervals; what is longer is a gap,
 LONG_PAUSE_S = 0.3  # if it is also longer than this
+WHICH_COMMANDS = "which_commands"  # code of findings about what may be the commands of the thrusters
 DAMAGED = "damaged_description"  # code of findings about messages that are left out because their form is not known
 
 
