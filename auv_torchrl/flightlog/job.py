@@ -12,6 +12,7 @@ from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.table import read_table
 from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.flightlog.writer import write_table
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 WIDTH = 80  # letters of a row on a terminal
@@ -93,4 +94,4 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     for finding in table.findings:
         print(finding, file=sys.stderr)
     write_table(table, output, replace)
-    print(f"{output}: {len(table.row)} rows of {' '.join(table.columns)}")
+    print(f"{printable(str(output), None)}: {len(table.row)} rows of {' '.join(table.columns)}")
