@@ -62,8 +62,8 @@ def _inside(folder: Path) -> Iterator[Path]:
 
 def _as_counted(path: Path) -> list[tuple[int, str]]:
     """Dive 9 comes before dive 10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdigit() else (-1, part.lower()) for part in parts]
+    parts = re.split(r"([0-9]+)", path.name)
+    return [(int(part), "") if part.isascii() and part.isdigit() else (-1, part.lower()) for part in parts]
 
 
 def names(config: DictConfig, key: str) -> tuple[str, ...]:

@@ -66,8 +66,10 @@ def fitted(line: str) -> str:
     indent = min(head.end() if head else 0, _DEEPEST) or _INDENT
     blanks = len(line) - len(line.lstrip())
     first, rest = " " * blanks, " " * max(indent, blanks + _INDENT if head and head.end() == blanks else 0)
-    whole = {"break_long_words": False, "break_on_hyphens": False, "drop_whitespace": True}
-    return textwrap.fill(line[blanks:], WIDTH, initial_indent=first, subsequent_indent=rest, **whole)
+    return textwrap.fill(
+        line[blanks:], WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
 
 
 def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> None:

@@ -253,7 +253,7 @@ def _depth(values: Floats, written: str, unit: Unit | None) -> tuple[Floats, str
     """A depth in metres, positive down.
 
     Raises:
-        Unclear: if it is above the surface all along.
+        Unclear: if it is above the surface most of the time.
     """
     if np.nanmedian(values) < -_ABOVE if np.isfinite(values).any() else False:
         raise Unclear("is below 0 as a height is: give the depth, positive down")
