@@ -13,6 +13,7 @@ from auv_torchrl.flightlog.streams.parameters import NOT_FINITE
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.flightlog.writer import write_table
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 WIDTH = 80  # letters of a row on a terminal
@@ -65,8 +66,10 @@ def fitted(line: str) -> str:
     indent = min(head.end() if head else 0, _DEEPEST) or _INDENT
     blanks = len(line) - len(line.lstrip())
     first, rest = " " * blanks, " " * max(indent, blanks + _INDENT if head and head.end() == blanks else 0)
-    whole = {"break_long_words": False, "break_on_hyphens": False, "drop_whitespace": True}
-    return textwrap.fill(line[blanks:], WIDTH, initial_indent=first, subsequent_indent=rest, **whole)
+    return textwrap.fill(
+        line[blanks:], WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
 
 
 def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> None:
@@ -93,4 +96,4 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     for finding in table.findings:
         print(finding, file=sys.stderr)
     write_table(table, output, replace)
-    print(f"{output}: {len(table.row)} rows of {' '.join(table.columns)}")
+    print(f"{printable(str(output), None)}: {len(table.row)} rows of {' '.join(table.columns)}")

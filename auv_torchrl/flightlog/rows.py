@@ -80,7 +80,7 @@ def usable_stretches(
     findings = _missing(table, commanded, axes)
     seen = np.logical_and.reduce([np.isfinite(table.columns[axis]) for axis in axes])
     stretches = []
-    for run in runs_of_time(table, np.isfinite(commands).all(axis=-1), findings):
+    for run in runs_of_time(table, np.asarray(np.isfinite(commands).all(axis=-1)), findings):
         stretches += _cut_at_gaps(table, run, seen, commands, int(table.episode[run[0]]), jumps, findings)
     return stretches, findings
 

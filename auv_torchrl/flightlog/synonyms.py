@@ -191,8 +191,8 @@ def _groups(pattern: str) -> int:
 def near(column: str) -> str:
     """A name of the format of which this one is a slip of the pen; empty where it may be another thing.
 
-    A slip is a letter too many, missing, exchanged with the next one, or wrong within a long name. It never touches
-    a digit, and names of up to three letters have none: each of them is one step away from another quantity.
+    A slip is a letter doubled or exchanged with the next one, a plural, and in a long name one letter wrong, missing
+    or too many: "pith" is no pitch. It never touches a digit, and names of up to three letters have none.
     """
     name = folded(column)
     return next((other for other in _SPELT if len(other) > 3 and _is_slip(name, other)), "")
@@ -205,13 +205,13 @@ _LONG = 8  # letters from which a wrong one is a slip: "reading" is no "heading"
 def _is_slip(name: str, other: str) -> bool:
     if re.sub("[^0-9]", "", name) != re.sub("[^0-9]", "", other) or name[:1] != other[:1]:
         return False
-    if abs(len(name) - len(other)) == 1:
-        short, long = sorted((name, other), key=len)
-        return any(long[:i] + long[i + 1 :] == short for i in range(len(long)))
-    if len(name) != len(other):
-        return False
-    wrong = [i for i, (one, two) in enumerate(zip(name, other, strict=True)) if one != two]
-    swapped = len(wrong) == 2 and wrong[1] == wrong[0] + 1
-    return (swapped and name[wrong[0]] == other[wrong[1]] and name[wrong[1]] == other[wrong[0]]) or (
-        len(wrong) == 1 and len(other) >= _LONG
-    )
+    long = len(other) >= _LONG
+    for i in range(len(other)):
+        swapped = other[:i] + other[i + 1 : i + 2] + other[i] + other[i + 2 :]
+        if name in (swapped, other[: i + 1] + other[i:], f"{other}s"):
+            return True
+        if long and re.fullmatch(f"{re.escape(other[:i])}[a-z]?{re.escape(other[i + 1 :])}", name):
+            return True
+        if long and len(name) == len(other) + 1 and name[:i] + name[i + 1 :] == other:
+            return True
+    return False

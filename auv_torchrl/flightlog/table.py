@@ -296,4 +296,6 @@ def _cause(error: Exception) -> str:
     cause = printable(_first_line(error))
     if "straddling object" in cause:
         return f"a row is longer than {_BLOCK_BYTES >> 20} MB"
+    if "out of sync" in cause:
+        return "a value in quotation marks goes on over several lines"
     return f"{_MOST_RAGGED:,} rows do not have as many values as the header" if "CSV parse error" in cause else cause

@@ -253,7 +253,7 @@ def _depth(values: Floats, written: str, unit: Unit | None) -> tuple[Floats, str
     """A depth in metres, positive down.
 
     Raises:
-        Unclear: if it is above the surface all along.
+        Unclear: if it is above the surface most of the time.
     """
     if np.nanmedian(values) < -_ABOVE if np.isfinite(values).any() else False:
         raise Unclear("is below 0 as a height is: give the depth, positive down")
@@ -269,9 +269,7 @@ def _pulses(values: Floats, written: str, unit: Unit | None) -> tuple[Floats, st
     pulses = values[np.isfinite(values) & (values != 0)]
     low, high = float(pulses.min()), float(pulses.max())
     if ((pulses < _PULSES[0]) | (pulses > _PULSES[1])).mean() > _MOST_ODD:
-        raise Unclear(
-            f"lies in [{low:g}, {high:g}]: pulses in us would be near 1500; if they are commands, call it cmd_n"
-        )
+        raise Unclear(f"lies in [{low:g}, {high:g}]: pulses in us are near 1500; commands in [-1, 1] are called cmd_n")
     beyond = (pulses < PULSE_LOW - _BEYOND) | (pulses > PULSE_HIGH + _BEYOND)
     if beyond.mean() > _MOST_ODD:
         raise Unclear(
