@@ -82,5 +82,5 @@ def test_the_flight_with_the_slowest_recovery_stands_in_the_table(tmp_path):
     runs += [result("cycle", 0, 0.004, in_flight=flown((1.0, None))), result("reversed", 0, 0.004)]
     rows = {row.split(" | ")[0]: row for row in summarize(runs, tmp_path).splitlines()}
     assert rows["| swap"].endswith("| 90\u202f% | 2.5 |")
-    assert rows["| cycle"].endswith("| 100% | never |")
+    assert rows["| cycle"].endswith("| 100\u202f% | never |")
     assert rows["| reversed"].endswith("| – | – |")

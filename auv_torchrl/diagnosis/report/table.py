@@ -22,8 +22,9 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
     for effect in diagnosis.effects:
         lines.append(f"{words(effect.name)}, {percent(effect.probability)}")
         for parameter, estimate in effect.parameters.items():
-            value, interval, nominal = shown(estimate).with_unit()
-            lines.append(f"  {words(parameter):<26} {value:>12} {interval:>25} {nominal:>12}")
+            e = shown(estimate)
+            name = f"{words(parameter)}{e.unit and ', '}{e.unit}"
+            lines.append(f"  {name:<26} {e.value:>12} {e.interval:>25} {e.nominal:>12}")
     if not diagnosis.effects and diagnosis.candidates:
         ranked = (f"{words(c.name)} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
         lines += ["", f"most probable: {', '.join(ranked)}"]

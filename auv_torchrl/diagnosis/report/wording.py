@@ -20,12 +20,6 @@ class Shown:
     nominal: str
     unit: str
 
-    def with_unit(self) -> tuple[str, str, str]:
-        """Value, interval and nominal value, each with the unit."""
-        dash = self.interval == "–"
-        interval = self.interval if dash else with_unit(self.interval, self.unit)
-        return with_unit(self.value, self.unit), interval, with_unit(self.nominal, self.unit)
-
 
 def shown(estimate: Estimate) -> Shown:
     """An estimate with its interval and nominal value in the unit that suits the largest of them."""
