@@ -17,12 +17,18 @@ from omegaconf.errors import OmegaConfBaseException
 from auv_torchrl.command.arguments import explain
 from auv_torchrl.command.errors import BadInput, fail, writing
 from auv_torchrl.command.folder import claim_folder, finish, goes_on, is_finished
+from auv_torchrl.command.sweep import SweepProgress
+from auv_torchrl.command.terminal import Console
+from auv_torchrl.progress import show_no_progress
 
 log = logging.getLogger(__name__)
 
 
 class OutputFolder(Callback):
     """Refuses a used output folder before anything is written, then records how each job was started."""
+
+    def __init__(self) -> None:
+        self._sweep = SweepProgress()
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Claim the folder of a single run."""
@@ -33,15 +39,19 @@ class OutputFolder(Callback):
         """Claim the folder of a sweep."""
         with _or_end(config):
             _claim(config, config.hydra.sweep.dir, "")
+            self._sweep.begin(config)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Every job has ended well."""
+        self._sweep.end()
         with _or_end(config):
             finish(Path(config.hydra.sweep.dir))
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Claim the folder of a job of a sweep, unless it ended there before the sweep was broken off."""
         folder = Path(config.hydra.runtime.output_dir)
+        if config.hydra.mode is RunMode.MULTIRUN:
+            _leave_console_to_the_sweep()
         if config.hydra.mode is RunMode.MULTIRUN and not is_finished(folder):
             with _or_end(config):
                 _claim(config, str(folder), _settings(config), (f"{config.hydra.job.name}.log",))
@@ -63,6 +73,14 @@ def _or_end(config: DictConfig) -> Iterator[None]:
     except Exception:  # a defect of the program
         traceback.print_exc()
         sys.exit(1)
+
+
+def _leave_console_to_the_sweep() -> None:
+    """Let a job say on the console what went wrong alone: its log has all, and other jobs run beside it."""
+    show_no_progress()
+    for handler in logging.getLogger().handlers:
+        if isinstance(handler, Console):
+            handler.setLevel(logging.WARNING)
 
 
 def _claim(config: DictConfig, folder: str, settings: str, ours: tuple[str, ...] = ()) -> None:

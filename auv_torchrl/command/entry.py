@@ -27,7 +27,7 @@ from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_k
 from auv_torchrl.command.errors import BAD_INPUT, BadInput, checking_input, fail, writing
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
 from auv_torchrl.command.own_files import own_files
-from auv_torchrl.command.terminal import spell_signs
+from auv_torchrl.command.terminal import prepare_terminal
 from auv_torchrl.config_source import PLAIN, check_config_files
 from auv_torchrl.importing import replaced
 from auv_torchrl.parallel import use_cluster
@@ -62,7 +62,7 @@ def command(
     def decorate(task: Callable[[DictConfig], None]) -> Callable[[], None]:
         @functools.wraps(task)
         def job(config: DictConfig) -> None:
-            spell_signs()  # here too, because jobs of a sweep may run in processes of their own
+            prepare_terminal()  # here too, because jobs of a sweep may run in processes of their own
             folder = Path(HydraConfig.get().runtime.output_dir)
             if has_folder and is_finished(folder):  # in a sweep that goes on
                 log.info("finished before: %s", folder)
@@ -86,7 +86,7 @@ def command(
         def entry() -> None:
             os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra hands its errors on instead of printing them
             check_config_files()
-            spell_signs()
+            prepare_terminal()
             given = sys.argv
             try:
                 arguments, own = without_config_dir(given[1:])

@@ -99,7 +99,7 @@ thrust_curve = Effect(
             own("asymmetry"),
             -0.6,
             0.6,
-            "reverse thrust is weaker by {value:.0%}",
+            "reverse thrust is weaker by {share}",
             guessed=0.15,  # T200: a fifth
         ),
     ),
@@ -171,7 +171,7 @@ battery_sag = Effect(
     meaning="share of the thrust lost per minute from the start of the episode",
     source="T200 thrust is roughly proportional to voltage (Blue Robotics chart, 10 to 20 V)",
     parameters=(
-        Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {value:.0%} of its value per minute"),
+        Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {share} of its value per minute"),
     ),
     change=sets(rate="battery_sag"),
     advice=advice.said("charge or change the battery, and log its volts"),

@@ -18,6 +18,7 @@ from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.flightlog import FlightLog, write_flightlog
+from auv_torchrl.progress import Progress
 from auv_torchrl.quantities import percent, quantity, words
 
 LOG, FILES = "target_log.parquet", "diagnosis"  # in the folder of the run
@@ -139,7 +140,8 @@ def look(experiment: Experiment) -> tuple[FlightLog, Diagnosed]:
         experiment.excitation,
         LOG,
     )
-    diagnosis = diagnose(flown, experiment.vehicle, vehicle_name=experiment.vehicle_name)
+    with Progress() as progress:
+        diagnosis = diagnose(flown, experiment.vehicle, progress=progress, vehicle_name=experiment.vehicle_name)
     log.info("   %s", diagnosis.summary)
     return flown, Diagnosed.of(diagnosis, experiment.vehicle)
 

@@ -21,6 +21,7 @@ from rerun.chunk import RrdReader
 
 from auv_torchrl.diagnosis.report import named_files, report_page, summary_table, write_files
 from auv_torchrl.diagnosis.report.svg import decades, ticks
+from auv_torchrl.diagnosis.report.wording import sentence
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import NO_MARK, Diagnosis, Errors, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.verdict_file import from_json, to_json
@@ -121,7 +122,7 @@ def test_the_page_says_what_the_diagnosis_says(diagnosis, paper):
     effect = diagnosis.effects[0]
     words = [diagnosis.summary, diagnosis.verdict.value, effect.sentence, "0.541 to 0.563", "97 %", "95 %"]
     words += ["Confirmed in MuJoCo", "44 → <b>1.9 cm</b>", "96 %"]
-    words += [regime.when for regime in diagnosis.where.regime] + list(diagnosis.cannot_tell)
+    words += [regime.when for regime in diagnosis.where.regime] + [sentence(line) for line in diagnosis.cannot_tell]
     words += [diagnosis.next_experiment.why, diagnosis.findings[0].sentence, "rows 9 to 10", "thruster gain of 4"]
     words += ["Set MOT_4_DIRECTION to 1.", "Look for weed."]
     for text in words:

@@ -18,13 +18,13 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
     begins = "" if diagnosis.verdict is Verdict.NO_GAP else f"{words(diagnosis.verdict.key)}: "
     lines = [f"{begins}{diagnosis.summary}"]
     if diagnosis.effects:
-        lines += ["", f"{'effect, probability':<28} {'value':>12} {'95 % interval':>25} {'nominal':>12}"]
+        lines += ["", f"{'effect, probability':<37} {'value':>10} {'95 % interval':>22} {'nominal':>8}"]
     for effect in diagnosis.effects:
         lines.append(f"{words(effect.name)}, {percent(effect.probability)}")
         for parameter, estimate in effect.parameters.items():
             e = shown(estimate)
             name = f"{words(parameter)}{e.unit and ', '}{e.unit}"
-            lines.append(f"  {name:<26} {e.value:>12} {e.interval:>25} {e.nominal:>12}")
+            lines.append(f"  {name:<35} {e.value:>10} {e.interval:>22} {e.nominal:>8}")
     if not diagnosis.effects and diagnosis.candidates:
         ranked = (f"{words(c.name)} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
         lines += ["", f"most probable: {', '.join(ranked)}"]
