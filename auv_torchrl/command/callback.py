@@ -22,13 +22,11 @@ from auv_torchrl.command.terminal import Console
 from auv_torchrl.progress import show_no_progress
 
 log = logging.getLogger(__name__)
+_sweep = SweepProgress()  # of this process: the callback itself travels to the processes of the jobs
 
 
 class OutputFolder(Callback):
     """Refuses a used output folder before anything is written, then records how each job was started."""
-
-    def __init__(self) -> None:
-        self._sweep = SweepProgress()
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Claim the folder of a single run."""
@@ -39,11 +37,11 @@ class OutputFolder(Callback):
         """Claim the folder of a sweep."""
         with _or_end(config):
             _claim(config, config.hydra.sweep.dir, "")
-            self._sweep.begin(config)
+            _sweep.begin(config)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Every job has ended well."""
-        self._sweep.end()
+        _sweep.end()
         with _or_end(config):
             finish(Path(config.hydra.sweep.dir))
 

@@ -2,6 +2,7 @@
 
 import sys
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,26 +24,26 @@ class SweepProgress:
 
     def __init__(self) -> None:
         self._progress: Progress | None = None
-        self._ended = threading.Event()
 
     def begin(self, config: DictConfig) -> None:
         """Watch the jobs of a sweep; another sweeper than Hydra's own does not say how many there will be."""
         if config.hydra.sweeper._target_ != _SWEEPER:
             return
+        self.end()
         self._progress = Progress(say=_print).__enter__()
-        total, folder = jobs_of(config), Path(config.hydra.sweep.dir)
-        threading.Thread(target=self._watch, args=(folder, total), daemon=True).start()
+        watched = self._progress, Path(config.hydra.sweep.dir), jobs_of(config)
+        threading.Thread(target=self._watch, args=watched, daemon=True).start()
 
     def end(self) -> None:
         """Watch no longer."""
-        self._ended.set()
         if self._progress is not None:
             self._progress.__exit__()
             self._progress = None
 
-    def _watch(self, folder: Path, total: int) -> None:
+    def _watch(self, progress: Progress, folder: Path, total: int) -> None:
         finished: set[Path] = set()
-        while not self._ended.wait(_EVERY_S) and (progress := self._progress) is not None:
+        while self._progress is progress:
+            time.sleep(_EVERY_S)
             with suppress(OSError):  # a job removes or replaces what was listed
                 finished |= {job for job in folder.iterdir() if job not in finished and is_finished(job)}
             progress(f"{len(finished)} of {counted(total, 'run')} finished", len(finished) / total)

@@ -1,11 +1,11 @@
 """report.html: what a diagnosis says, on one page that needs nothing else."""
 
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import jinja2
 import numpy as np
+from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from auv_torchrl import __version__
@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sent
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
+from auv_torchrl.files import say_not_kept
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.paths import cache_folder
 from auv_torchrl.quantities import counted, number, percent, quantity, scale, with_unit, words
@@ -57,13 +58,32 @@ def templates(folder: Path) -> jinja2.Environment:
 
 
 def _compiled_before() -> jinja2.BytecodeCache | None:
-    """Where templates are kept compiled, which takes 0.1 s; None where nothing can be kept."""
-    folder = cache_folder() / "pages"
+    """Where templates are kept compiled, which takes 0.1 s; None where there is no folder for it."""
     try:
+        folder = cache_folder() / "pages"
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    except OSError as error:
+        say_not_kept(error.strerror or str(error))
         return None
-    return jinja2.FileSystemBytecodeCache(str(folder)) if os.access(folder, os.W_OK) else None
+    return _Kept(str(folder))
+
+
+class _Kept(jinja2.FileSystemBytecodeCache):
+    """A cache that costs time and nothing else where it is full, read-only or damaged."""
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Read what was kept, if it can be read."""
+        try:
+            super().load_bytecode(bucket)
+        except (OSError, EOFError, ValueError, TypeError):  # of marshal and pickle, where a file is cut or damaged
+            bucket.reset()
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep it, if there is room."""
+        try:
+            super().dump_bytecode(bucket)
+        except OSError as error:
+            say_not_kept(error.strerror or str(error))
 
 
 def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
