@@ -75,7 +75,7 @@ class Results:
 
     def table(self) -> str:
         """Markdown of lines of up to 80 characters, the paper's row beside ours; then what it took and what it says."""
-        what = f"vehicle {self.vehicle}, {counted(self.starts, 'start')} within ±{quantity(self.box_m, 'm')}"
+        what = f"vehicle {self.vehicle}, {counted(self.starts, 'start')} within ±{self.box_m:g} m"
         rows = [f"{words(with_task(self.task, self.scenario))}, {what}", ""]
         rows.append(_line("", [name for name, _ in COLUMNS]))
         rows.append(_line(":" + "-" * (_LABEL - 1), ["-" * (width - 1) + ":" for _, width in COLUMNS]))

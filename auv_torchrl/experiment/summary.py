@@ -92,7 +92,7 @@ def console_table(runs: Runs) -> str:
     for (scenario, vehicle, box), members in groups(runs).items():
         if several and place != (vehicle, box):
             place = (vehicle, box)
-            lines.append(f"{vehicle}, starts within ±{quantity(box, 'm')}")
+            lines.append(f"{vehicle}, starts within ±{box:g} m")
         adapted, alone = _errors(members, "u_t"), _errors(members, "u_s")
         errors = (_median(alone), _median(adapted), max(adapted, default=None))
         shown = ["–" if error is None else quantity(error, "m") if error < math.inf else "inf" for error in errors]

@@ -1,5 +1,6 @@
 """What a diagnosis leaves: the page is whole and marks the right thing, the files read back."""
 
+import errno
 import json
 import re
 import shutil
@@ -179,6 +180,26 @@ def test_a_page_is_the_same_whether_its_template_is_kept_compiled_or_not(diagnos
     (tmp_path / "file").touch()
     monkeypatch.setattr("auv_torchrl.diagnosis.report.page.cache_folder", lambda: tmp_path / "file")
     assert report_page(diagnosis, paper) == first
+
+
+@pytest.mark.parametrize("damage", ["full", "cut", "no folder"])
+def test_a_cache_of_templates_costs_no_page(diagnosis, paper, tmp_path, monkeypatch, damage):
+    """Where there is no room, what was kept is cut, or the user has no home folder."""
+    monkeypatch.setattr("auv_torchrl.diagnosis.report.page.cache_folder", lambda: tmp_path)
+    whole = report_page(diagnosis, paper)
+    if damage == "cut":
+        for path in (tmp_path / "pages").iterdir():
+            path.write_bytes(path.read_bytes()[:-20])
+
+    def fails(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    if damage == "full":
+        shutil.rmtree(tmp_path / "pages")
+        monkeypatch.setattr("jinja2.bccache.tempfile.NamedTemporaryFile", fails)
+    if damage == "no folder":
+        monkeypatch.setattr("auv_torchrl.diagnosis.report.page.cache_folder", fails)
+    assert report_page(diagnosis, paper) == whole
 
 
 def test_names_of_files_cannot_smuggle_markup(diagnosis, paper):
