@@ -110,7 +110,6 @@ def interval(estimate: Estimate) -> Markup:
         line(across(estimate.low), 10, across(estimate.high), 10, "interval"),
         circle(across(estimate.value), 10, 4, "point"),
     ]
-    value, low, high, nominal = (
-        quantity(n, estimate.unit) for n in (estimate.value, estimate.low, estimate.high, estimate.nominal)
-    )
-    return svg(160, 20, f"{value} in {low} to {high}, nominal {nominal}", parts, "interval")
+    numbers = (estimate.value, estimate.low, estimate.high, estimate.nominal)
+    value, least, most, nominal = (quantity(n, estimate.unit) for n in numbers)
+    return svg(160, 20, f"{value} in {least} to {most}, nominal {nominal}", parts, "interval")
