@@ -1,9 +1,11 @@
 # Every command sets up .venv on its first use. `make help` lists the targets.
 .DEFAULT_GOAL := help
 PYTHON ?= python3
-SCENARIO ?= thruster_gain
+SCENARIO ?= reversed
 VEHICLE ?= paper
 LOG ?= examples/flight.csv
+HEALTHY ?=
+PARAMS ?=
 SENSORS ?= null
 STRANGERS ?= null
 JOBS ?= 2
@@ -21,20 +23,34 @@ help: ## list the targets
 
 env: $(READY) ## set up .venv with the locked versions
 
+# .venv is made anew where its Python does not run, as after an upgrade of the system, and where PYTHON=... names another.
+VERSION := -c 'import sys; print(*sys.version_info[:2], sep=".")'
+FOUND := $(if $(wildcard $(READY)),$(shell $(BIN)/python $(VERSION) 2>/dev/null || echo broken))
+GIVEN := $(if $(filter-out file default,$(origin PYTHON)),$(shell $(PYTHON) $(VERSION) 2>/dev/null || echo missing))
+STALE := $(if $(FOUND),$(if $(filter-out $(or $(GIVEN),3.11 3.12),$(FOUND)),stale))
+.PHONY: stale
+stale: ;
+
 # Modules are compiled when they are first imported: pip would compile all there are, for as long as it installs.
-$(READY): pyproject.toml constraints.txt
-	$(PYTHON) -c 'import sys; assert (3, 11) <= sys.version_info[:2] <= (3, 12), f"Python 3.11 or 3.12 is needed, this is {sys.version.split()[0]}: make PYTHON=python3.12 env"'
-	$(PYTHON) -m venv $(VENV)
+$(READY): pyproject.toml constraints.txt $(STALE)
+	@$(PYTHON) -c pass || { echo "$(PYTHON) does not run: Python 3.11 or 3.12 is needed, make PYTHON=/path/to/python3.12 env" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; (3, 11) <= sys.version_info[:2] <= (3, 12) or sys.exit(f"Python 3.11 or 3.12 is needed, $(PYTHON) is {sys.version.split()[0]}: make PYTHON=python3.12 env")'
+	$(PYTHON) -m venv $(if $(STALE),--clear) $(VENV)
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev,logs]'
 	touch $@
 
-train: $(READY) ## train, break and adapt: SCENARIO=thruster_gain
-	$(BIN)/python train.py +scenario=$(SCENARIO)
+train: $(READY) ## train, break and adapt: SCENARIO=reversed VEHICLE=paper
+	$(BIN)/python train.py +scenario=$(SCENARIO) vehicle=$(VEHICLE)
 
-diagnose: $(READY) ## say what is wrong with the vehicle of a log: LOG=flight.csv VEHICLE=paper
-	$(BIN)/python diagnose.py log=$(LOG) vehicle=$(VEHICLE)
+# The shell puts the names in, not make: spaces, quotes and commas in them survive.
+diagnose: export LOG := $(LOG)
+diagnose: export VEHICLE := $(VEHICLE)
+diagnose: export HEALTHY := $(HEALTHY)
+diagnose: export PARAMS := $(PARAMS)
+diagnose: $(READY) ## what is wrong with a vehicle: LOG= VEHICLE= HEALTHY= PARAMS=
+	$(BIN)/python diagnose.py "log=$$LOG" "vehicle=$$VEHICLE" $(if $(HEALTHY),"healthy=$$HEALTHY") $(if $(PARAMS),"params=$$PARAMS")
 
-sweep: $(READY) ## all scenarios x seeds on the local cores, one table and one picture
+sweep: $(READY) ## all scenarios x seeds, one table and one picture
 	$(BIN)/python train.py -m +experiment=sweep
 
 test: check $(READY) ## lint, types and tests: JOBS=2
@@ -59,13 +75,13 @@ bench: $(READY) ## measure the figures of docs/benchmarks.md
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python -m benchmarks.control
 
-blind: $(READY) ## sealed benchmark of the diagnosis: CASES=430 SENSORS=stock STRANGERS=2
+blind: $(READY) ## sealed benchmark: CASES=430 SENSORS=stock STRANGERS=2
 	$(BIN)/python -m benchmarks.blind $(if $(CASES),cases=$(CASES)) sensors=$(SENSORS) strangers=$(STRANGERS)
 
-real: $(READY) ## logs of real vehicles and firmware that are at hand: AUV_TORCHRL_DATA=FOLDER JOBS=2, writes docs/real.md
+real: $(READY) ## logs of real vehicles: AUV_TORCHRL_DATA=FOLDER JOBS=2, writes real.md
 	$(BIN)/python -m benchmarks.real --publish --jobs $(JOBS)
 
-fuzz: $(READY) ## read logs of all formats that are altered at random: DRAWS=5000
+fuzz: $(READY) ## read logs of all formats altered at random: DRAWS=5000
 	$(BIN)/python -m tests.flightlog.fuzz --draws $(or $(DRAWS),5000)
 
 clean: ## remove the environment and caches, keep outputs

@@ -1,6 +1,6 @@
 """Train a source policy, break the vehicle, adapt the policy from a few seconds of data, and report.
 
-``python train.py +scenario=thruster_gain``; every setting is in conf/train.yaml. Where the package is installed, the
+``python train.py +scenario=reversed``; every setting is in conf/train.yaml. Where the package is installed, the
 command ``auv-train`` is the same.
 """
 

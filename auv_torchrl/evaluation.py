@@ -17,6 +17,8 @@ from auv_torchrl.tasks import Task
 
 STEADY_FROM_S = 10.0  # Eq. 15 averages from here to the end of the episode
 SETTLED_M = 0.05  # a start has settled once its position error stays below this
+FLOOR_M = 0.002  # m; a difference of mean errors below it is no gap: the pose itself is not known better
+FLOOR_RAD = 0.05  # rad, 3 degrees; likewise of mean heading errors: a compass tells no better
 
 Policy = Callable[[TensorDictBase], TensorDictBase]
 
@@ -123,6 +125,10 @@ class Metrics:
     settled: float  # share of the starts that settle
     heading_rad: float  # mean over the starts of the mean absolute heading error for t >= 10 s
     attitude_rad: float  # likewise of the angle to the attitude of the reference, roll and pitch included
+
+    def holds_as_well_as(self, other: "Metrics") -> bool:
+        """Whether position and heading are held no worse than in ``other``, but for what is no gap."""
+        return self.mean_m < other.mean_m + FLOOR_M and self.heading_rad < other.heading_rad + FLOOR_RAD
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON; an infinite error (the vehicle's state was no number any more) becomes None."""

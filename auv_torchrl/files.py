@@ -5,6 +5,7 @@ import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -44,6 +45,12 @@ def write_text(path: Path, text: str) -> None:
 def encoded(text: str) -> bytes:
     """Text in UTF-8; names of files in it that are no UTF-8 keep their bytes."""
     return text.encode("utf-8", "surrogateescape")
+
+
+@cache
+def say_not_kept(reason: str) -> None:
+    """Say once that caches of this process keep nothing: that costs time and nothing else."""
+    log.warning("nothing can be kept for the next start (%s): what takes long is worked out again each time", reason)
 
 
 @contextmanager

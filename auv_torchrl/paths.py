@@ -18,15 +18,21 @@ def own_folder() -> Path | None:
 
 
 def cache_folder() -> Path:
-    """Where programs of one user keep what they can work out again."""
-    home = Path.home()
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = home / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
-    return base / "auv_torchrl"
+    """Where programs of one user keep what they can work out again.
+
+    Raises:
+        OSError: for a user who has no home folder, and for whom nothing names another.
+    """
+    if sys.platform == "win32" and (named := os.environ.get("LOCALAPPDATA")):
+        return Path(named) / "auv_torchrl"
+    if sys.platform not in ("win32", "darwin") and (named := os.environ.get("XDG_CACHE_HOME")):
+        return Path(named) / "auv_torchrl"
+    try:
+        home = Path.home()
+    except RuntimeError as error:
+        raise OSError("this user has no home folder, give one with HOME") from error
+    inside = {"win32": "AppData/Local", "darwin": "Library/Caches"}.get(sys.platform, ".cache")
+    return home / inside / "auv_torchrl"
 
 
 def config_folders(group: str) -> list[Path]:

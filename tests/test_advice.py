@@ -51,7 +51,7 @@ def test_a_reversed_thruster_is_turned_by_its_parameter():
 
 
 @pytest.mark.parametrize(
-    ("gain", "words"), [(0.02, "gives nothing"), (0.34, "gives 34%"), (1.3, "compare its propeller")]
+    ("gain", "words"), [(0.02, "gives nothing"), (0.34, "gives 34\u202f%"), (1.3, "compare its propeller")]
 )
 def test_a_thruster_that_is_not_reversed_is_looked_at(gain, words):
     """A dead, a weak and a strong one each have causes of their own."""

@@ -1,10 +1,12 @@
 """Bad input ends with one line that says what there is, and nothing is overwritten."""
 
 import sys
+from importlib import import_module
 
 import pytest
 from hydra._internal.hydra import Hydra
 
+from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input, claim_folder
 from auv_torchrl.command.entry import composing_once
 from tests.command_lines import answers_of
@@ -168,3 +170,22 @@ def test_settings_are_composed_just_to_find_the_mode_only_where_something_may_se
     with composing_once(arguments, ("scenario", "experiment")):
         assert (Hydra.get_mode is asked) is asks
     assert Hydra.get_mode is asked
+
+
+@pytest.mark.parametrize("part", ["experiment", "diagnosis", "diagnosis.calibrate", "flightlog"])
+def test_every_command_tells_the_version_of_the_package(part, monkeypatch, capsys):
+    """Not that of Hydra, by which most of them read their command line."""
+    monkeypatch.setattr(sys, "argv", ["auv", "--version"])
+    import_module(f"auv_torchrl.{part}.command").main()
+    assert capsys.readouterr().out == f"auv_torchrl {__version__}\n"
+
+
+def test_a_shell_completes_names_of_scenarios_and_files(monkeypatch, capsys, tmp_path):
+    """By Hydra's completion, which asks the command itself."""
+    (tmp_path / "flight.csv").touch()
+    own_file = (f"auv-train diagnosis_file={tmp_path}/fl", f"diagnosis_file={tmp_path}/flight.csv")
+    for line, found in (("auv-train +scenario=reversed_", "+scenario=reversed_and_dead"), own_file):
+        monkeypatch.setenv("COMP_LINE", line)
+        monkeypatch.setattr(sys, "argv", ["auv-train", "-sc", "query=bash"])
+        import_module("auv_torchrl.experiment.command").main()
+        assert capsys.readouterr().out.split() == [found]

@@ -300,6 +300,23 @@ def test_several_files_without_brackets_are_told_from_a_sweep(tmp_path, monkeypa
     assert quote_files(["log=a,b.csv"], ["log"]) == ["log='a,b.csv'"]
 
 
+def test_files_with_spaces_between_are_a_list_where_one_of_them_is_there(tmp_path, monkeypatch):
+    """As make hands them on; a name with a space in it is one file where there is such a file, or none at all."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.csv", "b c.csv", "d, e.csv", "it's.csv"):
+        (tmp_path / name).touch()
+    for files, names in {
+        "a.csv 'b c.csv'": ["a.csv", "b c.csv"],
+        "a.csv 'd, e.csv' nowhere.csv": ["a.csv", "d, e.csv", "nowhere.csv"],
+        "a.csv it's.csv": ["a.csv", "it's.csv"],
+        "b c.csv": "b c.csv",
+        "d, e.csv": "d, e.csv",
+        "no where.csv": "no where.csv",
+    }.items():
+        (argument,) = quote_files([f"healthy={files}"], ["healthy"])
+        assert OverridesParser.create().parse_override(argument).value() == names
+
+
 @pytest.mark.parametrize(
     ("command", "given", "near"),
     [

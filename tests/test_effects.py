@@ -102,7 +102,7 @@ def test_every_effect_says_what_it_is(effect, name):
         assert p.unit and p.low <= p.nominal_value(vehicle, name) <= p.high
     for p in effect.parameters:
         for which in p.which(vehicle) or ("",):
-            assert p.sentence.format(value=p.low, which=which)
+            assert p.said(f"{p.name}_{which}" if which else p.name, p.low)
 
 
 def test_an_unknown_effect_lists_the_effects():

@@ -33,11 +33,13 @@ print("\\n" + json.dumps(answers))
 """
 LINES = [  # program, arguments, exit code; training last, for its settings stay, and all help is slower with them
     (DIAGNOSE, ["--help"], 0),
+    (DIAGNOSE, ["--version"], 0),
     (DIAGNOSE, ["lgo=flight.csv"], 2),
     (CALIBRATE, ["--help"], 0),
     (CALIBRATE, ["helthy=flight.csv"], 2),
     (CALIBRATE, ["output=mine.yaml"], 2),
     (LOG, ["--help"], 0),
+    (LOG, ["--version"], 0),
     (LOG, ["inform", "flight.csv"], 2),
     (TRAIN, ["--help"], 0),
     (TRAIN, ["vehicle=submarine"], 2),

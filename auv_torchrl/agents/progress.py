@@ -1,4 +1,4 @@
-"""What a person sees of a training: a progress bar, a CSV and, by choice, TensorBoard."""
+"""What a person sees of a training: how far it is, a CSV and, by choice, TensorBoard."""
 
 import csv
 import io
@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from auv_torchrl.files import write_whole
+from auv_torchrl.progress import Progress
+from auv_torchrl.quantities import quantity
 
 # One row of the learning curve, written after every stretch, by name: frames, transitions so far; wall_s and cpu_s,
 # seconds of training so far, those before a resumption included; episode_return, mean return of a training episode;
@@ -17,7 +17,7 @@ from auv_torchrl.files import write_whole
 CurvePoint = dict[str, float]
 
 
-class Progress:
+class CurveReport:
     """Reports a learning curve while it grows.
 
     TorchRL's loggers only append: after a kill they would hold what was done since the checkpoint twice.
@@ -33,25 +33,27 @@ class Progress:
     def __init__(self, folder: Path, frames: int, curve: list[CurvePoint], csv: bool, tensorboard: bool):
         self.folder = folder
         self.csv = csv
-        done = curve[-1]["frames"] if curve else 0
-        self.bar = tqdm(total=frames, initial=done, unit="frames", unit_scale=True, desc="training", disable=None)
+        self.done, self.frames, self.note = curve[-1]["frames"] if curve else 0, frames, ""
+        self.begun = self.done  # of those before a resumption nobody can tell how long they took here
+        self.progress = Progress()
+        self.progress.__enter__()
+        self.advance(0)
         self.writer = None
         if tensorboard:
             from torch.utils.tensorboard import SummaryWriter  # takes a second to import
 
-            self.writer = SummaryWriter(str(folder / "tensorboard"), purge_step=done + 1)
+            self.writer = SummaryWriter(str(folder / "tensorboard"), purge_step=int(self.done) + 1)
 
     def advance(self, frames: int) -> None:
-        """Move the bar."""
-        self.bar.update(frames)
+        """Say that so many more transitions are done."""
+        self.done += frames
+        self.progress("training", (self.done - self.begun) / max(self.frames - self.begun, 1), self.note)
 
     def report(self, curve: list[CurvePoint]) -> None:
         """Show and write the newest row."""
         newest = curve[-1]
-        self.bar.set_postfix_str(
-            f"return {newest['episode_return']:.1f}, error {newest['error_m']:.4f} m, "
-            f"best {newest['best_m']:.4f} m, {newest['frames_per_s']:.0f} steps/s"
-        )
+        errors = " and ".join(quantity(newest[name], "m") for name in ("error_m", "best_m"))
+        self.note = f"error and best one {errors}"
         if self.csv:
             write_whole(self.folder / "progress.csv", _as_csv(curve).encode())
         if self.writer is not None:
@@ -60,8 +62,8 @@ class Progress:
                     self.writer.add_scalar(f"train/{name}", value, newest["frames"])
 
     def close(self) -> None:
-        """Leave the bar as it is and flush."""
-        self.bar.close()
+        """Say no more and flush."""
+        self.progress.__exit__()
         if self.writer is not None:
             self.writer.close()
 

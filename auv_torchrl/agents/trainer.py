@@ -18,7 +18,7 @@ from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.interrupt import Interrupted, interruptible
-from auv_torchrl.agents.progress import CurvePoint, Progress
+from auv_torchrl.agents.progress import CurvePoint, CurveReport
 from auv_torchrl.agents.score import Score
 from auv_torchrl.agents.storage import CheckpointError, load_checkpoint, save_checkpoint
 
@@ -89,7 +89,7 @@ class Trainer:
         config = self.config
         threads = torch.get_num_threads()
         torch.set_num_threads(1)  # tensors this small gain nothing from more, and lose much beside other processes
-        progress = Progress(
+        progress = CurveReport(
             self.folder, config.stretches * config.stretch_frames, self.curve, config.csv, config.tensorboard
         )
         try:
@@ -115,7 +115,7 @@ class Trainer:
         reached = goal is not None and bool(self.curve) and self.curve[-1]["best_m"] < goal
         return reached or self.stretch >= self.config.stretches
 
-    def _run_stretch(self, progress: Progress) -> None:
+    def _run_stretch(self, progress: CurveReport) -> None:
         config = self.config
         wall, cpu = time.perf_counter(), time.process_time()
         rewards: list[Tensor] = []

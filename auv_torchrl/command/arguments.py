@@ -46,7 +46,8 @@ def quote_files(arguments: Sequence[str], files: Sequence[str]) -> list[str]:
     """Quote the names of files that Hydra's grammar would refuse, where it is plain what is meant.
 
     ``log=flüg(1).csv`` becomes ``log='flüg(1).csv'``. What Hydra can read stays as it is; so does a comma without
-    brackets, which may mean a list or a sweep, unless there is a file of that name.
+    brackets, which may mean a list or a sweep, unless there is a file of that name. Names with spaces between are a
+    list where one of them is a file and the whole is none: ``make diagnose HEALTHY='a.csv b.csv'``.
 
     Args:
         arguments: of the command line.
@@ -61,6 +62,8 @@ def _quote_argument(given: str, files: Sequence[str], sweep: bool) -> str:
     if parts is None or parts[2] not in files or not parts[3]:
         return given
     key, value = parts[1], parts[3]
+    if spaced := _spaced(value):
+        return f"{key}[{','.join(map(_quoted, spaced))}]"
     parsed = _parse(given)
     if parsed is not None and not parsed.is_sweep_override():
         plain = isinstance(parsed.value(), str | list | dict | None)  # else a name that looks like a number
@@ -77,6 +80,17 @@ def _quote_argument(given: str, files: Sequence[str], sweep: bool) -> str:
         listed = ",".join(_entries(value))
         raise BadInput(f"{given} is ambiguous: give {key}[{listed}] for several files, or {key}\"'{value}'\" for one")
     return key + _quoted(value)
+
+
+def _spaced(value: str) -> list[str]:
+    """The files that are named with spaces between, quoted as for a shell; none where that is not what is meant."""
+    if value[0] in "[{" or len(value.split()) < 2 or Path(value).exists():
+        return []
+    try:
+        words = shlex.split(value)
+    except ValueError:  # an apostrophe in a name
+        words = value.split()
+    return words if any(Path(expanduser(word)).exists() for word in words) else []
 
 
 def _parse(given: str) -> Override | None:

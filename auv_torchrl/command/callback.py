@@ -17,8 +17,12 @@ from omegaconf.errors import OmegaConfBaseException
 from auv_torchrl.command.arguments import explain
 from auv_torchrl.command.errors import BadInput, fail, writing
 from auv_torchrl.command.folder import claim_folder, finish, goes_on, is_finished
+from auv_torchrl.command.sweep import SweepProgress
+from auv_torchrl.command.terminal import Console
+from auv_torchrl.progress import show_no_progress
 
 log = logging.getLogger(__name__)
+_sweep = SweepProgress()  # of this process: the callback itself travels to the processes of the jobs
 
 
 class OutputFolder(Callback):
@@ -33,15 +37,19 @@ class OutputFolder(Callback):
         """Claim the folder of a sweep."""
         with _or_end(config):
             _claim(config, config.hydra.sweep.dir, "")
+            _sweep.begin(config)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Every job has ended well."""
+        _sweep.end()
         with _or_end(config):
             finish(Path(config.hydra.sweep.dir))
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Claim the folder of a job of a sweep, unless it ended there before the sweep was broken off."""
         folder = Path(config.hydra.runtime.output_dir)
+        if config.hydra.mode is RunMode.MULTIRUN:
+            _leave_console_to_the_sweep()
         if config.hydra.mode is RunMode.MULTIRUN and not is_finished(folder):
             with _or_end(config):
                 _claim(config, str(folder), _settings(config), (f"{config.hydra.job.name}.log",))
@@ -63,6 +71,14 @@ def _or_end(config: DictConfig) -> Iterator[None]:
     except Exception:  # a defect of the program
         traceback.print_exc()
         sys.exit(1)
+
+
+def _leave_console_to_the_sweep() -> None:
+    """Let a job say on the console what went wrong alone: its log has all, and other jobs run beside it."""
+    show_no_progress()
+    for handler in logging.getLogger().handlers:
+        if isinstance(handler, Console):
+            handler.setLevel(logging.WARNING)
 
 
 def _claim(config: DictConfig, folder: str, settings: str, ours: tuple[str, ...] = ()) -> None:

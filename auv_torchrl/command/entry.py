@@ -12,25 +12,29 @@ from pathlib import Path
 from types import MappingProxyType
 
 import hydra
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.hydra import Hydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.object_type import ObjectType
 from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
+from auv_torchrl import __version__
 from auv_torchrl.agents.interrupt import interrupt
 from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys, spelt_out, without_config_dir
 from auv_torchrl.command.errors import BAD_INPUT, BadInput, checking_input, fail, writing
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
 from auv_torchrl.command.own_files import own_files
-from auv_torchrl.command.terminal import spell_signs
+from auv_torchrl.command.terminal import prepare_terminal
 from auv_torchrl.config_source import PLAIN, check_config_files
 from auv_torchrl.importing import replaced
 from auv_torchrl.parallel import use_cluster
 from auv_torchrl.paths import CONF
 
 log = logging.getLogger(__name__)
+VERSION = f"auv_torchrl {__version__}"
 
 
 # long: Hydra's task and the entry point around it share what the command was given
@@ -58,7 +62,7 @@ def command(
     def decorate(task: Callable[[DictConfig], None]) -> Callable[[], None]:
         @functools.wraps(task)
         def job(config: DictConfig) -> None:
-            spell_signs()  # here too, because jobs of a sweep may run in processes of their own
+            prepare_terminal()  # here too, because jobs of a sweep may run in processes of their own
             folder = Path(HydraConfig.get().runtime.output_dir)
             if has_folder and is_finished(folder):  # in a sweep that goes on
                 log.info("finished before: %s", folder)
@@ -82,7 +86,7 @@ def command(
         def entry() -> None:
             os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra hands its errors on instead of printing them
             check_config_files()
-            spell_signs()
+            prepare_terminal()
             given = sys.argv
             try:
                 arguments, own = without_config_dir(given[1:])
@@ -90,7 +94,7 @@ def command(
                     register()
                     sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
                     refuse_unknown_keys(config_name, sys.argv[1:], groups)
-                    with composing_once(sys.argv[1:], groups):
+                    with composing_once(sys.argv[1:], groups), listing_options_fast():
                         hydra_main()
             except (HydraException, OmegaConfBaseException) as error:
                 fail(config_name, BadInput(explain(config_name, error, file_key)))
@@ -104,9 +108,21 @@ def command(
                 sys.argv = given
                 leave()
 
-        return entry
+        return telling_version(entry)
 
     return decorate
+
+
+def telling_version(entry: Callable[[], None]) -> Callable[[], None]:
+    """The same, but ``--version`` is answered with ours: Hydra would tell its own."""
+
+    def answer() -> None:
+        if "--version" in sys.argv[1:]:
+            print(VERSION)
+        else:
+            entry()
+
+    return answer
 
 
 @contextmanager
@@ -120,6 +136,23 @@ def composing_once(arguments: Sequence[str], groups: Sequence[str]) -> Iterator[
         yield
         return
     with replaced(Hydra, get_mode=lambda *_, **__: None):  # -m counts as ever
+        yield
+
+
+@contextmanager
+def listing_options_fast() -> Iterator[None]:
+    """Keep Hydra from copying all of its configuration for each group that ``--help`` and completion list, 1.5 s."""
+
+    def options(
+        loader: ConfigLoaderImpl,
+        group_name: str,
+        results_filter: ObjectType | None = ObjectType.CONFIG,
+        config_name: str | None = None,
+        overrides: list[str] | None = None,
+    ) -> list[str]:
+        return loader.repository.get_group_options(group_name, results_filter)
+
+    with replaced(ConfigLoaderImpl, get_group_options=options):
         yield
 
 

@@ -1,9 +1,12 @@
-"""Terminals without Unicode and logs on a full disk: what a command says is still said."""
+"""What a terminal shows: our own messages beside the progress, signs that it has; and logs on a full disk."""
 
 import codecs
 import io
 import logging
 import sys
+from typing import TextIO
+
+from auv_torchrl.progress import beside_progress
 
 _SIGNS = {
     "─": "-", "±": "+-", "≥": ">=", "≤": "<=", "–": "-", "—": "-", "→": "->", "·": "*", "×": "x", "°": "deg", "²": "^2",
@@ -12,6 +15,7 @@ _SIGNS = {
     "\u202f": " ", "\u00a0": " ",
 }  # fmt: skip
 _HANDLER = "auv_torchrl.signs"
+_OURS = ("auv_torchrl", "benchmarks", "train", "diagnose", "calibrate", "blind")  # names of loggers
 
 
 def _spelt(error: UnicodeError) -> tuple[str | bytes, int]:
@@ -22,12 +26,36 @@ def _spelt(error: UnicodeError) -> tuple[str | bytes, int]:
     return "".join(_SIGNS.get(c) or c.encode("ascii", "backslashreplace").decode() for c in lacking), error.end
 
 
+def prepare_terminal() -> None:
+    """Let signs be spelt that it lacks, and warnings of libraries go to the log of the run, where there is one."""
+    spell_signs()
+    logging.captureWarnings(True)
+
+
 def spell_signs() -> None:
     """Let standard output and standard error spell what their encoding lacks instead of failing."""
     codecs.register_error(_HANDLER, _spelt)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=_HANDLER)
+
+
+class Console(logging.StreamHandler[TextIO]):
+    """Shows what the program says, not what its libraries say of themselves: that goes to the log of the run alone.
+
+    Hydra's warnings are shown, for they tell of what went wrong between the program and its settings.
+    """
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether a record is for people."""
+        origin = record.name.split(".")[0]
+        shown = origin in _OURS or (origin == "hydra" and record.levelno >= logging.WARNING)
+        return shown and bool(super().filter(record))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write it where the progress stands, which moves on."""
+        with beside_progress():
+            super().emit(record)
 
 
 class LogFile(logging.FileHandler):

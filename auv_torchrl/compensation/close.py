@@ -16,13 +16,13 @@ from auv_torchrl.compensation.diagnosed import Diagnosed
 from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import RandomizeVehicle, make_fleet
-from auv_torchrl.evaluation import Metrics, draw_starts, fly
+from auv_torchrl.evaluation import FLOOR_M, Metrics, draw_starts, fly
+from auv_torchrl.quantities import quantity
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 
-FLOOR_M = 0.002  # m; a difference of mean errors below it is no gap: the pose itself is not known better
 _REHEARSALS = 64  # vehicles of a rehearsal
 _SEED = 271_828  # of their starts and parameters; reported flights use others
 
@@ -97,7 +97,8 @@ def close(
     before = rehearse(policy, *possible, mapped=False)
     mapped = rehearse(policy, *possible, mapped=True)
     log.info(
-        "   in the diagnosed simulator: u_s %.4f m, behind the map %.4f m (nominal %.4f m)", before, mapped, nominal
+        "   in the diagnosed simulator: u_s %s, behind the map %s (nominal %s)",
+        *(quantity(error, "m") for error in (before, mapped, nominal)),
     )
     if mapped < nominal + FLOOR_M:
         return Closed(diagnosed, policy, exam, nominal, before, mapped, None)
@@ -111,7 +112,7 @@ def close(
     training = replace(task, thruster_commands=True)
     better = fine_tune(policy, ground, training, agent, tuning, seed, backend, folder)
     tuned = rehearse(better, *possible, mapped=True)
-    log.info("   trained on: %.4f m", tuned)
+    log.info("   trained on: %s", quantity(tuned, "m"))
     return Closed(diagnosed, better if tuned < mapped else policy, exam, nominal, before, mapped, tuned)
 
 

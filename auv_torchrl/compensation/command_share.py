@@ -5,6 +5,7 @@ import numpy as np
 from auv_torchrl.compensation.known_vehicle import Model
 from auv_torchrl.flight import Flight
 from auv_torchrl.physics import State, control_step
+from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 _NONE = 0.002  # root mean square difference, shares of the full wrench, below which the motion is the nominal one
@@ -53,7 +54,7 @@ def command_sentence(share: float | None) -> str:
             "It moves as the nominal vehicle does: what differs, if anything, is what its sensors report, "
             "and no map of the commands can undo that."
         )
-    undone = f"A map of the commands can undo {share:.0%} of what it does differently"
+    undone = f"A map of the commands can undo {percent(share)} of what it does differently"
     if share > 0.9:
         return f"{undone}."
     return f"{undone}; the rest needs the effect itself in the loop: diagnose=true finds it and puts it there."

@@ -9,9 +9,9 @@ from omegaconf import DictConfig
 from auv_torchrl.command import checking_input
 from auv_torchrl.diagnosis.pipeline import diagnose
 from auv_torchrl.diagnosis.report import named_files, summary_table, write_files
-from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.request import read_request
 from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.progress import Progress
 
 log = logging.getLogger("diagnose")
 
@@ -20,7 +20,7 @@ def answer(config: DictConfig) -> None:
     """Read the logs, diagnose them, print the verdict, write the files."""
     with checking_input():
         request = read_request(config)
-    with checking_input((FlightLogError,)), ProgressBar() as progress:
+    with checking_input((FlightLogError,)), Progress() as progress:
         diagnosis = diagnose(
             request.log,
             request.vehicle,

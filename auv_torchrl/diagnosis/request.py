@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join, read_flightlog
 from auv_torchrl.flightlog.readiness import refuse_errors
 from auv_torchrl.flightlog.streams.options import read_options
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle, load_vehicle, vehicle_doubts
 
 log = logging.getLogger(__name__)
@@ -92,7 +93,11 @@ def report_findings(logs: Sequence[FlightLog]) -> None:
     """Say what was read and what was found about it."""
     for flight in logs:
         log.info(
-            "%s: %d episodes, %.0f s, %s", flight.name, len(flight.episodes), flight.duration, " ".join(flight.axes)
+            "%s: %s, %.0f s, %s",
+            flight.name,
+            counted(len(flight.episodes), "episode"),
+            flight.duration,
+            " ".join(flight.axes),
         )
         for finding in flight.findings:
             log.info("  %s", finding)

@@ -4,6 +4,7 @@ import numpy as np
 
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.physics.thrusters import VOLTS_EXPONENT, VOLTS_WITHIN
+from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import Vehicle
 
 FELL = 0.03  # of the volts, from which thrust fades by more than the slack of a sound vehicle
@@ -30,8 +31,6 @@ def volts_findings(log: FlightLog, vehicle: Vehicle) -> tuple[Finding, ...]:
         sentence = f"the logged volts, {low:.1f} to {high:.1f}, are no battery of thrusters for {own:g} V"
         remedy = "Look at the scale of the power sensor (BATT_VOLT_MULT)"
         return (Finding(Severity.WARNING, "odd_volts", f"{sentence}: thrust does not follow those far off", remedy),)
-    share = [(v / own) ** VOLTS_EXPONENT for v in (high, low)]
-    sentence = (
-        f"thrust follows the logged volts, {high:.1f} to {low:.1f} V: {share[0]:.0%} to {share[1]:.0%} of the file's"
-    )
+    most, least = (percent((v / own) ** VOLTS_EXPONENT) for v in (high, low))
+    sentence = f"thrust follows the logged volts, {high:.1f} to {low:.1f} V: {most} to {least} of the file's"
     return (Finding(Severity.INFO, "volts", f"{sentence}, which hold at {own:g} V"),)

@@ -109,7 +109,7 @@ thruster_misalignment = Effect(
             0.0,
             -1.6,
             1.6,
-            "thruster {which} points {value:+.2f} rad off its direction",
+            "thruster {which} points {signed} off its direction",
             "thruster",
             guessed=0.05,  # brackets are straight within 3 degrees
             ordinary=0.05,
@@ -132,7 +132,7 @@ thrust_limit = Effect(
     meaning="saturation of thruster i in newtons; `limit` sets all",
     source="Lu et al. 2023, Eq. 2",
     parameters=(
-        Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {value:.1f} N", "thruster"),
+        Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {quantity}", "thruster"),
     ),
     change=sets(limit="limit"),
     wears={"limit": -1},
@@ -163,7 +163,7 @@ thruster_place = Effect(
             0.0,
             -1.0,
             1.0,
-            f"thruster {{which}} sits {{value:+.3f}} m {words} where the file says",
+            f"thruster {{which}} sits {{signed}} {words} where the file says",
             "thruster",
             guessed=_guessed_place,
         )

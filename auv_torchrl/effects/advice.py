@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from auv_torchrl.autopilot import function_of, is_function
+from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle_fields import GRAVITY
 
 Values = Mapping[str, float]
@@ -48,13 +49,10 @@ def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
             f"thruster {thruster} gives nothing: look whether its propeller is there and free, then at its plug, its "
             "speed controller and the output that it is on"
         )
+    gives = f"thruster {thruster} gives {percent(gain)} of its thrust"
     if gain < SOUND:
-        return Advice(
-            f"thruster {thruster} gives {gain:.0%} of its thrust: look for weed or line, a broken blade or a bad phase"
-        )
-    return Advice(
-        f"thruster {thruster} gives {gain:.0%} of its thrust: compare its propeller and its volts with the vehicle file"
-    )
+        return Advice(f"{gives}: look for weed or line, a broken blade or a bad phase")
+    return Advice(f"{gives}: compare its propeller and its volts with the vehicle file")
 
 
 def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:

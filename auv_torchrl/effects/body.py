@@ -57,11 +57,11 @@ payload = Effect(
     meaning="a rigidly carried mass with its net weight in water, at a position in the body",
     source="Fossen 2021, Eq. 3.49, for its inertia",
     parameters=(
-        Parameter("mass", "kg", 0.0, 0.0, 20.0, "it carries {value:.2f} kg more"),
-        Parameter("weight", "N", 0.0, -60.0, 60.0, "the load weighs {value:.1f} N in water"),
-        Parameter("x", "m", 0.0, -1.0, 1.0, "the load sits {value:+.2f} m forward of the origin"),
-        Parameter("y", "m", 0.0, -1.0, 1.0, "the load sits {value:+.2f} m to starboard"),
-        Parameter("z", "m", 0.0, -1.0, 1.0, "the load sits {value:+.2f} m below the origin"),
+        Parameter("mass", "kg", 0.0, 0.0, 20.0, "it carries {quantity} more"),
+        Parameter("weight", "N", 0.0, -60.0, 60.0, "the load weighs {quantity} in water"),
+        Parameter("x", "m", 0.0, -1.0, 1.0, "the load sits {signed} forward of the origin"),
+        Parameter("y", "m", 0.0, -1.0, 1.0, "the load sits {signed} to starboard"),
+        Parameter("z", "m", 0.0, -1.0, 1.0, "the load sits {signed} below the origin"),
     ),
     change=_payload,
     advice=advice.payload,
@@ -88,7 +88,7 @@ buoyancy = Effect(
             0.0,
             -60.0,
             60.0,
-            "its weight in water is off by {value:+.1f} N",
+            "its weight in water is off by {signed}",
             guessed=lambda vehicle, member: 0.2 * float(vehicle.mass.mean()),  # trimmed by hand, to 2 % of its weight
             varies=0.5,  # 50 g of trim, a bubble, salt
         ),
@@ -117,7 +117,7 @@ mass_offset = Effect(
             0.0,
             -0.3,
             0.3,
-            f"the centre of mass is {{value:+.3f}} m {words} of where it should be",
+            f"the centre of mass is {{signed}} {words} of where it should be",
             guessed=0.005,
             varies=0.001,  # a battery that sits a little otherwise
         )

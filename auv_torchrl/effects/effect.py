@@ -12,10 +12,12 @@ from torch import Tensor
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.effects.changing import Changing
 from auv_torchrl.effects.scan import Scan
+from auv_torchrl.quantities import percent, quantity, words
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import Vehicle
 
 Values = Mapping[str, float | Tensor]
+_DIGITS = 2  # of a quantity in a sentence; the table beside it has more
 
 
 class Origin(StrEnum):
@@ -37,7 +39,9 @@ class Parameter:
     nominal: float | Callable[[Vehicle], float | Tensor]
     low: float
     high: float
-    sentence: str  # of a report; takes {value} and, for a family, {which}
+    sentence: (
+        str  # of a report; takes {value}, {share}, {quantity} with unit, {signed} with a sign, and {which} of a family
+    )
     over: tuple[str, ...] | str | None = None  # "thruster", or the names of the members
     discrete: bool = False
     guessed: float | Callable[[Vehicle, str], float] = 0.0  # standard deviation where a vehicle's file is a guess
@@ -67,7 +71,13 @@ class Parameter:
 
     def said(self, member: str, value: float) -> str:
         """The sentence of a report about a member that has a value."""
-        return self.sentence.format(value=value, which=member.removeprefix(f"{self.name}_").replace("_", " "))
+        return self.sentence.format(
+            value=value,
+            share=percent(value),
+            quantity=quantity(value, self.unit, _DIGITS),
+            signed=quantity(value, self.unit, _DIGITS, sign=True),
+            which=words(member.removeprefix(f"{self.name}_")),
+        )
 
     def loose_in(self, channels: Collection[str]) -> float:
         """Standard deviation by which sound sensors are off in a log with these channels."""

@@ -20,7 +20,7 @@ dvl_misalignment = Effect(
             0.0,
             -math.pi,
             math.pi,
-            "the Doppler log is turned by {value:+.2f} rad",
+            "the Doppler log is turned by {signed}",
             ordinary=0.02,  # 1 degree, to which brackets are straight
             guessed=0.02,
         ),
@@ -49,7 +49,7 @@ dvl_lever_arm = Effect(
             0.0,
             -3.0,
             3.0,
-            "the Doppler log sits {value:+.3f} m along {which} from where the file has it",
+            "the Doppler log sits {signed} along {which} from where the file has it",
             tuple("xyz"),
             ordinary=0.01,  # of a place measured with a rule
             guessed=_guessed_arm,

@@ -42,7 +42,7 @@ dead_band = Effect(
             own("dead_band"),
             0.0,
             30.0,
-            "the thrusters give nothing below {value:.1f} N",
+            "the thrusters give nothing below {quantity}",
             guessed=_guessed_width,
         ),
     ),
@@ -99,7 +99,7 @@ thrust_curve = Effect(
             own("asymmetry"),
             -0.6,
             0.6,
-            "reverse thrust is weaker by {value:.0%}",
+            "reverse thrust is weaker by {share}",
             guessed=0.15,  # T200: a fifth
         ),
     ),
@@ -128,7 +128,7 @@ thruster_lag = Effect(
             own("lag"),
             0.0,
             1.5,
-            "thrust follows the command with a lag of {value:.2f} s",
+            "thrust follows the command with a lag of {quantity}",
             guessed=lambda vehicle, member: 0.4 * float(vehicle.lag.mean()),  # none: delay stands for it
         ),
     ),
@@ -152,7 +152,7 @@ command_delay = Effect(
             own("delay"),
             0.0,
             0.8,
-            "commands arrive {value:.2f} s late",
+            "commands arrive {quantity} late",
             guessed=0.05,  # driver and link
             ordinary=0.01,  # snapshots of an output at 10 Hz
             varies=0.005,  # of a clock against another
@@ -171,7 +171,7 @@ battery_sag = Effect(
     meaning="share of the thrust lost per minute from the start of the episode",
     source="T200 thrust is roughly proportional to voltage (Blue Robotics chart, 10 to 20 V)",
     parameters=(
-        Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {value:.0%} of its value per minute"),
+        Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {share} of its value per minute"),
     ),
     change=sets(rate="battery_sag"),
     advice=advice.said("charge or change the battery, and log its volts"),

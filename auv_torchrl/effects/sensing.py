@@ -14,7 +14,7 @@ heading_bias = Effect(
     origin=Origin.SENSING,
     meaning="measured yaw minus true yaw",
     source="compass deviation near iron, or a mocap frame turned against the body",
-    parameters=(Parameter("angle", "rad", 0.0, -math.pi, math.pi, "the compass is off by {value:+.2f} rad"),),
+    parameters=(Parameter("angle", "rad", 0.0, -math.pi, math.pi, "the compass is off by {signed}"),),
     change=adds(angle="heading_bias"),
     advice=advice.heading_bias,
     scans={"angle": Scan((-2.4, -1.6, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.6, 2.4, 3.1))},
@@ -28,9 +28,7 @@ compass_interference = Effect(
     source="field of the currents to the thrusters beside that of the earth, as ArduPilot's compass-motor calibration",
     odds=1e-2,  # what thrusters do to the heading itself is likelier
     parameters=(
-        Parameter(
-            "angle", "rad", own("compass_per_load"), -1.5, 1.5, "the compass turns by {value:+.2f} rad at full thrust"
-        ),
+        Parameter("angle", "rad", own("compass_per_load"), -1.5, 1.5, "the compass turns by {signed} at full thrust"),
     ),
     change=sets(angle="compass_per_load"),
     advice=advice.compass_interference,
@@ -44,7 +42,7 @@ pose_delay = Effect(
     origin=Origin.SENSING,
     meaning="the pose is reported late",
     source="motion-capture and acoustic positioning latency",
-    parameters=(Parameter("delay", "s", own("pose_delay"), 0.0, 0.8, "the pose is reported {value:.2f} s late"),),
+    parameters=(Parameter("delay", "s", own("pose_delay"), 0.0, 0.8, "the pose is reported {quantity} late"),),
     change=sets(delay="pose_delay"),
     advice=advice.said("look at the delay of the positioning system, and tell the estimator of it"),
     scans={"delay": Scan(DELAYS)},
@@ -105,9 +103,7 @@ depth_bias = Effect(
     origin=Origin.SENSING,
     meaning="reported depth minus true depth",
     source="a pressure sensor that was not zeroed at the surface",
-    parameters=(
-        Parameter("offset", "m", own("depth_bias"), -20.0, 20.0, "the depth reading is off by {value:+.2f} m"),
-    ),
+    parameters=(Parameter("offset", "m", own("depth_bias"), -20.0, 20.0, "the depth reading is off by {signed}"),),
     change=sets(offset="depth_bias"),
     advice=advice.depth_bias,
     scans={"offset": Scan((1.0,), linear=True)},
@@ -143,7 +139,7 @@ gyro_bias = Effect(
             0.0,
             -0.2,
             0.2,
-            "the gyro reads {value:+.4f} rad/s too much in {which}",
+            "the gyro reads {signed} too much in {which}",
             tuple("pqr"),
             ordinary=0.005,  # what a filter knows the bias to: 0.3 degree/s
         ),
@@ -167,7 +163,7 @@ accelerometer_bias = Effect(
             0.0,
             -3.0,
             3.0,
-            "the accelerometer reads {value:+.3f} m/s^2 too much in {which}",
+            "the accelerometer reads {signed} too much in {which}",
             _FELT,
             loose=0.05,  # what a calibration leaves: half a hundredth of the weight, or 0.3 degree of mounting
         ),
@@ -185,8 +181,8 @@ sensor_noise = Effect(
     meaning="white noise on the reported pose, standard deviation per axis",
     source="Lu et al. 2023, section 6, future work",
     parameters=(
-        Parameter("position", "m", own("position_noise"), 0.0, 0.5, "positions scatter by {value:.4f} m"),
-        Parameter("attitude", "rad", own("attitude_noise"), 0.0, 0.5, "angles scatter by {value:.4f} rad"),
+        Parameter("position", "m", own("position_noise"), 0.0, 0.5, "positions scatter by {quantity}"),
+        Parameter("attitude", "rad", own("attitude_noise"), 0.0, 0.5, "angles scatter by {quantity}"),
     ),
     change=sets(position="position_noise", attitude="attitude_noise"),
     is_noise=True,

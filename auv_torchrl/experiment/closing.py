@@ -8,16 +8,18 @@ from typing import Any
 
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.command import checking_input
-from auv_torchrl.compensation.close import FLOOR_M, Closed, close
+from auv_torchrl.compensation.close import Closed, close
 from auv_torchrl.compensation.diagnosed import Diagnosed
 from auv_torchrl.compensation.target_log import fly_target_log
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.report import write_files
-from auv_torchrl.evaluation import Metrics, fly
+from auv_torchrl.evaluation import FLOOR_M, Metrics, fly
 from auv_torchrl.experiment.console import Stages
 from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.flightlog import FlightLog, write_flightlog
+from auv_torchrl.progress import Progress
+from auv_torchrl.quantities import percent, quantity, words
 
 LOG, FILES = "target_log.parquet", "diagnosis"  # in the folder of the run
 
@@ -55,15 +57,15 @@ class Closing:
         sentences = [f"Diagnosed: {said.summary}" if said else "Diagnosed: what was given."]
         if said is not None and said.input_mappable is not None:
             sentences.append(
-                f"A map of the commands alone could close {said.input_mappable:.0%} of the simulator's gap."
+                f"A map of the commands alone could close {percent(said.input_mappable)} of the simulator's gap."
             )
         if self.closed is None or self.after is None:
             return " ".join([*sentences, "Nothing was found to put into the simulator: the controller stays u_s."])
         gaps = (self.before.mean_m - self.nominal.mean_m, self.after.mean_m - self.nominal.mean_m)
-        held = f"controller's gap {gaps[0]:.4f} m before, {gaps[1]:.4f} m after"
+        before, after, floor = (quantity(length, "m") for length in (*gaps, FLOOR_M))
         sentences.append(
             f"Simulator's gap closed: {_percent(self.prediction_share)}. Controller's gap closed: "
-            f"{_percent(self.share)} ({held}; below {FLOOR_M:g} m it is none)."
+            f"{_percent(self.share)} (controller's gap {before} before, {after} after; below {floor} it is none)."
         )
         sentences.append(
             "The policy was trained on around what was found."
@@ -124,7 +126,7 @@ def close_gap(
             diagnosed, policy, experiment.task, experiment.box_m, experiment.agent, experiment.tuning,
             experiment.seed, experiment.backend, experiment.policies, experiment.device,
         )  # fmt: skip
-    with stages(f"Fly the starts with it on the vehicle with {experiment.scenario.name}"):
+    with stages(f"Fly the starts with it on the vehicle with {words(experiment.scenario.name)}"):
         fleet = closed.fleet(experiment.fleet(len(experiment.starts), experiment.scenario, thruster_commands=True))
         flight = fly(fleet, closed.policy.module, experiment.starts, experiment.exam.steps)
     return Closing(diagnosed, flown, nominal, before, closed, Metrics.of(flight))
@@ -138,10 +140,11 @@ def look(experiment: Experiment) -> tuple[FlightLog, Diagnosed]:
         experiment.excitation,
         LOG,
     )
-    diagnosis = diagnose(flown, experiment.vehicle, vehicle_name=experiment.vehicle_name)
+    with Progress() as progress:
+        diagnosis = diagnose(flown, experiment.vehicle, progress=progress, vehicle_name=experiment.vehicle_name)
     log.info("   %s", diagnosis.summary)
     return flown, Diagnosed.of(diagnosis, experiment.vehicle)
 
 
 def _percent(share: float | None) -> str:
-    return "there was none" if share is None else f"{share:.0%}"
+    return "there was none" if share is None else percent(share)

@@ -5,6 +5,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from auv_torchrl.quantities import duration
+
 log = logging.getLogger(__name__)
 
 
@@ -27,20 +29,10 @@ class Stages:
         log.info("── %d/%d %s", self.number, self.total, title)
         begun = time.perf_counter()
         yield
-        log.info("   done in %s", readable(time.perf_counter() - begun))
+        log.info("   done in %s", duration(time.perf_counter() - begun))
 
     def skip(self, count: int, reason: str) -> None:
         """Say why the next stages are left out."""
         self.number += count
         log.info("")
         log.info("── %s", reason)
-
-
-def readable(seconds: float) -> str:
-    """``0.5 ms``, ``4.1 s`` or ``2 min 05 s``."""
-    if seconds < 0.1:
-        return f"{1e3 * seconds:.1f} ms"
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02d} s"

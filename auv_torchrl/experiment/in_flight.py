@@ -21,6 +21,7 @@ from auv_torchrl.evaluation import Policy, fly
 from auv_torchrl.experiment.schedule import Schedule, schedule
 from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.flight import Flight
+from auv_torchrl.quantities import counted, percent, quantity, words
 from auv_torchrl.recording import OneFlight
 from auv_torchrl.vehicle import Vehicle
 
@@ -124,12 +125,12 @@ class InFlight:
         for number in range(len(self.recovered)):
             lines.append(f"In flight: {self._of_shown(number)}. {self._of_all(number)}")
         if len(self.remaining.independent) < 4:
-            lines.append(f"In flight, {self.agreeing:.0%} of the flights find: {self.remaining}")
+            lines.append(f"In flight, {percent(self.agreeing)} of the flights find: {self.remaining}")
         return "\n".join(lines)
 
     def _of_shown(self, number: int) -> str:
         change, recovery, row = self.schedule.changes[number], self.recovered[number], self.shown
-        text = f"{change.what} at {float(change.at_s[row]):.1f} s"
+        text = f"{words(change.what)} at {float(change.at_s[row]):.1f} s"
         if not recovery.alarm_s[row].isfinite():
             text += ", not noticed"
         else:
@@ -141,13 +142,13 @@ class InFlight:
     def _of_all(self, number: int) -> str:
         found = self.recovered[number].as_dict()
         count, alone = len(self.recovered[number].time_s), self.alone_steady_m(number)
-        text = f"Of {count} flights {found['noticed']:.0%} noticed it"
+        text = f"Of {counted(count, 'flight')} {percent(found['noticed'])} noticed it"
         if found["delay_s"]:
             felt = " of its first effect on a thrust" if found["felt"] else ""
             text += f" (90 % within {found['delay_s']['p90']:.2f} s{felt})"
         back = found["recovery_s"]["p90"]
         text += ", fewer than 90 %" if back is None else ", 90 %"
-        text += f" were within {BACK_M:g} m for good" + ("" if back is None else f" after {back:.2f} s")
+        text += f" were within {quantity(BACK_M, 'm', 1)} for good" + ("" if back is None else f" after {back:.2f} s")
         if found["steady_m"]:
             text += f"; mean error from {SETTLED_S:g} s on {_metres(found['steady_m']['mean'])}"
             text += f", u_s alone {_metres(float(alone.mean()))}"
@@ -155,15 +156,16 @@ class InFlight:
 
 
 def _back(seconds: float, largest_m: float) -> str:
+    back, largest = quantity(BACK_M, "m", 1), f"(largest {_metres(largest_m)})"
     if seconds == 0.0:
-        return f"error never above {BACK_M:g} m (largest {largest_m:.3f} m)"
+        return f"error never above {back} {largest}"
     if seconds == float("inf"):
-        return f"error not below {BACK_M:g} m for good (largest {largest_m:.3f} m)"
-    return f"error < {BACK_M:g} m again after {seconds:.1f} s (largest {largest_m:.3f} m)"
+        return f"error not below {back} for good {largest}"
+    return f"error < {back} again after {seconds:.1f} s {largest}"
 
 
 def _metres(value: float | None) -> str:
-    return "without bound" if value is None or not value < float("inf") else f"{value:.4f} m"
+    return "without bound" if value is None or not value < float("inf") else quantity(value, "m")
 
 
 def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:

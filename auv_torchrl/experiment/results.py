@@ -2,20 +2,21 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from auv_torchrl.compensation.command_share import command_sentence
-from auv_torchrl.evaluation import Metrics
-from auv_torchrl.experiment.console import readable
+from auv_torchrl.evaluation import FLOOR_M, FLOOR_RAD, Metrics
 from auv_torchrl.files import write_text
+from auv_torchrl.quantities import counted, duration, percent, quantity, words
 from auv_torchrl.tasks import StationKeeping
 
 RESULTS = "results.json"
 PUBLISHED = ("paper", StationKeeping.name)  # vehicle and task of the paper's table
-COLUMNS = ("mean m", "std m", "p95 m", "worst m", "settling s", "settled", "heading rad")
+COLUMNS = (("mean", 7), ("p95", 7), ("worst", 7), ("settled after", 13), ("heading", 7))  # with their widths
+_LABEL = 20  # characters; with the columns and the bars between them a line of 80
 TABLE_2: dict[str, dict[str, float]] = {
     "swap": {"u_t": 0.019, "u_s": 0.41},
     "thruster_gain": {"u_t": 0.028, "u_s": 0.39},
@@ -54,12 +55,18 @@ class Results:
     closing: Mapping[str, Any] | None = None  # what Closing.as_dict says
     task: str = StationKeeping.name
 
+    @property
+    def holds(self) -> bool | None:
+        """Whether u_s holds the changed vehicle as well as the nominal one; None where there is no changed one."""
+        return None if self.u_s is None else self.u_s.holds_as_well_as(self.nominal)
+
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        told = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        told: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         told |= {name: metrics.as_dict() for name, metrics in told.items() if isinstance(metrics, Metrics)}
         told["u_t_forms"] = {name: metrics.as_dict() for name, metrics in self.u_t_forms.items()}
         del told["closed"]  # said in closing, too
+        told["u_s_holds"] = self.holds
         return told
 
     def save(self, folder: Path) -> None:
@@ -67,39 +74,55 @@ class Results:
         write_text(folder / RESULTS, json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
 
     def table(self) -> str:
-        """Markdown: the paper's row beside ours, then what it took."""
-        what = f"{self.scenario}, vehicle {self.vehicle}, {self.starts} starts within ±{self.box_m:g} m"
-        rows = [with_task(self.task, what), ""]
-        rows += ["| | " + " | ".join(COLUMNS) + " |", "|---|" + "---:|" * len(COLUMNS)]
+        """Markdown of lines of up to 80 characters, the paper's row beside ours; then what it took and what it says."""
+        what = f"vehicle {self.vehicle}, {counted(self.starts, 'start')} within ±{self.box_m:g} m"
+        rows = [f"{words(with_task(self.task, self.scenario))}, {what}", ""]
+        rows.append(_line("", [name for name, _ in COLUMNS]))
+        rows.append(_line(":" + "-" * (_LABEL - 1), ["-" * (width - 1) + ":" for _, width in COLUMNS]))
         published = TABLE_2.get(self.scenario, {}) if (self.vehicle, self.task) == PUBLISHED else {}
-        rows += [_row(f"paper, {name}", {"mean_m": published[name]}) for name in ("u_s", "u_t") if name in published]
-        flown = {"ours, u_s on the nominal vehicle": self.nominal, "ours, u_s": self.u_s, "ours, u_t": self.u_t}
-        flown["ours, diagnosed and closed"] = self.closed
-        flown |= {f"ours, u_t, {form} form": m for form, m in self.u_t_forms.items() if m != self.u_t}
-        rows += [_row(label, metrics.as_dict()) for label, metrics in flown.items() if metrics is not None]
-        took = [("seconds of target data", self.target_data_s), ("fit", self.fit_s), ("source training", self.train_s)]
-        rows += ["", ", ".join(f"{label}: {readable(s)}" for label, s in took if s is not None)]
-        if self.reason is not None:
-            rows += ["", f"no u_t: {self.reason}"]
-        if self.u_s is not None:
-            rows += ["", command_sentence(self.command_share)]
-        if self.in_flight is not None:
-            rows += ["", self.in_flight["summary"]]
-        if self.closing is not None:
-            rows += ["", self.closing["summary"]]
+        rows += [_line(f"paper, {name}", [_length(published[name])]) for name in ("u_s", "u_t") if name in published]
+        flown = {"u_s, nominal vehicle": self.nominal, "u_s": self.u_s, "u_t": self.u_t}
+        flown["diagnosed and closed"] = self.closed
+        flown |= {f"u_t, {form} form": m for form, m in self.u_t_forms.items() if m != self.u_t}
+        rows += [_line(label, _cells(metrics)) for label, metrics in flown.items() if metrics is not None]
+        took = [("target data", self.target_data_s), ("fit", self.fit_s), ("source training", self.train_s)]
+        rows += ["", ", ".join(f"{label}: {duration(s)}" for label, s in took if s is not None)]
+        said = [f"no u_t: {self.reason}" if self.reason is not None else None, self._held()]
+        said.append(command_sentence(self.command_share) if self.u_s is not None else None)
+        said += [more["summary"] for more in (self.in_flight, self.closing) if more is not None]
+        for sentence in filter(None, said):
+            rows += ["", sentence]
         return "\n".join(rows)
 
+    def _held(self) -> str | None:
+        """That there is nothing to adapt, and by which criterion, where that is so."""
+        if not self.holds:
+            return None
+        assert self.u_s is not None
+        errors = (f"{_length(m.mean_m)} and {quantity(m.heading_rad, 'rad', 2)}" for m in (self.u_s, self.nominal))
+        floors = f"{quantity(FLOOR_M, 'm', 1)} and {quantity(FLOOR_RAD, 'rad', 1)}"
+        return (
+            f"The source policy holds this vehicle as well as the nominal one ({' against '.join(errors)}, less than "
+            f"{floors} more): there is nothing to adapt."
+        )
 
-def _row(label: str, metrics: Mapping[str, Any]) -> str:
-    """One line of the table; ``inf`` is an error without bound, ``–`` a number that there is not."""
-    if "std_m" not in metrics:
-        cells = [f"{metrics['mean_m']:.3f}"] + ["–"] * (len(COLUMNS) - 1)
-    else:
-        metres = (metrics[key] for key in ("mean_m", "std_m", "p95_m", "worst_m"))
-        cells = [f"{math.inf if value is None else value:.4f}" for value in metres]
-        cells.append("never" if metrics["settling_s"] is None else f"{metrics['settling_s']:.2f}")
-        cells += [f"{metrics['settled']:.0%}", f"{metrics['heading_rad']:.3f}"]
-    return f"| {label} | " + " | ".join(cells) + " |"
+
+def _cells(metrics: Metrics) -> list[str]:
+    settled = "never" if metrics.settling_s is None else f"{metrics.settling_s:.2f} s"
+    lengths = map(_length, (metrics.mean_m, metrics.p95_m, metrics.worst_m))
+    return [*lengths, f"{percent(metrics.settled)}, {settled}", quantity(metrics.heading_rad, "rad")]
+
+
+def _length(value: float) -> str:
+    """``inf`` is an error without bound."""
+    return quantity(value, "m") if math.isfinite(value) else "inf"
+
+
+def _line(label: str, cells: Sequence[str]) -> str:
+    """One line of the table; ``–`` is a number that there is not."""
+    padded = [*cells, *["–"] * (len(COLUMNS) - len(cells))]
+    written = (f"{cell:>{width}}" for cell, (_, width) in zip(padded, COLUMNS, strict=True))
+    return f"| {label:<{_LABEL}} | " + " | ".join(written) + " |"
 
 
 def read_results(folder: Path) -> list[dict[str, Any]]:

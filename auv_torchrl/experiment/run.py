@@ -26,6 +26,7 @@ from auv_torchrl.experiment.in_flight import InFlight, fly_in_flight
 from auv_torchrl.experiment.results import Results, with_task
 from auv_torchrl.experiment.setup import NOMINAL, Experiment
 from auv_torchrl.flight import Flight
+from auv_torchrl.quantities import counted, words
 from auv_torchrl.recording import ControlMap, record_run
 from auv_torchrl.vehicle import CONTROLLED
 
@@ -54,7 +55,7 @@ def run(experiment: Experiment, folder: Path) -> Results:
     stages = Stages(7 + stages_of(experiment))
     outcome = perform(experiment, stages)
     results, flights = outcome.results, outcome.flights
-    flown = with_task(experiment.task.name, experiment.scenario.name)
+    flown = words(with_task(experiment.task.name, experiment.scenario.name))
     with stages("Results, figures and recording"):
         log.info("\n%s\n", results.table())
         results.save(folder)
@@ -79,13 +80,13 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
     forms: dict[str, Flight] = {}
     with stages("Source policy u_s"), checking_input(STORE):
         policy = source_policy(experiment)
-    with stages(f"Fly {count} starts with u_s on the nominal vehicle"):
+    with stages(f"Fly {counted(count, 'start')} with u_s on the nominal vehicle"):
         flights["nominal"] = fly(experiment.fleet(count), policy.module, experiment.starts, experiment.exam.steps)
     reason, adaptation, in_flight, closing = None, None, None, None
     if scenario.name == NOMINAL:
         stages.skip(4, "No scenario: the vehicle stays as it is")
     else:
-        with stages(f"Fly them with u_s on the vehicle with {scenario.name}"):
+        with stages(f"Fly them with u_s on the vehicle with {words(scenario.name)}"):
             target = experiment.fleet(count, scenario)
             flights["u_s"] = fly(target, policy.module, experiment.starts, experiment.exam.steps)
         reason = obstacle(experiment)
@@ -94,7 +95,7 @@ def perform(experiment: Experiment, stages: Stages) -> Outcome:
         else:
             with stages("Collect target data and fit the map"):
                 adaptation = fit_map(experiment, policy)
-            with stages(f"Fly them with u_t on the vehicle with {scenario.name}"):
+            with stages(f"Fly them with u_t on the vehicle with {words(scenario.name)}"):
                 forms = {form: fly_adapted(experiment, policy, adaptation, form) for form in COMPOSITIONS}
                 flights["u_t"] = forms[experiment.adapter.composition]
         in_flight = change_in_flight(experiment, policy, stages)
@@ -109,7 +110,7 @@ def change_in_flight(experiment: Experiment, policy: SourcePolicy, stages: Stage
     if not experiment.flight.fly:
         stages.skip(1, "No flight in which the vehicle changes: flight.fly is false")
         return None
-    with stages(f"Fly them once more: {experiment.scenario.name} sets in during the flight"):
+    with stages(f"Fly them once more: {words(experiment.scenario.name)} sets in during the flight"):
         return fly_in_flight(experiment, policy.module)
 
 

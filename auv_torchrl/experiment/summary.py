@@ -1,6 +1,7 @@
 """One table and one picture over all runs of a sweep: ``python -m auv_torchrl.experiment.summary FOLDER``."""
 
 import logging
+import math
 import statistics
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,10 +16,13 @@ from omegaconf import DictConfig
 from auv_torchrl.experiment.figures import DPI, bare
 from auv_torchrl.experiment.results import TABLE_2, read_results, with_task
 from auv_torchrl.palette import CONTROLLER, LABEL
+from auv_torchrl.quantities import percent, quantity, words
 from auv_torchrl.tasks import StationKeeping
 
 TABLE, PICTURE = "summary.md", "summary.png"
 Runs = Sequence[Mapping[str, Any]]
+
+_NAME = 18  # characters of a scenario on the console; with five columns behind it a line of 80
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +34,8 @@ class SweepSummary(Callback):
         """Read every ``results.json`` of the sweep."""
         folder = Path(config.hydra.sweep.dir)
         if runs := read_results(folder):
-            log.info("\n%s\n\n%s and %s are in %s", summarize(runs, folder), TABLE, PICTURE, folder)
+            summarize(runs, folder)
+            log.info("\n%s\n\n%s and %s are in %s", console_table(runs), TABLE, PICTURE, folder)
 
 
 def summarize(runs: Runs, folder: Path) -> str:
@@ -77,6 +82,31 @@ def table(runs: Runs) -> str:
         cells += [_seconds(members, "target_data_s", ".2g"), _seconds(members, "fit_s", ".2g"), *_in_flight(members)]
         rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows)
+
+
+def console_table(runs: Runs) -> str:
+    """The same in lines of up to 80 characters: median over the seeds, the worst one, and the flights."""
+    lines = [_line("scenario", "seeds", "u_s", "u_t", "worst seed", "noticed", "back after")]
+    several = len({(run["vehicle"], run["box_m"]) for run in runs}) > 1
+    place = ("", 0.0)
+    for (scenario, vehicle, box), members in groups(runs).items():
+        if several and place != (vehicle, box):
+            place = (vehicle, box)
+            lines.append(f"{vehicle}, starts within ±{box:g} m")
+        adapted, alone = _errors(members, "u_t"), _errors(members, "u_s")
+        errors = (_median(alone), _median(adapted), max(adapted, default=None))
+        shown = ["–" if error is None else quantity(error, "m") if error < math.inf else "inf" for error in errors]
+        if not members[0]["feasible"]:
+            shown[1] = "infeasible"
+        noticed, back = _in_flight(members)
+        back = f"{back} s" if back[0].isdigit() else back
+        lines.append(_line(words(scenario), str(len(members)), *shown, noticed, back))
+    return "\n".join(lines)
+
+
+def _line(scenario: str, seeds: str, *cells: str) -> str:
+    name = scenario if len(scenario) <= _NAME else f"{scenario[: _NAME - 1]}…"
+    return f"{name:<{_NAME}} {seeds:>5}" + "".join(f" {cell:>10}" for cell in cells)
 
 
 def picture(runs: Runs) -> Figure:
@@ -131,7 +161,7 @@ def _in_flight(runs: Runs) -> tuple[str, str]:
     if not changes:
         return "–", "–"
     back = [change["recovery_s"]["p90"] for change in changes]
-    return f"{min(change['noticed'] for change in changes):.0%}", "never" if None in back else f"{max(back):.1f}"
+    return percent(min(change["noticed"] for change in changes)), "never" if None in back else f"{max(back):.1f}"
 
 
 if __name__ == "__main__":

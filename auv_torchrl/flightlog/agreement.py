@@ -9,6 +9,7 @@ from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, Floats, with_axes
 from auv_torchrl.flightlog.motion import SLOWEST, Blocks, blocks, force_balance, rotations
 from auv_torchrl.physics.kinematics import cross, matvec
+from auv_torchrl.quantities import percent, quantity
 from auv_torchrl.vehicle import Vehicle
 
 NEEDED = {"x", "y", "yaw", "u", "v"}
@@ -37,17 +38,18 @@ def reconcile(
     odd = abs(scale - 1) > SCALED or late >= LEAST_LATE_S
     if own >= FAILS and not (explains and odd):
         return episodes, axes, []
-    how = f"d(position)/dt and R(attitude) v agree to {max(own, 0):.0%} only"
+    how = f"d(position)/dt and R(attitude) v agree to {percent(max(own, 0))} only"
     turn, place, mounted = _mounting(b)
     if mounted > MOUNTED and 1 - mounted < CLEARLY * (1 - max(own, best)):
         at = ", ".join(f"{value:.2f}" for value in place)
-        sentence = f"{how}; to {mounted:.0%} of a Doppler log that is turned by {turn:+.2f} rad and sits at ({at}) m"
+        turned = quantity(turn, "rad", 2, sign=True)
+        sentence = f"{how}; to {percent(mounted)} of a Doppler log that is turned by {turned} and sits at ({at}) m"
         remedy = "Enter its mounting in the vehicle file (sensors: dvl_turn, dvl_position), if it is meant"
         return episodes, axes, [Finding(Severity.WARNING, "dvl_mounting", sentence, remedy, ("u", "v"))]
     if explains and odd:
         what = [f"{scale:.2f} times the velocity"] if abs(scale - 1) > SCALED else []
         what += [f"{late:.1f} s before the velocity"] if late >= LEAST_LATE_S else []
-        how += f"; the position moves with {' and '.join(what)} (to {best:.0%})"
+        how += f"; the position moves with {' and '.join(what)} (to {percent(best)})"
     lost, kept = _less_believed(b, axes)
     columns = tuple(axis for axis in (*POSE, *VELOCITY[:3]) if axis in axes)
     remedy = "Check units, signs and time stamps of pose and velocity"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from auv_torchrl import __version__
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import READERS
 from auv_torchrl.flightlog.streams.options import read_options
@@ -36,6 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files on a terminal without Unicode
     if not given or given[0] == "help" or {"-h", "--help"} & set(given):
         print(f"{HELP}{', '.join(READERS)}; CSV and Parquet")
+        return
+    if "--version" in given:
+        print(f"auv_torchrl {__version__}")
         return
     try:
         action, files, keys = _parsed(given)

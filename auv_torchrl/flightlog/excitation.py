@@ -4,6 +4,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import ALONE, Episode
+from auv_torchrl.quantities import percent
 
 SHORT_S = 10.0  # below this most effects are not identifiable
 SATURATED = 0.999
@@ -33,7 +34,7 @@ def check_excitation(episodes: tuple[Episode, ...]) -> list[Finding]:
         findings.append(Finding(Severity.WARNING, "unused_thruster", sentence, "Use every thruster", quiet))
     share = (np.abs(commands) >= SATURATED).mean(axis=0)
     if len(full := np.flatnonzero((share > MOSTLY) & ~still)):
-        sentence = ", ".join(f"{names[i]} is at its limit {share[i]:.0%} of the time" for i in full)
+        sentence = ", ".join(f"{names[i]} is at its limit {percent(share[i])} of the time" for i in full)
         remedy = "Command less: at the limit a thruster shows neither its gain nor its curve"
         findings.append(Finding(Severity.WARNING, "saturated", sentence, remedy, tuple(names[i] for i in full)))
     return findings

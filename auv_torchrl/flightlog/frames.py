@@ -15,6 +15,7 @@ from auv_torchrl.flightlog.log import Episode, Floats
 from auv_torchrl.flightlog.motion import FEWEST_BLOCKS, SLOWEST, Blocks, Response, blocks, responses, rotations
 from auv_torchrl.flightlog.readings import convert_units
 from auv_torchrl.physics.kinematics import matvec
+from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import Vehicle
 
 _FITS = 0.8  # share of the motion that a convention must explain to be named
@@ -58,14 +59,13 @@ def _kinematics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
     if own >= _FAILS or fits[best] < _FITS:
         return []
     columns = tuple(axis for axis in ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w") if axis in axes)
-    disagree = f"d(position)/dt and R(attitude) v agree to {max(own, 0):.0%} only"
+    disagree = f"d(position)/dt and R(attitude) v agree to {percent(max(own, 0))} only"
     if best == _HEADING:
-        sentence = (
-            f"{disagree}; they agree to {fits[best]:.0%} if yaw has a constant offset, or the Doppler log is turned"
-        )
+        close = percent(fits[best])
+        sentence = f"{disagree}; they agree to {close} if yaw has a constant offset, or the Doppler log is turned"
         remedy = "Calibrate the compass, or see how the Doppler log is mounted (sensors: dvl_turn of the vehicle file)"
         return [Finding(Severity.WARNING, "heading_offset", sentence, remedy, ("yaw",))]
-    sentence = f"{disagree}, but to {fits[best]:.0%} if {best}"
+    sentence = f"{disagree}, but to {percent(fits[best])} if {best}"
     return [Finding(Severity.ERROR, "wrong_frame", sentence, _NED, columns, limits=True)]
 
 

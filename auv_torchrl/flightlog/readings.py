@@ -13,6 +13,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode
 from auv_torchrl.flightlog.motion import Blocks, blocks, force_balance
+from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import Vehicle
 
 IN_ORDER = 0.6  # balance of forces from which a log is read as it stands
@@ -74,7 +75,7 @@ def _said(reading: Reading, factor: float, unit: str, balance: float, now: float
     looks = f", as {unit} would be" if unit else ""
     return (
         f"{', '.join(reading.columns)} {verb} {factor:.3g} times what fits the thrusters{looks}; divided by that, the "
-        f"forces balance to {balance:.0%}, as logged to {max(now, 0):.0%}"
+        f"forces balance to {percent(balance)}, as logged to {percent(max(now, 0))}"
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 
-from auv_torchrl.compensation.close import FLOOR_M
+from auv_torchrl.evaluation import FLOOR_M
 
 RECOVERED_M = 0.05
 OURS = ("DDR, 4 channels", "DDR to the thrusters", "online, in flight", "diagnosed, then closed")

@@ -132,4 +132,4 @@ def test_errors_of_a_flight_are_told_as_before_and_after():
     """With an arrow, as by a diagnosis: "0.123 to 0.0035" would be a range."""
     flown = replace(unseen(1.0), horizons_s=(2.0,), position_m=Errors((0.123,), (0.0035,), (0.002,)))
     (line,) = flight_lines([flown])
-    assert line.endswith("position 0.123 → 0.0035 m at 2 s")
+    assert line.endswith("position 12.3 cm → 3.50 mm at 2 s")

@@ -40,7 +40,7 @@ def test_a_diagnosis_goes_into_the_controller_and_the_report_has_both_gaps(exper
     assert closed["controller_gap_closed"] > 0.9 and not closed["tuned"]
     assert closed["prediction_gap_closed"] == pytest.approx(swap.gap.closed)
     assert "Thrusters 1 and 2 are exchanged." in outcome.results.table()
-    assert "| ours, diagnosed and closed |" in outcome.results.table()
+    assert "| diagnosed and closed |" in outcome.results.table()
 
 
 @pytest.mark.usefixtures("capable")

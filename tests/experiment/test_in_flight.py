@@ -109,8 +109,8 @@ def test_the_summary_names_the_times_of_the_flight_that_is_shown(flown):
     """The console says when the change came, and in how many flights it was noticed."""
     _, one = flown
     at = float(one.schedule.changes[0].at_s[one.shown])
-    assert f"thruster_gain begins at {at:.1f} s, noticed after" in one.summary()
-    assert "Of 4 flights 100% noticed it" in one.summary()
+    assert f"thruster gain begins at {at:.1f} s, noticed after" in one.summary()
+    assert "Of 4 flights 100\u202f% noticed it" in one.summary()
 
 
 def test_the_figure_marks_every_moment_in_every_panel(flown):

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from auv_torchrl.experiment.results import read_results
-from auv_torchrl.experiment.summary import PICTURE, TABLE, groups, summarize
+from auv_torchrl.experiment.summary import PICTURE, TABLE, console_table, groups, summarize
 
 
 def result(scenario: str, seed: int, u_t: float | None, box_m: float = 1.0, **changes) -> dict:
@@ -38,6 +38,19 @@ def test_infeasible_and_diverged_runs_are_in_the_table(tmp_path):
     assert "| infeasible |" in text and "inf" in text.splitlines()[3]
 
 
+def test_the_table_of_the_console_fits_80_columns_and_says_the_same():
+    """Long names, infeasible and diverged runs, vehicles and boxes included."""
+    runs = [result("swap", seed, u_t) for seed, u_t in enumerate((0.004, 0.009, 0.006))]
+    runs += [result("two_dead", 0, None, feasible=False, reason="rank 3") | {"u_t": None}, result("cycle", 0, None)]
+    runs += [result("reversed_and_dead+sensor_noise", 0, 0.1, box_m=12.5, vehicle="bluerov2_heavy")]
+    table = console_table(runs)
+    assert max(map(len, table.splitlines())) <= 80
+    rows = {line.split("  ")[0]: line for line in table.splitlines()}
+    assert "40.0 cm    6.00 mm    9.00 mm" in rows["swap"]
+    assert "infeasible" in rows["two dead"] and "inf" in rows["cycle"]
+    assert "bluerov2_heavy, starts within ±12.5 m" in table
+
+
 def test_boxes_and_vehicles_are_kept_apart():
     """A row each."""
     runs = [result("swap", 0, 0.1), result("swap", 0, 0.2, box_m=2.0), result("swap", 0, 0.3, vehicle="bluerov2")]
@@ -68,6 +81,6 @@ def test_the_flight_with_the_slowest_recovery_stands_in_the_table(tmp_path):
     runs += [result("swap", 1, 0.004, in_flight=flown((1.0, 1.0), (1.0, 0.5)))]
     runs += [result("cycle", 0, 0.004, in_flight=flown((1.0, None))), result("reversed", 0, 0.004)]
     rows = {row.split(" | ")[0]: row for row in summarize(runs, tmp_path).splitlines()}
-    assert rows["| swap"].endswith("| 90% | 2.5 |")
-    assert rows["| cycle"].endswith("| 100% | never |")
+    assert rows["| swap"].endswith("| 90\u202f% | 2.5 |")
+    assert rows["| cycle"].endswith("| 100\u202f% | never |")
     assert rows["| reversed"].endswith("| – | – |")

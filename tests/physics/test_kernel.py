@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.files import say_not_kept
 from auv_torchrl.physics import ActiveTerms, control_step, prepare
 from auv_torchrl.physics.kernel import Steps, Targets, native
 from auv_torchrl.physics.kernel.assembly import assembly
@@ -146,6 +147,7 @@ def empty_cache(tmp_path, monkeypatch):
     folder = tmp_path / "cache"
     monkeypatch.setattr(native, "cache_folder", lambda: folder)
     native._say_once.cache_clear()
+    say_not_kept.cache_clear()
     return folder
 
 

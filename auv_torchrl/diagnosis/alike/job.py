@@ -14,9 +14,10 @@ from auv_torchrl.command import checking_input
 from auv_torchrl.diagnosis.alike.answer import Answer
 from auv_torchrl.diagnosis.alike.judge import Alike, judge_runs, learn_sound
 from auv_torchrl.diagnosis.plain import plain, write_json
-from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.request import read_request
 from auv_torchrl.flightlog import FlightLogError
+from auv_torchrl.progress import Progress
+from auv_torchrl.quantities import counted, words
 
 log = logging.getLogger("diagnose")
 VERSION = 1
@@ -29,7 +30,7 @@ def answer_alike(config: DictConfig) -> None:
         if config.test:
             raise ValueError("test=... goes with one log: leave it out")
         request = read_request(config)
-    with checking_input((FlightLogError,)), ProgressBar() as progress, threadpool_limits(1):
+    with checking_input((FlightLogError,)), Progress() as progress, threadpool_limits(1):
         progress("what sound runs look like", 0.1)
         sound = learn_sound(request.healthy, request.vehicle)
         progress("what each effect would do", 0.3)
@@ -44,7 +45,8 @@ def answer_alike(config: DictConfig) -> None:
 def lines(told: Alike) -> Iterator[str]:
     """For the console."""
     yield (
-        f"{len(told.runs)} runs of {told.seconds:g} s against {told.healthy} sound ones, in {', '.join(told.channels)}"
+        f"{counted(len(told.runs), 'run')} of {told.seconds:g} s against {counted(told.healthy, 'sound one')}, in "
+        f"{', '.join(told.channels)}"
     )
     for name in told.left_out:
         yield f"left out: {name} (too short, or a second without samples)"
@@ -52,11 +54,12 @@ def lines(told: Alike) -> Iterator[str]:
         yield f"  {answer.runs[0]}: {answer.sentence}"
     if len(told.runs) > SHOWN:
         counts = Counter(answer.causes[0].name if answer.causes else answer.verdict.key for answer in told.runs)
-        yield f"  and {len(told.runs) - SHOWN} more; of all: {', '.join(f'{n} {name}' for name, n in counts.items())}"
+        of_all = ", ".join(f"{count} {words(name)}" for name, count in counts.items())
+        yield f"  and {len(told.runs) - SHOWN} more; of all: {of_all}"
     if len(told.runs) > 1:
         yield f"all together: {told.together.sentence}"
     if told.cannot_tell:
-        yield f"these runs cannot show: {', '.join(name.replace('_', ' ') for name in told.cannot_tell)}"
+        yield f"these runs cannot show: {', '.join(words(name) for name in told.cannot_tell)}"
 
 
 def to_json(told: Alike) -> dict[str, Any]:

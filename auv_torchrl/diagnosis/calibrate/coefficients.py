@@ -33,6 +33,7 @@ from auv_torchrl.diagnosis.thresholds import (
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
+from auv_torchrl.quantities import counted, percent
 from auv_torchrl.vehicle import Vehicle
 
 WINDOW_S = 10.0  # s, as long as a prediction is wanted for; 5 s leave slow axes to the prior
@@ -75,7 +76,9 @@ def calibrate_coefficients(
     longest = max(episode.duration for episode in log.episodes) - settings.lead_s
     windows = cut_windows(log, max(SHOWS_DRAG_S, min(WINDOW_S, 0.5 * longest)), settings.lead_s)
     if len(windows) < LEAST_WINDOWS:
-        sentence = f"the vehicle's file is a guess, but the log is too short to correct it ({len(windows)} windows)"
+        sentence = (
+            f"the vehicle's file is a guess, but the log is too short to correct it ({counted(len(windows), 'window')})"
+        )
         return Calibrated(vehicle, findings=(Finding(Severity.WARNING, "too_short_to_calibrate", sentence),))
     if len(windows) > MOST_WINDOWS:
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_WINDOWS).astype(int))
@@ -102,7 +105,7 @@ def calibrate_coefficients(
     effects = _effects(windows, held, coefficients, whole, gain.probability, said)
     sentence = (
         f"{len(coefficients)} coefficients of the vehicle's file were corrected on {log.name}; windows that the fit "
-        f"did not see are predicted {gain.share:.0%} better"
+        f"did not see are predicted {percent(gain.share)} better"
     )
     finding = Finding(Severity.INFO, "coefficients_corrected", sentence)
     sentences = said["axes"] + said["idle"] + said["turning"]

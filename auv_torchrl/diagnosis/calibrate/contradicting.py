@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.thresholds import CONTRADICTED, FEW_CONTRADICTED
 from auv_torchrl.flightlog import POSE, VELOCITY, Episode, Finding, FlightLog, Severity
 from auv_torchrl.flightlog.signals import integral
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_and_rate
+from auv_torchrl.quantities import quantity
 
 STRETCH_S = 2.0  # s over which both are compared, as long as windows are
 FEWEST = 10  # stretches that tell how often they differ
@@ -56,7 +57,7 @@ def _are_many(sizes: Floats) -> bool:
 
 
 def _told(axes: tuple[str, ...], sizes: Floats, unit: str) -> str:
-    return f"{', '.join(axes)} (by {np.median(sizes):.2g} {unit} within {STRETCH_S:g} s)"
+    return f"{', '.join(axes)} (by {quantity(float(np.median(sizes)), unit, 2)} within {STRETCH_S:g} s)"
 
 
 def _differences(episode: Episode) -> tuple[Floats, Floats]:

@@ -27,13 +27,13 @@ from auv_torchrl.diagnosis.calibrate.wording import console_lines, head_lines, r
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.logs import names
-from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.request import plain_config, report_findings
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join, read_flightlog
 from auv_torchrl.flightlog.readiness import refuse_errors
 from auv_torchrl.flightlog.streams.options import read_options
+from auv_torchrl.progress import Progress
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 log = logging.getLogger("calibrate")
@@ -60,7 +60,7 @@ def keep(config: DictConfig, paths: Sequence[Path], output: Path) -> None:
     """Read the logs, calibrate, hold each flight against the others, say what was found, write the file."""
     with checking_input():
         asked = read_asked(config, paths)
-    with checking_input((FlightLogError,)), ProgressBar() as progress:
+    with checking_input((FlightLogError,)), Progress() as progress:
         sound, flights, left_out = calibrate_and_judge(asked, progress)
     for line in console_lines(sound, flights, left_out, asked.settings):
         log.info("%s", line)

@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import NOTICED, NOTICED_DRIFT, NOTICED_TURN
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.quantities import quantity
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
@@ -56,9 +57,10 @@ def differences(before: Response, after: Response, command: float) -> dict[str, 
         speed = [abs(response.steady[row, degree]) for response in (before, after)]
         time = [response.time_s[row] for response in (before, after)]
         if abs(speed[1] / speed[0] - 1) > NOTICED or abs(time[1] / time[0] - 1) > NOTICED:
+            filed, found = (quantity(value, unit, 2) for value in speed)
             sentence = (
-                f"{WORDS[name]} it does {speed[1]:.2f} {unit} at command {command:g}, and gets there with a time "
-                f"constant of {time[1]:.1f} s (the file says {speed[0]:.2f} {unit} and {time[0]:.1f} s)"
+                f"{WORDS[name]} it does {found} at command {command:g}, and gets there with a time "
+                f"constant of {time[1]:.1f} s (the file says {filed} and {time[0]:.1f} s)"
             )
             axes.append((sum(abs(np.log(max(now, LEAST) / then)) for then, now in (speed, time)), sentence))
     idle = []

@@ -9,9 +9,11 @@ from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS
 from auv_torchrl.diagnosis.verdict import Errors
+from auv_torchrl.quantities import percent, quantity, words
 
 SHOWN_S = (2.0, 5.0)  # horizons that are printed
 KINDS = (("position_m", "m"), ("yaw_rad", "rad"), ("velocity", "m/s"))
+NAMES = {"position_m": "position", "yaw_rad": "heading", "velocity": "velocity"}
 
 
 def console_lines(
@@ -21,7 +23,7 @@ def console_lines(
     lines = [str(finding) for finding in sound.findings]
     if 0 < len(sound.strays) <= MOST_EFFECTS:
         lines.append(
-            f"the file is off in {', '.join(name.replace('_', ' ') for name in sound.strays)} alone: if that has not "
+            f"the file is off in {', '.join(words(name) for name in sound.strays)} alone: if that has not "
             "always been so, it is a fault, and no calibration; diagnose.py log=... tells"
         )
     lines += [*odd_lines(left_out), *flight_lines(flights), *no_better_lines(flights)]
@@ -39,7 +41,7 @@ def head_lines(about: Mapping[str, Any], flights: Sequence[Unseen], left_out: Se
     return [
         one_line(f"Calibrated on {', '.join(about['logs'])} ({about['seconds']:g} s) from vehicle={about['vehicle']}, "
                  f"{about['made']} UTC, auv_torchrl {about['version']}."),
-        f"Unseen flight is predicted with {after / before:.0%} of the error of that vehicle:",
+        f"Unseen flight is predicted with {percent(after / before)} of the error of that vehicle:",
         *flight_lines(flights),
         *no_better_lines(flights),
         *odd_lines(left_out),
@@ -89,10 +91,10 @@ def flight_lines(flights: Sequence[Unseen]) -> list[str]:
             if errors is None:
                 continue
             told = [
-                f"{errors.before[place]:.3g} → {errors.after[place]:.3g} {unit} at {horizon:g} s"
+                f"{quantity(errors.before[place], unit)} → {quantity(errors.after[place], unit)} at {horizon:g} s"
                 for place, horizon in enumerate(flight.horizons_s)
                 if horizon in SHOWN_S
             ]
-            parts += [f"{kind.split('_')[0]} {', '.join(told)}"] if told else []
+            parts += [f"{NAMES[kind]} {', '.join(told)}"] if told else []
         found.append(one_line(f"{flight.name}: {'; '.join(parts) or 'too short for 2 s'}"))
     return found

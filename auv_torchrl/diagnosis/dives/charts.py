@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from auv_torchrl.diagnosis.dives.answer import ChangeTold, DiveTold, Followed
 from auv_torchrl.diagnosis.report.svg import circle, line, polyline, rect, svg, text, ticks
+from auv_torchrl.quantities import counted, scale
 
 _WIDTH, _HEIGHT = 340.0, 172.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 10.0, 24.0, 26.0
@@ -26,10 +27,10 @@ def over_dives(
         change: what happened to it, if anything did.
         alarms: dives in which it raised an alarm.
     """
-    scale = 100.0 if number.unit == "1" else 1.0
+    factor, unit = (100.0, "%") if number.unit == "1" else scale(number.unit, 1.0)
     told = {dive.number: dive.values[number.key] for dive in dives if number.key in dive.values}
-    points = {n: (scale * v.value, scale * v.low, scale * v.high) for n, v in told.items()}
-    fitted = [scale * value for value in change.line] if change else []
+    points = {n: (factor * v.value, factor * v.low, factor * v.high) for n, v in told.items()}
+    fitted = [factor * value for value in change.line] if change else []
     low, high = _range([*points.values()], fitted)
     first, last = dives[0].number, dives[-1].number
 
@@ -40,7 +41,6 @@ def over_dives(
         share = (min(max(value, low), high) - low) / (high - low)
         return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
 
-    unit = "%" if number.unit == "1" else number.unit
     parts = [text(_LEFT, 14, f"{number.label}, {unit}", "title"), *_reference(dives, across)]
     for tick in ticks(low, high):
         css = "zero" if abs(tick) < 1e-9 * (high - low) else "grid"
@@ -92,4 +92,4 @@ def _marks(dives: Sequence[DiveTold], across) -> list[str]:
 def _label(number: Followed, points: dict[int, tuple[float, float, float]], change: ChangeTold | None) -> str:
     if not points:
         return f"{number.label}: no dive tells it"
-    return f"{number.label} over {len(points)} dives: {change.sentence if change else 'no change'}"
+    return f"{number.label} over {counted(len(points), 'dive')}: {change.sentence if change else 'no change'}"

@@ -18,12 +18,12 @@ from auv_torchrl.diagnosis.dives.told import Dive
 from auv_torchrl.diagnosis.dives.work import Work, diagnose_some, follow_all
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.plain import plain, write_json
-from auv_torchrl.diagnosis.report.progress import ProgressBar
 from auv_torchrl.diagnosis.request import plain_config
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.files import write_text
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.streams.options import read_options
+from auv_torchrl.progress import Progress
 from auv_torchrl.vehicle import load_vehicle
 
 log = logging.getLogger("diagnose")
@@ -36,7 +36,7 @@ def answer_dives(config: DictConfig) -> None:
     with checking_input():
         planned, work = plan(config), _work(config)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    with checking_input((FlightLogError,)), ProgressBar() as progress:
+    with checking_input((FlightLogError,)), Progress() as progress:
         normal, dives = follow_all(work, planned, progress)
     judged = judge(dives, normal, planned.reference, float(config.dives_per_false_alarm))
     which = to_diagnose(str(config.each), dives, judged, work.settings.excess)

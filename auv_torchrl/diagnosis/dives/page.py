@@ -10,11 +10,10 @@ from auv_torchrl.diagnosis.dives.answer import DiveTold, Followed, ManyDives
 from auv_torchrl.diagnosis.dives.charts import over_dives
 from auv_torchrl.diagnosis.dives.said import rate, size_of
 from auv_torchrl.diagnosis.dives.told import NOISE
-from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.page import STYLE, templates
-from auv_torchrl.diagnosis.report.wording import words
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.quantities import percent, words
 from auv_torchrl.vehicle import Vehicle
 
 _HERE = Path(__file__).parent
@@ -85,7 +84,7 @@ def _sign(told: ManyDives) -> tuple[str, str, str]:
 def _facts(told: ManyDives) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
     used = [dive for dive in told.dives if not dive.refused]
-    facts = [("dives", str(len(used)))]
+    facts = [("dive" if len(used) == 1 else "dives", str(len(used)))]
     if told.alarms:
         facts.append(("the first alarm", f"dive {told.alarms[0].dive}"))
     if told.changes:

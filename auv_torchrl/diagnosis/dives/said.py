@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 
 from auv_torchrl.diagnosis.dives.answer import AlarmTold, ChangeTold, DiveTold, ManyDives, ShiftTold
 from auv_torchrl.diagnosis.dives.told import NOISE, Number
-from auv_torchrl.diagnosis.report.charts import percent
-from auv_torchrl.diagnosis.report.svg import number as written
-from auv_torchrl.diagnosis.report.wording import sentence, words
+from auv_torchrl.diagnosis.report.wording import sentence
 from auv_torchrl.diagnosis.verdict import how_sure
+from auv_torchrl.quantities import counted, percent, quantity, words
 
 _MOST_NAMED = 3
 
@@ -28,7 +27,7 @@ def size_of(deviation: float, unit: str) -> str:
     if unit == "1":
         share = 100 * abs(deviation)
         return f"{sign}{share:.{1 if share >= 1 else 2}f}\u202f%"
-    return f"{sign}{written(abs(deviation), 2)}\u202f{unit}"
+    return sign + quantity(abs(deviation), unit, 2)
 
 
 def change_sentence(
@@ -70,20 +69,22 @@ def summary_of(
     strange = f" Dive {which} shows something that is none of the numbers followed." if odd else ""
     if alarms:
         return f"There was an alarm at dive {alarms[0].dive}, and the dives since then do not bear it out.{strange}"
-    return f"Nothing changed over {len(used)} dives.{strange}"
+    return f"Nothing changed over {counted(len(used), 'dive')}.{strange}"
 
 
 def console(told: ManyDives) -> str:
     """The answer as a few lines for the console."""
     used = [dive for dive in told.dives if not dive.refused]
     sound = sum(dive.is_reference for dive in told.dives)
-    lines = [told.summary, "", f"{len(used)} dives, the first {sound} are the reference; {rate(told)}"]
+    first = "the first is" if sound == 1 else f"the first {sound} are"
+    lines = [told.summary, "", f"{counted(len(used), 'dive')}, {first} the reference; {rate(told)}"]
     if told.changes:
-        lines += ["", f"{'what changed':<28} {'since dive':>12} {'prob.':>7}  sentence"]
+        lines += ["", f"{'what changed':<40} {'since dive':>20} {'probability':>12}"]
     for change in told.changes:
         label, first = told.followed[change.number].label, change.shifts[0]
         since = f"{first.dive} ({first.dive_low} to {first.dive_high})"
-        lines.append(f"{label:<28} {since:>12} {percent(change.probability):>7}  {change.sentence}")
+        lines.append(f"{label:<40} {since:>20} {percent(change.probability):>12}")
+    lines += ["", *(sentence(change.sentence) for change in told.changes)] if len(told.changes) > 1 else []
     lines += ["", *(f"alarm at dive {alarm.dive}: {alarm.sentence}" for alarm in told.alarms)] if told.alarms else []
     lines += [f"dive {dive.number} by itself: {dive.diagnosis.summary}" for dive in told.dives if dive.diagnosis]
     lines += [f"dive {dive.number} ({dive.name}) was not used: {dive.refused}" for dive in told.dives if dive.refused]

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.dives.told import Dive, Normal
 from auv_torchrl.diagnosis.plain import from_plain, plain
-from auv_torchrl.files import write_text
+from auv_torchrl.files import say_not_kept, write_text
 from auv_torchrl.paths import own_folder
 
 log = logging.getLogger(__name__)
@@ -46,9 +46,13 @@ def key_of(settings: Mapping[str, Any], *files: Path) -> str:
 
 
 def keep(folder: Path, key: str, told: Dive | Normal) -> None:
-    """Keep what one dive tells, or how the sound vehicle is."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(_file(folder, key, type(told)), json.dumps(plain(told), allow_nan=False))
+    """Keep what one dive tells, or how the sound vehicle is; where there is no room, the answer is all the same."""
+    content = json.dumps(plain(told), allow_nan=False)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(_file(folder, key, type(told)), content)
+    except OSError as error:
+        say_not_kept(error.strerror or str(error))
 
 
 def kept(folder: Path, key: str, kind: type[Kept]) -> Kept | None:

@@ -1,15 +1,19 @@
 """Whether roll and pitch move: read off a log that measures them, else decided by the evidence of two vehicles."""
 
+import math
+
 import numpy as np
 
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.flightlog.log import ACCELERATION
+from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import Vehicle
 
 TILT = (3, 4)  # degrees of freedom
 USUALLY = 95.0  # per cent of samples: single ones are noise
+_MOST_ODDS = 700.0  # log odds whose exponential is a number
 
 
 def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
@@ -38,9 +42,10 @@ def is_hidden(log: FlightLog, vehicle: Vehicle) -> bool:
 
 
 def attitude_finding(free: bool, odds: float) -> Finding:
-    """What was decided, with the log odds for it."""
+    """What was decided, with the probability that follows from the log odds for it."""
     how = "free to roll and pitch" if free else "held level"
-    sentence = f"roll and pitch are not measured; the log is explained better by a vehicle {how} (log odds {odds:.0f})"
+    sure = percent(1.0 / (1.0 + math.exp(-min(odds, _MOST_ODDS))))
+    sentence = f"roll and pitch are not measured; the log is explained better by a vehicle {how}, to {sure}"
     return Finding(Severity.INFO, "attitude_free" if free else "attitude_held", sentence)
 
 

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
-from auv_torchrl.diagnosis.report.svg import circle, decades, line, number, polyline, rect, svg, text, ticks
+from auv_torchrl.diagnosis.report.svg import circle, decades, line, polyline, rect, svg, text, ticks
 from auv_torchrl.diagnosis.verdict import Errors, Estimate
 from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.quantities import number, percent, quantity
 
 _WIDTH, _HEIGHT = 300.0, 170.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 22.0, 24.0
@@ -109,16 +110,6 @@ def interval(estimate: Estimate) -> Markup:
         line(across(estimate.low), 10, across(estimate.high), 10, "interval"),
         circle(across(estimate.value), 10, 4, "point"),
     ]
-    label = f"{number(estimate.value)} in {number(estimate.low)} to {number(estimate.high)}"
-    return svg(160, 20, f"{label}, nominal {number(estimate.nominal)}", parts, "interval")
-
-
-def percent(share: float | None) -> str:
-    """A share in per cent, honest at both ends."""
-    if share is None or not np.isfinite(share):
-        return "–"
-    if 0 < share < 0.005:
-        return "<\u202f1\u202f%"
-    if 0.995 < share < 1:
-        return ">\u202f99\u202f%"
-    return f"{100 * share:.0f}\u202f%"
+    numbers = (estimate.value, estimate.low, estimate.high, estimate.nominal)
+    value, least, most, nominal = (quantity(n, estimate.unit) for n in numbers)
+    return svg(160, 20, f"{value} in {least} to {most}, nominal {nominal}", parts, "interval")

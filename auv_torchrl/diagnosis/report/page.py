@@ -1,24 +1,25 @@
 """report.html: what a diagnosis says, on one page that needs nothing else."""
 
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import jinja2
 import numpy as np
+from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.configured import set_wrong, to_change
-from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, percent, shares
+from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
-from auv_torchrl.diagnosis.report.svg import between, estimated, number
-from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, words
+from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, shown
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
+from auv_torchrl.files import say_not_kept
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.paths import cache_folder
+from auv_torchrl.quantities import counted, number, percent, quantity, scale, with_unit, words
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 _HERE = Path(__file__).parent
@@ -49,18 +50,40 @@ def templates(folder: Path) -> jinja2.Environment:
         trim_blocks=True, lstrip_blocks=True, bytecode_cache=_compiled_before(),
     )  # fmt: skip
     environment.globals["version"] = __version__
-    environment.filters |= {"percent": percent, "number": number, "words": words, "sentence": sentence}
+    environment.filters |= {
+        "percent": percent, "number": number, "quantity": quantity, "words": words, "sentence": sentence,
+        "counted": counted,
+    }  # fmt: skip
     return environment
 
 
 def _compiled_before() -> jinja2.BytecodeCache | None:
-    """Where templates are kept compiled, which takes 0.1 s; None where nothing can be kept."""
-    folder = cache_folder() / "pages"
+    """Where templates are kept compiled, which takes 0.1 s; None where there is no folder for it."""
     try:
+        folder = cache_folder() / "pages"
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    except OSError as error:
+        say_not_kept(error.strerror or str(error))
         return None
-    return jinja2.FileSystemBytecodeCache(str(folder)) if os.access(folder, os.W_OK) else None
+    return _Kept(str(folder))
+
+
+class _Kept(jinja2.FileSystemBytecodeCache):
+    """A cache that costs time and nothing else where it is full, read-only or damaged."""
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Read what was kept, if it can be read."""
+        try:
+            super().load_bytecode(bucket)
+        except (OSError, EOFError, ValueError, TypeError):  # of marshal and pickle, where a file is cut or damaged
+            bucket.reset()
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep it, if there is room."""
+        try:
+            super().dump_bytecode(bucket)
+        except OSError as error:
+            say_not_kept(error.strerror or str(error))
 
 
 def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
@@ -71,12 +94,12 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         vehicle: the nominal vehicle, no batch, for the drawing.
     """
     environment = templates(_HERE)
-    environment.globals |= {"interval": interval, "between": between, "estimated": estimated}
+    environment.globals |= {"interval": interval, "shown": shown, "with_unit": with_unit}
     likely = [effect for effect in diagnosis.effects if effect.is_likely]  # no red for what is likelier sound
     thrusters = sorted({i for effect in likely for i in effect.thrusters})
-    shown = diagnosis.verdict is not Verdict.NO_GAP
-    axes = _clear_axes(diagnosis.where, likely) if shown and not thrusters else []
-    suspected = suspects(diagnosis.where) if shown and not likely else []
+    has_gap = diagnosis.verdict is not Verdict.NO_GAP
+    axes = _clear_axes(diagnosis.where, likely) if has_gap and not thrusters else []
+    suspected = suspects(diagnosis.where) if has_gap and not likely else []
     marked = [_numbered(thrusters)] if thrusters else []
     marked += [f"{', '.join(axes)}, where the gap shows"] if axes else []
     marked += [f"{_numbered(suspected)}, whose commands it goes with"] if suspected else []
@@ -139,8 +162,9 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     facts = [("of the gap closed", percent(diagnosis.gap.closed))] if diagnosis.gap.closed is not None else []
     told = [kind for kind in measured_errors(diagnosis.gap) if kind[0] != "heading" and kind[2].before]
     for name, unit, errors in told[:1]:
-        change = f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)} {unit}"
-        when = f"after {diagnosis.gap.horizon_s[-1]:g} s, before and after (floor {number(errors.floor[-1], 2)})"
+        change = with_unit(f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)}", unit)
+        floor = with_unit(number(errors.floor[-1], 2), unit)
+        when = f"after {diagnosis.gap.horizon_s[-1]:g} s, before and after (floor {floor})"
         facts.append((f"{name} error {when}", change))
     if diagnosis.effects:
         first = diagnosis.effects[0]
@@ -194,6 +218,8 @@ def _window_charts(window: Window) -> Iterable[Markup]:
     kind, names, axes = ("velocity", VELOCITY, "uvwr") if velocity_seen else ("pose", POSE, ("x", "y", "z", "yaw"))
     for axis in axes:
         column = names.index(axis)
-        series = {name: getattr(getattr(window, name), kind)[:, column] for name in ("measured", "before", "after")}
+        factor, unit = scale(_UNITS[axis], 1.0)
+        flown = {name: getattr(window, name) for name in ("measured", "before", "after")}
+        series = {name: factor * getattr(motion, kind)[:, column] for name, motion in flown.items()}
         if np.isfinite(series["measured"]).any():
-            yield curves(_TITLES[axis], _UNITS[axis], window.t, series)
+            yield curves(_TITLES[axis], unit, window.t, series)

@@ -76,32 +76,3 @@ def ticks(low: float, high: float, most: int = 5) -> list[float]:
     step = next(power * factor for factor in (1, 2, 5, 10) if span / (power * factor) <= most)
     first = math.ceil(low / step - 1e-9)
     return [step * i for i in range(first, int(math.floor(high / step + 1e-9)) + 1)]
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number with so many significant digits, without an exponent where people would not write one."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    if value == 0:
-        return "0"
-    if not 1e-4 <= abs(value) < 1e6:
-        return f"{value:.{digits - 1}e}"
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{decimals}f}"
-
-
-def estimated(value: float, low: float, high: float) -> str:
-    """A value with no digits that its interval leaves open: next to ± 0.005, 3e-5 is 0."""
-    half = (high - low) / 2
-    if not (math.isfinite(half) and half > 0):
-        return number(value)
-    if abs(value) >= half:
-        return number(value)
-    power = math.floor(math.log10(half / 10))
-    rounded = round(value / 10.0**power) * 10.0**power
-    return f"{rounded:.{max(0, -power)}f}" if 1e-4 <= abs(rounded) < 1e6 else number(rounded)
-
-
-def between(low: float, high: float) -> str:
-    """An interval in words; a dash where it has no width because the value was not fitted but chosen."""
-    return f"{number(low)} to {number(high)}" if low < high else "–"

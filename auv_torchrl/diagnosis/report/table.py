@@ -2,14 +2,12 @@
 
 from collections.abc import Collection, Iterable
 
-from auv_torchrl.diagnosis.report.charts import percent
-from auv_torchrl.diagnosis.report.svg import between, estimated, number
-from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, to_do, words
+from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, shown, to_do
 from auv_torchrl.diagnosis.verdict import NO_MARK, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
+from auv_torchrl.quantities import number, percent, words
 
 _CANDIDATES = 3
-_CELL = 26  # characters, the least width of a column of errors
 
 
 def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
@@ -20,19 +18,15 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
     begins = "" if diagnosis.verdict is Verdict.NO_GAP else f"{words(diagnosis.verdict.key)}: "
     lines = [f"{begins}{diagnosis.summary}"]
     if diagnosis.effects:
-        lines += [
-            "",
-            f"{'effect':<22} {'prob.':>6}  {'parameter':<18} {'value':>9} {'95 % interval':>21} {'nominal':>9}  unit",
-        ]
+        lines += ["", f"{'effect, probability':<37} {'value':>10} {'95 % interval':>22} {'nominal':>8}"]
     for effect in diagnosis.effects:
-        name, probability = effect.name, percent(effect.probability)
-        for parameter, e in effect.parameters.items():
-            value, inside = estimated(e.value, e.low, e.high), between(e.low, e.high)
-            row = f"{name:<22} {probability:>6}  {parameter:<18} {value:>9} {inside:>21} {number(e.nominal):>9}"
-            lines.append(f"{row}  {e.unit}".removesuffix("  1"))
-            name = probability = ""
+        lines.append(f"{words(effect.name)}, {percent(effect.probability)}")
+        for parameter, estimate in effect.parameters.items():
+            e = shown(estimate)
+            name = f"{words(parameter)}{e.unit and ', '}{e.unit}"
+            lines.append(f"  {name:<35} {e.value:>10} {e.interval:>22} {e.nominal:>8}")
     if not diagnosis.effects and diagnosis.candidates:
-        ranked = (f"{c.name} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
+        ranked = (f"{words(c.name)} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
         lines += ["", f"most probable: {', '.join(ranked)}"]
     lines += ["", *_errors(diagnosis)]
     limits = (line for line in diagnosis.cannot_tell if not line.endswith(NO_MARK))  # of those there are a dozen
@@ -55,27 +49,25 @@ def _warnings(diagnosis: Diagnosis, said: Collection[str]) -> list[str]:
 
 def _errors(diagnosis: Diagnosis) -> list[str]:
     gap, confirmed = diagnosis.gap, diagnosis.gap.confirmed
-    rows, flown = _rows(gap), _rows(confirmed) if confirmed else {}
-    cells = (cell for row in (*rows.values(), *flown.values()) for cell in row)
-    width = max(_CELL, 2 + max(map(len, cells), default=0))
-
-    def line(name: str, row: Iterable[str]) -> str:
-        return f"{name:<16}" + "".join(f"{cell:>{width}}" for cell in row)
-
-    lines = [line("held-out error", (f"{h:g} s" for h in gap.horizon_s)), *(line(*row) for row in rows.items())]
+    lines = [_line("held-out error", "after", (f"{h:g} s" for h in gap.horizon_s)), *_rows(gap)]
     why_not = diverged(diagnosis) or "held-out flight shows none"
     closed = f"not defined, {why_not}" if gap.closed is None else percent(gap.closed)
-    lines.append(f"before → after (floor); share of the gap closed: {closed}")
+    lines.append(f"share of the gap between before and floor that is closed: {closed}")
     if confirmed is not None:
-        flown_lines = (line(*row) for row in flown.items())
-        lines += ["", "the same flown in MuJoCo", *flown_lines, f"share closed there: {percent(confirmed.closed)}"]
+        lines += ["", "the same flown in MuJoCo", *_rows(confirmed), f"share closed there: {percent(confirmed.closed)}"]
     return lines
 
 
-def _rows(gap: Gap | Confirmation) -> dict[str, list[str]]:
-    """By kind, the errors before, after and floor at each horizon."""
-    rows = {}
+def _rows(gap: Gap | Confirmation) -> list[str]:
+    """Of each kind the errors before, after and floor at each horizon."""
+    lines = []
     for name, unit, errors in measured_errors(gap):
-        triples = zip(errors.before, errors.after, errors.floor, strict=True)
-        rows[f"{name}, {unit}"] = [f"{number(b, 2)} → {number(a, 2)} ({number(f, 2)})" for b, a, f in triples]
-    return rows
+        title = f"{name}, {unit}"
+        for which in ("before", "after", "floor"):
+            lines.append(_line(title, which, (number(value, 2) for value in getattr(errors, which))))
+            title = ""
+    return lines
+
+
+def _line(title: str, which: str, cells: Iterable[str]) -> str:
+    return f"{title:<16} {which:<8}" + "".join(f"{cell:>10}" for cell in cells)

@@ -8,6 +8,7 @@ from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.thresholds import CLOSED_IF_EXPLAINED, STILL_FAR, WITHIN_FLOOR, WORSE
 from auv_torchrl.diagnosis.validate.predict import Predictions
 from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.quantities import percent
 
 
 @DIVERGING
@@ -39,7 +40,9 @@ def shortfalls(short: bool) -> tuple[Finding, ...]:
     """What is said where effects fit the log, but do not predict held-out flight."""
     if not short:
         return ()
-    sentence = f"the effects fit this log, but close less than {CLOSED_IF_EXPLAINED:.0%} of the gap in held-out flight"
+    sentence = (
+        f"the effects fit this log, but close less than {percent(CLOSED_IF_EXPLAINED)} of the gap in held-out flight"
+    )
     return (Finding(Severity.WARNING, "falls_short", sentence, "Fly what next_experiment.csv commands"),)
 
 

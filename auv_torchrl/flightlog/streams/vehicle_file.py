@@ -7,6 +7,7 @@ from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.streams.stream import Streams
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.paths import config_names
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 _LEVEL = (  # of the horizontal motors: what a positive command does along surge, sway, heave, roll, pitch, yaw
@@ -35,8 +36,8 @@ def check_frame(streams: Streams, table: Table, vehicle: Vehicle) -> list[Findin
         named = " or ".join(f"vehicle={name}" for name in fitting)
         raise FlightLogError(
             f"{streams.name} was written by a vehicle with {f'the frame {frame}, ' if frame else ''}{motors} motors, "
-            f"the vehicle file has {vehicle.thrusters} thrusters: give {named + ', or ' if named else ''}a vehicle "
-            "file of yours"
+            f"the vehicle file has {counted(vehicle.thrusters, 'thruster')}: give {named + ', or ' if named else ''}a "
+            "vehicle file of yours"
         )
     if not (other := _other_way(vehicle, frame)):
         return []

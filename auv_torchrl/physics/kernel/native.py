@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from auv_torchrl.files import locked, write_whole
+from auv_torchrl.files import locked, say_not_kept, write_whole
 from auv_torchrl.paths import cache_folder
 from auv_torchrl.physics.kernel.assembly import CALLBACK, ENTRY, KEPT, TABLE
 
@@ -69,17 +69,17 @@ def _say_once(text: str) -> None:
 
 
 def _machine_code(name: str, assembled: Callable[[], str]) -> bytes:
-    path = cache_folder() / f"{name}-{_fingerprint()}.o"
-    known = _read(path)
-    if known is not None:
-        return known
     try:
+        path = cache_folder() / f"{name}-{_fingerprint()}.o"
+        known = _read(path)
+        if known is not None:
+            return known
         path.parent.mkdir(parents=True, exist_ok=True)
         with locked(path.with_suffix(".lock"), "compiles the physics"):
             code = _read(path) or _compiled(assembled())
             write_whole(path, hashlib.sha256(code).digest() + code)
     except OSError as error:
-        _say_once(f"the compiled physics cannot be kept and is compiled at every start: {error}")
+        say_not_kept(error.strerror or str(error))
         code = _compiled(assembled())
     return code
 
