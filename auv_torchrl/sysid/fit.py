@@ -22,6 +22,7 @@ from auv_torchrl.sysid.prior import Prior
 ROUNDS = 12  # of Gauss-Newton at most; four are usual
 SETTLED = 0.1  # of chi-square, below which a round has changed nothing that evidence would show
 SHORTENINGS = 5  # halvings of a step that does not help before the fit stays where it is
+ROUNDING = 1e-14  # of the largest curvature: below, a sum of squares holds nothing but rounding
 PROBE = 0.02  # of a standard deviation of the prior, by which a parameter is moved to see what it does
 
 
@@ -70,6 +71,7 @@ def least_quadratic(curvature: Floats, pull: Floats, low: Floats, high: Floats) 
     """Where (k,) ``x H x - 2 g x`` is least within bounds, of a positive ``H`` (k, k)."""
     if not len(pull):
         return np.zeros(0)
+    curvature = curvature + ROUNDING * np.diag(curvature).max() * np.eye(len(pull))
     factor = cholesky(curvature)
     free = np.linalg.solve(curvature, pull)
     if ((free >= low) & (free <= high)).all():

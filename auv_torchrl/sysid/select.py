@@ -169,7 +169,7 @@ class _Search:
         hypothesis = best.prior.hypothesis
         open_ones = [candidate for candidate in self._candidates if not hypothesis.overlaps(candidate)]
         # Slopes at far values say little about small changes, and the other way round: the better of both counts.
-        near = [one.near(best.values, self._problem.model) for one in open_ones if not one.fixed]
+        near = {one.name: one.near(best.values, self._problem.model) for one in open_ones if not one.fixed}.values()
         promised = self._best_of_each(predict(self._problem, best, measured, [*open_ones, *near]))
         here = self._total(hypothesis, best.log_evidence)
         doubt = DOUBTED + DOUBTED_SHARE * max(0.0, best.chi2 - best.numbers) / 2
@@ -279,6 +279,14 @@ def predict(problem: Problem, best: Fit, measured: Linearised, candidates: Seque
             moved[place] += size
             rows.append(moved)
     columns = sensitivities(problem, measured, np.array(rows)) if rows else np.zeros((*own.shape[:2], 0))
+    first = 0
+    for candidate in candidates:  # from responses at begin values and beside them to sensitivities there
+        for number, (place, size) in enumerate(_probes(problem, candidate), 1):
+            width_of = problem.model.parameters[place].changed_width
+            columns[..., first + number] = (columns[..., first + number] - columns[..., first]) * (width_of / size)
+        first += 1 + len(_probes(problem, candidate))
+    diverged = ~np.isfinite(columns).all((0, 1))
+    columns[..., diverged] = 0.0
     precision = problem.precision(problem.disturbance.size)
     quadratic = reduced_quadratic(problem, measured, np.concatenate([own, columns], axis=2), precision)
     total = quadratic
@@ -287,20 +295,21 @@ def predict(problem: Problem, best: Fit, measured: Linearised, candidates: Seque
     for candidate in candidates:
         probes = _probes(problem, candidate)
         prior = replace(base, hypothesis=base.hypothesis.with_one(candidate))
-        pick = np.zeros((len(total.b), len(prior.moving)))  # columns of the quadratic per standard deviation
+        # Columns of the quadratic that play a part, and what of each a standard deviation of each parameter is.
+        some = np.array([*range(width), *range(first, first + 1 + len(probes))])
+        shares = np.zeros((len(some), len(prior.moving)))
+        freed = {place: width + 1 + number for number, (place, _) in enumerate(probes)}
         for column, place in enumerate(prior.moving):
-            pick_candidate = [number for number, (own_place, _) in enumerate(probes) if own_place == place]
-            if pick_candidate:
-                size = probes[pick_candidate[0]][1]
-                pick[first + 1 + pick_candidate[0], column] = prior.widths[place] / size
-                pick[first, column] = -prior.widths[place] / size
+            if place in freed:
+                shares[freed[place], column] = 1.0
             else:
-                pick[np.flatnonzero(base.moving == place)[0], column] = prior.widths[place] / base.widths[place]
-        there, free = total.A[first], total.b - total.A[first]
-        constant = float(total.constant - 2 * total.b[first] + there[first])
-        begin = rows[first - width]
-        promise = _promise(prior, begin, constant, pick.T @ free, pick.T @ total.A @ pick)
-        evidence = best.log_evidence + promise[1] - nothing[1]
+                shares[np.flatnonzero(base.moving == place)[0], column] = prior.widths[place] / base.widths[place]
+        A, there = total.A[np.ix_(some, some)], total.A[some, first]
+        constant = float(total.constant - 2 * total.b[first] + total.A[first, first])
+        pull = shares.T @ (total.b[some] - there)
+        promise = _promise(prior, rows[first - width], constant, pull, shares.T @ A @ shares)
+        far = diverged[first - width : first - width + 1 + len(probes)].any()
+        evidence = -np.inf if far else best.log_evidence + promise[1] - nothing[1]
         found.append(Prediction(prior.hypothesis, promise[0], evidence, promise[2] / best.numbers))
         first += 1 + len(probes)
     return found
