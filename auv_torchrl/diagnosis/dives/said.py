@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from auv_torchrl.diagnosis.dives.answer import AlarmTold, ChangeTold, DiveTold, ManyDives, ShiftTold
 from auv_torchrl.diagnosis.dives.told import NOISE, Number
+from auv_torchrl.diagnosis.logs import BESIDES
 from auv_torchrl.diagnosis.report.charts import percent
 from auv_torchrl.diagnosis.report.svg import number as written
 from auv_torchrl.diagnosis.report.wording import sentence, words
@@ -77,7 +78,8 @@ def console(told: ManyDives) -> str:
     """The answer as a few lines for the console."""
     used = [dive for dive in told.dives if not dive.refused]
     sound = sum(dive.is_reference for dive in told.dives)
-    lines = [told.summary, "", f"{len(used)} dives, the first {sound} are the reference; {rate(told)}"]
+    first = "the first is" if sound == 1 else f"the first {sound} are"
+    lines = [told.summary, "", f"{len(used)} dives, {first} the reference; {rate(told)}"]
     if told.changes:
         lines += ["", f"{'what changed':<28} {'since dive':>12} {'prob.':>7}  sentence"]
     for change in told.changes:
@@ -87,6 +89,7 @@ def console(told: ManyDives) -> str:
     lines += ["", *(f"alarm at dive {alarm.dive}: {alarm.sentence}" for alarm in told.alarms)] if told.alarms else []
     lines += [f"dive {dive.number} by itself: {dive.diagnosis.summary}" for dive in told.dives if dive.diagnosis]
     lines += [f"dive {dive.number} ({dive.name}) was not used: {dive.refused}" for dive in told.dives if dive.refused]
+    lines += [str(finding) for finding in told.findings if finding.code == BESIDES]
     advice = [do for change in told.changes for do in change.advice]
     return "\n".join([*lines, *(["", "what to do", *(f"  {sentence(do)}" for do in advice)] if advice else [])])
 
