@@ -78,8 +78,8 @@ def console(told: ManyDives) -> str:
     """The answer as a few lines for the console."""
     used = [dive for dive in told.dives if not dive.refused]
     sound = sum(dive.is_reference for dive in told.dives)
-    first = "the first is" if sound == 1 else f"the first {sound} are"
-    lines = [told.summary, "", f"{len(used)} dives, {first} the reference; {rate(told)}"]
+    beginning = "the first is" if sound == 1 else f"the first {sound} are"
+    lines = [told.summary, "", f"{len(used)} dives, {beginning} the reference; {rate(told)}"]
     if told.changes:
         lines += ["", f"{'what changed':<28} {'since dive':>12} {'prob.':>7}  sentence"]
     for change in told.changes:
