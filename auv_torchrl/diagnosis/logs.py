@@ -108,11 +108,11 @@ def _as_counted(path: Path) -> list[tuple[int, str]]:
 
 
 def names(config: DictConfig, key: str) -> tuple[str, ...]:
-    """The entries of a key that takes one or several; none where it is missing or null."""
+    """The entries of a key that takes one or several; none where it is missing, null or empty."""
     if OmegaConf.is_missing(config, key) or config[key] is None:
         return ()
     value = config[key]
-    return tuple(map(str, value)) if OmegaConf.is_config(value) else (str(value),)
+    return tuple(filter(None, map(str, value if OmegaConf.is_config(value) else [value])))
 
 
 def _shipped(name: str) -> Path:

@@ -43,6 +43,7 @@ from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
 from auv_torchrl.diagnosis.volts import volts_findings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
@@ -122,8 +123,8 @@ def diagnose(
     summary = summarise(outcome, effects, where, gap, corrected.sentences, examined(problem))
     report("done", 1.0)
     return Diagnosis(
-        log=log.name,
-        vehicle=vehicle_name,
+        log=printable(log.name),
+        vehicle=printable(vehicle_name),
         verdict=verdict,
         summary=said_too(said_first(summary, verdict, doubted), findings, effects),
         where=where,
