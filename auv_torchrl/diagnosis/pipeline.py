@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
 from auv_torchrl.diagnosis.identify.refine import Progress
-from auv_torchrl.diagnosis.lengths import check_lengths, split
+from auv_torchrl.diagnosis.lengths import check_lengths, split, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.look import Looked, judge, look_both_ways
@@ -83,8 +83,8 @@ def diagnose(
     """
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
-    log, healthy = followable(log), [healthy_flight(sound) for sound in healthy]
-    test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
+    log, healthy = stretches_of(followable(log)), [stretches_of(healthy_flight(sound)) for sound in healthy]
+    test = [stretches_of(restricted(followable(unseen_log), log.axes)) for unseen_log in test]
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
     corrected = calibrate_coefficients(training, vehicle, () if healthy or kept else uncertainty, settings)
@@ -113,7 +113,7 @@ def diagnose(
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
-    effects = (*corrected.effects, *effects)
+    effects = tuple(effect for effect in (*corrected.effects, *effects) if effect.departs)
     findings = (*configured(log, healthy, verdict, effects), *findings)
     same, hidden = indistinguishable(problem, found), hidden_members(problem, found)
     report("confirming in MuJoCo", 0.95)
