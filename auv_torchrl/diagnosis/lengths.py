@@ -3,12 +3,36 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Windows
 from auv_torchrl.diagnosis.validate.predict import cut_stretches
-from auv_torchrl.flightlog import FlightLog, FlightLogError, join
+from auv_torchrl.flightlog import Episode, Finding, FlightLog, FlightLogError, Severity, join
 from auv_torchrl.flightlog.readiness import HELD_OUT, LEARNT, ROUNDING_S, START_S, shortest
+
+# Of a log, as much as is looked at: ten times what its windows hold. What commands do is worked out along all of it for
+# each candidate, in memory that grows with its length.
+MOST_S, STRETCH_S = 3600.0, 120.0
+
+
+def stretches_of(log: FlightLog) -> FlightLog:
+    """The log, or of one that is very long as many stretches as are looked at, spread evenly over its episodes."""
+    if log.duration <= MOST_S:
+        return log
+    parts: list[Episode] = []
+    for episode in log.episodes:
+        count = max(1, round(MOST_S / STRETCH_S * episode.duration / log.duration))
+        for begin in np.linspace(episode.t[0], max(episode.t[0], episode.t[-1] - STRETCH_S), count):
+            first, behind = np.searchsorted(episode.t, (begin, begin + STRETCH_S)).tolist()
+            parts.append(replace(episode.rows(first, behind), number=len(parts)))
+    sentence = (
+        f"{log.name} lasts {log.duration / 3600:.1f} h, of which {len(parts)} stretches of {STRETCH_S:g} s, spread "
+        "evenly, are looked at; the rest is left out"
+    )
+    finding = Finding(Severity.WARNING, "stretches", sentence, "Give the part that matters as a log of its own")
+    return replace(log, episodes=tuple(parts), findings=(*log.findings, finding))
 
 
 def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:

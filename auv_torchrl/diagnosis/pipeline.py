@@ -1,13 +1,13 @@
 """From a flight log to a diagnosis."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches
-from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
+from auv_torchrl.diagnosis.calibrate.coefficients import Calibrated, calibrate_coefficients
 from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
 from auv_torchrl.diagnosis.calibrate.floor import shown_floor, stated_floor
 from auv_torchrl.diagnosis.calibrate.healthy import noise_findings
@@ -17,9 +17,11 @@ from auv_torchrl.diagnosis.configured import configured, said_too
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
 from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
-from auv_torchrl.diagnosis.lengths import check_lengths, split
+from auv_torchrl.diagnosis.identify.refine import Progress
+from auv_torchrl.diagnosis.lengths import check_lengths, split, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.look import Looked, judge, look_both_ways
@@ -28,13 +30,20 @@ from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.validate.confirm import confirm
-from auv_torchrl.diagnosis.validate.predict import closed_share, held_out_windows, measure_gap, predict_by
+from auv_torchrl.diagnosis.validate.predict import (
+    Predictions,
+    closed_share,
+    held_out_windows,
+    measure_gap,
+    predict_by,
+)
 from auv_torchrl.diagnosis.validate.unforeseen import unforeseen, widened
-from auv_torchrl.diagnosis.validate.veto import falls_short, is_worse, only, shortfalls, vetoes
+from auv_torchrl.diagnosis.validate.veto import calibration_vetoed, falls_short, only, shortfalls, vetoes, worse
 from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
 from auv_torchrl.diagnosis.volts import volts_findings
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import Finding, FlightLog, Severity
+from auv_torchrl.flightlog import Finding, FlightLog
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
@@ -74,27 +83,18 @@ def diagnose(
     """
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
-    log, healthy = followable(log), [healthy_flight(sound) for sound in healthy]
-    test = [restricted(followable(unseen_log), log.axes) for unseen_log in test]
+    log, healthy = stretches_of(followable(log)), [stretches_of(healthy_flight(sound)) for sound in healthy]
+    test = [stretches_of(restricted(followable(unseen_log), log.axes)) for unseen_log in test]
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
     corrected = calibrate_coefficients(training, vehicle, () if healthy or kept else uncertainty, settings)
-    searched = corrected.settings(settings)
-    looked = look_both_ways(training, corrected.vehicle, healthy, searched, report, uncertainty, kept, corrected.known)
-    problem, found, own = looked.found.problem, looked.found, looked.found.problem.vehicle
-    sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
-    before = changed(vehicle if sound is None else sound, free=own.free)
-    base = changed(corrected.vehicle if sound is None else sound, free=own.free)
-    after = apply_values(own, found.best.explanation.values(own))
-    stages = [before, base, after] if corrected.effects else [before, after]
-    predictions = predict_by(problem, testing, stages, settings)
-    predictions = widened(predictions, unforeseen(healthy, looked.sound, settings))
-    if vetoed := bool(found.best.explanation.effects) and is_worse(predictions, len(stages) - 2, len(stages) - 1):
-        found, after = replace(found, best=found.none), base
-    predictions = only(predictions, 0, len(stages) - 1 - vetoed)
-    if corrected.effects and is_worse(predictions, 0, 1):
-        stands = diagnose(log, vehicle, healthy, test, progress, vehicle_name, settings)
-        return replace(stands, findings=(*stands.findings, calibration_vetoed()))
+    given = Given(training, testing, vehicle, tuple(healthy), settings, tuple(uncertainty), kept)
+    explained = explain(given, corrected, report)
+    if corrected.effects and (quantities := worse(explained.predictions, 0, 1)):
+        corrected = Calibrated(vehicle, findings=(calibration_vetoed(quantities),))
+        explained = explain(given, corrected, report)
+    looked, found, problem = explained.looked, explained.found, explained.found.problem
+    predictions, vetoed = explained.predictions, explained.vetoed
     verdict = judge(found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
@@ -113,18 +113,18 @@ def diagnose(
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
     probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
-    effects = (*corrected.effects, *effects)
+    effects = tuple(effect for effect in (*corrected.effects, *effects) if effect.departs)
     findings = (*configured(log, healthy, verdict, effects), *findings)
     same, hidden = indistinguishable(problem, found), hidden_members(problem, found)
     report("confirming in MuJoCo", 0.95)
-    confirmed = confirm(predictions, [before, after]) if effects else None
+    confirmed = confirm(predictions, explained.vehicles) if effects else None
     gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
     where = locate(problem, found, effects, verdict, looked.onset)
     summary = summarise(outcome, effects, where, gap, corrected.sentences, examined(problem))
     report("done", 1.0)
     return Diagnosis(
-        log=log.name,
-        vehicle=vehicle_name,
+        log=printable(log.name),
+        vehicle=printable(vehicle_name),
         verdict=verdict,
         summary=said_too(said_first(summary, verdict, doubted), findings, effects),
         where=where,
@@ -142,6 +142,58 @@ def diagnose(
     )
 
 
+@dataclass(frozen=True)
+class Given:
+    """What a log is explained from."""
+
+    training: FlightLog
+    testing: FlightLog  # held out
+    vehicle: Vehicle  # as its file says, empty batch
+    healthy: tuple[FlightLog, ...]
+    settings: Settings
+    uncertainty: tuple[Coefficient, ...]
+    kept: Kept | None
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What explains a log on top of one calibration of its vehicle, and how that predicts held-out flight."""
+
+    looked: Looked
+    found: Found  # without effects that predict held-out flight worse than no effect
+    vehicles: tuple[Vehicle, Vehicle]  # as the file says, or as healthy logs do; and with all that was found
+    predictions: Predictions  # of these two
+    vetoed: tuple[str, ...]  # what the effects that were taken back predict worse
+
+
+def explain(given: Given, corrected: Calibrated, report: Progress) -> Explained:
+    """Look for effects on top of a calibration, and take them back where they predict held-out flight worse.
+
+    Whether the calibration stands is not judged before: where it has taken up some of a fault, it predicts badly
+    without the effect that was found beside it.
+    """
+    searched = corrected.settings(given.settings)
+    looked = look_both_ways(
+        given.training, corrected.vehicle, given.healthy, searched, report, given.uncertainty, given.kept,
+        corrected.known,
+    )  # fmt: skip
+    found, own = looked.found, looked.found.problem.vehicle
+    sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
+    before = changed(given.vehicle if sound is None else sound, free=own.free)
+    base = changed(corrected.vehicle if sound is None else sound, free=own.free)
+    after = apply_values(own, found.best.explanation.values(own))
+    unseen = unforeseen(given.healthy, looked.sound, given.settings)
+
+    def predicted(vehicles: list[Vehicle]) -> Predictions:
+        return widened(predict_by(found.problem, given.testing, vehicles, given.settings), unseen)
+
+    predictions = predicted([before, base, after])
+    vetoed = worse(predictions, 1, 2) if found.best.explanation.effects else ()
+    if vetoed:  # and from starts that have nothing of what is taken back
+        return Explained(looked, replace(found, best=found.none), (before, base), predicted([before, base]), vetoed)
+    return Explained(looked, found, (before, after), only(predictions, 0, 2), vetoed)
+
+
 def rests_on(looked: Looked) -> tuple[Finding, ...]:
     """What the verdict rests on: a healthy log, or assumptions."""
     problem = looked.found.problem
@@ -153,12 +205,3 @@ def rests_on(looked: Looked) -> tuple[Finding, ...]:
             *looked.attitude,
         )
     return (*looked.sound.findings, *noise_findings(problem.noisier), *looked.attitude)
-
-
-def calibration_vetoed() -> Finding:
-    """What is said where corrected coefficients do not carry over to held-out flight."""
-    sentence = (
-        "coefficients corrected on this log predict held-out flight worse than the vehicle's file: the file stands"
-    )
-    remedy = "Give logs that command what the held-out flight commands, above all in size"
-    return Finding(Severity.WARNING, "calibration_vetoed", sentence, remedy)

@@ -1,9 +1,12 @@
 """From a composed config to the logs and the vehicle that a diagnosis needs, checked."""
 
+import filecmp
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -13,7 +16,7 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncert
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.logs import KINDS, find_logs, names
 from auv_torchrl.diagnosis.settings import read_settings
-from auv_torchrl.flightlog import Finding, FlightLog, Severity, join, read_flightlog
+from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity, join, read_flightlog
 from auv_torchrl.flightlog.readiness import refuse_errors
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.quantities import counted
@@ -54,6 +57,7 @@ def read_request(config: DictConfig) -> Request:
         ValueError: for a vehicle, setting or log that cannot be used, naming it and what to do.
     """
     paths = find_logs(config)
+    refuse_copies(paths)
     content = plain_config(config.vehicle)
     vehicle = load_vehicle(content)
     settings = read_settings(plain_config(config.diagnosis), vehicle)
@@ -87,6 +91,20 @@ def vehicle_findings(vehicle: Vehicle) -> tuple[Finding, ...]:
     return tuple(
         Finding(Severity.WARNING, "vehicle_numbers", f"in the vehicle's file {d}") for d in vehicle_doubts(vehicle)
     )
+
+
+def refuse_copies(paths: Mapping[str, Sequence[Path]]) -> None:
+    """Refuse a healthy log, or one to test on, that is the log to explain.
+
+    Raises:
+        FlightLogError: naming both.
+    """
+    for kind, what in (("healthy", "a flight from before the fault"), ("test", "another flight")):
+        for other, path in product(paths[kind], paths["log"]):
+            same = other.samefile(path)
+            if same or (other.is_file() and path.is_file() and filecmp.cmp(other, path, shallow=False)):
+                how = "the log to explain itself" if same else f"a copy of {path.name}, the log to explain"
+                raise FlightLogError(f"{kind}={other.name} is {how}: give {what}, or leave it out")
 
 
 def report_findings(logs: Sequence[FlightLog]) -> None:

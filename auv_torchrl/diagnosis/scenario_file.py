@@ -7,6 +7,7 @@ import yaml
 
 from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect
 from auv_torchrl.effects import Parameter, get_effect
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
 _DIGITS = 6
@@ -16,7 +17,7 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     """What :func:`scenario_of` says as a file; units and intervals in comments."""
     lines = [
         f"# {_one_line(diagnosis.summary)}",
-        f"# Found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.",
+        f"# Found in {_one_line(diagnosis.log)}, vehicle {_one_line(diagnosis.vehicle)}.",
         "# Train with it: +scenario=path/to/this/file.yaml.",
     ]
     if diagnosis.where.onset_s is not None:
@@ -62,7 +63,9 @@ def _comment(e: Estimate | None) -> str:
 
 def randomization_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     """What :func:`ranges_of` says as a file."""
-    head = f"# 95 % intervals of what was found in {_one_line(diagnosis.log)}, vehicle {diagnosis.vehicle}.\n"
+    head = (
+        f"# 95 % intervals of what was found in {_one_line(diagnosis.log)}, vehicle {_one_line(diagnosis.vehicle)}.\n"
+    )
     return head + yaml.safe_dump(ranges_of(diagnosis, vehicle), sort_keys=False, default_flow_style=None)
 
 
@@ -100,4 +103,4 @@ def _within(bounds: Parameter, value: float) -> float:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    return printable(" ".join(text.split()), None)  # YAML takes no control characters, not even in a comment

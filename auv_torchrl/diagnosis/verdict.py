@@ -74,6 +74,13 @@ class Estimate:
     nominal: float
     unit: str
 
+    @property
+    def is_nominal(self) -> bool:
+        """Whether it is nominal to the digits in which it is written, which the interval leaves open."""
+        half = (self.high - self.low) / 2
+        digit = half / 10 if math.isfinite(half) else 0.0
+        return abs(self.value - self.nominal) <= digit / 2
+
 
 @dataclass(frozen=True)
 class FoundEffect:
@@ -92,6 +99,11 @@ class FoundEffect:
     def is_likely(self) -> bool:
         """Whether it is likelier than not."""
         return self.probability > LIKELY
+
+    @property
+    def departs(self) -> bool:
+        """Whether any parameter is written otherwise than its nominal value."""
+        return not all(estimate.is_nominal for estimate in self.parameters.values())
 
     @property
     def told(self) -> str:

@@ -22,13 +22,14 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.validate.predict import predict
-from auv_torchrl.diagnosis.validate.veto import is_worse, only, scaled_errors
+from auv_torchrl.diagnosis.validate.predict import cut_stretches, errors_along, predict
+from auv_torchrl.diagnosis.validate.veto import only, scaled_errors, worse
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import join
 from auv_torchrl.paths import config_names
+from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.real.bluerov2 import TEST, TO_BEAT, VEHICLE, figures, read_runs
@@ -187,14 +188,23 @@ def test_what_a_log_leaves_open_is_as_wide_as_the_fit_is_unsure():
     np.testing.assert_allclose(np.sqrt(np.diag(known.slack_covariance)), list(width.values()))
 
 
-def test_a_calibration_that_does_not_carry_over_is_vetoed():
-    """Where the held-out flight speaks for the vehicle's file, the file stands, and the finding says so."""
+def test_a_calibration_that_does_not_carry_over_is_vetoed(monkeypatch):
+    """Where the held-out flight speaks for the vehicle's file, the file stands, explained from all that was given."""
+    module, given = sys.modules["auv_torchrl.diagnosis.pipeline"], []
+    look = module.look_both_ways
+
+    def spied(*how):
+        given.append(how[5:7])
+        return look(*how)
+
+    monkeypatch.setattr(module, "look_both_ways", spied)
     short = {"episodes": 3, "seconds": 12.0}
     log, unseen = fly(GIVEN, TRUTH, seed=4, **short), fly(GIVEN, {}, seed=5, **short)
     # Few effects, because what a search finds on a flight that the unseen one contradicts is not the claim.
     few = replace(SETTINGS, ignored=tuple(name for name in EFFECTS if name not in ("buoyancy", "thruster_gain")))
     found = diagnose(log, GIVEN, test=[unseen], uncertainty=UNCERTAIN, settings=few)
     assert "calibration_vetoed" in {finding.code for finding in found.findings}
+    assert given == [(UNCERTAIN, None)] * 2
     assert not any(effect.calibrates for effect in found.effects)
 
 
@@ -221,9 +231,31 @@ def test_worse_is_measured_on_held_out_stretches():
     """The vehicle with the opposite of what is wrong is worse than the given one, the true one is better."""
     opposite = {"buoyancy": {"force": -6.0}}
     p = held_out([GIVEN, apply_values(GIVEN, opposite), apply_values(GIVEN, TRUTH)])
-    assert is_worse(p, 0, 1)
-    assert not is_worse(p, 0, 2)
+    assert worse(p, 0, 1)
+    assert not worse(p, 0, 2)
     np.testing.assert_array_equal(scaled_errors(only(p, 2, 0)), scaled_errors(p)[[2, 0]])
+
+
+def test_a_better_position_does_not_pay_for_a_worse_heading():
+    """Each quantity is tested by itself: with the true hull but for its turns, heading alone is worse."""
+    hull = {**TRUTH["hull"], "linear_yaw": 0.02, "added_mass_yaw": 0.02}
+    p = held_out([GIVEN, apply_values(GIVEN, {**TRUTH, "hull": hull}), apply_values(GIVEN, TRUTH)])
+    errors = scaled_errors(p)
+    assert errors[1] < errors[0]
+    assert worse(p, 0, 1) == ("yaw",)
+
+
+def test_a_heading_that_is_off_by_more_than_half_a_turn_is_off_by_that():
+    """A vehicle that turns the other way is off by its turns, from sample to sample."""
+    windows = cut_stretches(fly(GIVEN, {}, seed=9, episodes=1, seconds=12.0), SETTINGS)[0]
+    yaw = windows.channels.index("yaw")
+    predicted = np.repeat(windows.measured[:, None], 2, axis=1)
+    turned = np.linspace(0.0, 5.0, windows.measured.shape[1])
+    predicted[:, 1, :, yaw] = least_turn(predicted[:, 1, :, yaw] - turned)
+    error = errors_along(windows, predicted)
+    np.testing.assert_allclose(error[:, 0], 0.0, atol=1e-12)
+    seen = windows.present
+    np.testing.assert_allclose(error[:, 1, :, yaw][seen], np.broadcast_to(turned, seen.shape)[seen])
 
 
 def test_a_vehicle_answers_a_step_as_its_coefficients_say():

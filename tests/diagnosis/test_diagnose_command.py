@@ -9,10 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from omegaconf import OmegaConf
 
 from auv_torchrl.command import BAD_INPUT
+from auv_torchrl.diagnosis.logs import names
+from auv_torchrl.diagnosis.request import refuse_copies
 from auv_torchrl.diagnosis.verdict_file import from_json
-from auv_torchrl.flightlog import write_flightlog
+from auv_torchrl.flightlog import FlightLogError, write_flightlog
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
@@ -28,6 +31,7 @@ BAD = {  # what is wrong: command line, what the answer names
     "a missing file without a key": (["my dives/1(a).BIN"], ": give 'log=my dives/1(a).BIN'\n"),
     "a word without a key": (["paper"], ": give key=value, --help lists the keys"),
     "missing healthy file": ([f"log={SHIPPED}", "healthy=nowhere.csv"], "nowhere.csv"),
+    "healthy is the log": ([f"log={SHIPPED}", f"healthy={SHIPPED}"], "is the log to explain itself"),
     "not a log": ([f"log={PROJECT / 'Makefile'}"], "Makefile"),
     "a folder": ([f"log={PROJECT}"], "directory"),
     "unknown vehicle": ([f"log={SHIPPED}", "vehicle=papr"], "bluerov2"),
@@ -116,3 +120,18 @@ def test_help_explains_every_setting(answers):
     keys = yaml.safe_load((PROJECT / "conf" / "diagnose.yaml").read_text())
     for key in set(keys) - {"defaults", "hydra"}:
         assert key in out
+
+
+def test_a_healthy_log_that_is_the_log_is_refused(tmp_path):
+    """Neither a copy, nor a link, nor a log to test on passes; an empty name is no log."""
+    one, two, other = tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "c.csv"
+    one.write_text("t,x\n0,1\n")
+    two.write_text("t,x\n0,1\n")
+    other.write_text("t,x\n0,2\n")
+    (tmp_path / "link.csv").symlink_to(one)
+    refuse_copies({"log": (one,), "healthy": (other,), "test": ()})
+    with pytest.raises(FlightLogError, match=r"healthy=b\.csv is a copy of a\.csv"):
+        refuse_copies({"log": (one,), "healthy": (other, two), "test": ()})
+    with pytest.raises(FlightLogError, match=r"test=link\.csv is the log to explain itself"):
+        refuse_copies({"log": (one,), "healthy": (), "test": (tmp_path / "link.csv",)})
+    assert names(OmegaConf.create({"healthy": ""}), "healthy") == ()

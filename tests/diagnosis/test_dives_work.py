@@ -1,7 +1,9 @@
 """Work over many dives: found in folders, put in order, kept, gone on with, and apart from that of other versions."""
 
+import os
 import pickle
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from omegaconf import OmegaConf
@@ -157,22 +159,62 @@ def test_a_damaged_answer_is_worked_out_again(dives, followed, tmp_path):
     assert followed[11:] == ["dive_5.csv"]
 
 
-def test_a_dive_that_cannot_be_read_does_not_end_the_run(dives, followed, tmp_path, monkeypatch):
-    """It is kept as refused, with the reason; one of the reference ends the run, because all rests on it."""
+def broken(monkeypatch, *names):
+    """Reading these dives fails."""
 
     def read(self, path):
-        if path.name in ("dive_7.csv", *broken):
+        if path.name in names:
             raise FlightLogError(f"{path.name} has no column t")
         return path
 
-    broken: list[str] = []
     monkeypatch.setattr(Work, "read", read)
+
+
+def test_a_dive_that_cannot_be_used_does_not_end_the_run(dives, followed, tmp_path, monkeypatch):
+    """It keeps its number and the reason, also as one of the reference, which is then the rest; the next goes on."""
+    broken(monkeypatch, "dive_2.csv", "dive_7.csv")
+    given = []
+    monkeypatch.setattr(work, "refer", lambda logs, *_: given.extend(logs) or SimpleNamespace(normal=NORMAL))
+    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
+    for _ in range(2):
+        _, found = follow_all(mine, planned, lambda *_: None)
+        assert {dive.name: dive.refused for dive in found if dive.refused} == {
+            name: f"{name} has no column t" for name in ("dive_2.csv", "dive_7.csv")
+        }
+    assert [path.name for path in given] == ["dive_1.csv", "dive_3.csv"]
+    assert len(followed) == 9
+
+
+def test_without_a_dive_that_can_be_used_the_run_ends(dives, followed, tmp_path, monkeypatch):
+    """One error says why: of the reference, or of all that is behind it."""
     planned = plan(config(log=str(dives)))
-    _, found = follow_all(work_in(tmp_path / "store"), planned, lambda *_: None)
-    assert [dive.refused for dive in found if dive.refused] == ["dive_7.csv has no column t"]
-    broken.append("dive_2.csv")
-    with pytest.raises(FlightLogError, match=r"dive_2\.csv"):
-        follow_all(work_in(tmp_path / "other"), planned, lambda *_: None)
+    broken(monkeypatch, "dive_1.csv", "dive_2.csv", "dive_3.csv")
+    with pytest.raises(FlightLogError, match=r"no dive of the reference.*dive_1\.csv has no column t"):
+        follow_all(work_in(tmp_path / "one"), planned, lambda *_: None)
+    broken(monkeypatch, *(f"dive_{i}.csv" for i in range(4, 12)))
+    with pytest.raises(FlightLogError, match=r"no dive behind the reference.*dive_4\.csv has no column t"):
+        follow_all(work_in(tmp_path / "two"), planned, lambda *_: None)
+
+
+def test_whatever_lies_in_a_folder_of_dives_is_a_dive_or_is_listed(tmp_path):
+    """Links to nothing and to themselves, empty and foreign files are dives that are refused; the rest is listed."""
+    folder = folder_of(tmp_path / "dives", "a.csv", "b.csv", "notes.txt", "flown.BIN", "packed.csv.gz")
+    (folder / "empty.csv").touch()
+    (folder / "loop.csv").symlink_to(folder / "loop.csv")
+    (folder / "gone.BIN").symlink_to(folder / "nowhere.BIN")
+    (folder / "photos").mkdir()
+    (folder / "folder.csv").mkdir()
+    os.mkfifo(folder / "pipe.csv")
+    planned, mine = plan(config(log=str(folder), reference=1)), work_in(tmp_path / "store")
+    names = [path.name for path in planned.paths]
+    assert names == ["a.csv", "b.csv", "empty.csv", "flown.BIN", "gone.BIN", "loop.csv", "packed.csv.gz", "pipe.csv"]
+    (left_out,) = planned.findings
+    for entry in ("notes.txt (not named as a log)", "photos (a folder)", "folder.csv (a folder)"):
+        assert entry in left_out.sentence
+    for path in planned.paths[1:]:
+        assert mine.key(planned, path)
+        with pytest.raises(FlightLogError):
+            mine.read(path)
 
 
 def test_what_other_processes_get_can_be_sent(tmp_path):

@@ -3,10 +3,12 @@
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings, slack_parameters
+from auv_torchrl.diagnosis.lengths import MOST_S, stretches_of
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
@@ -84,3 +86,21 @@ def test_a_vehicle_without_dead_band_is_diagnosed():
     """A zero in a vehicle's file makes no prior singular."""
     diagnosis = diagnose(flown(13.0), without("dead_band"), settings=SETTINGS)
     assert [effect.name for effect in diagnosis.effects] == ["dead_band"]
+
+
+def test_of_a_log_of_hours_stretches_are_looked_at():
+    """Five hours become an hour of stretches, spread evenly, and a finding says so; an hour stays as it is."""
+    log = simulated_logs("paper", [{}], episodes=1, seconds=10.0)[0]
+    (episode,) = log.episodes
+    rows = np.arange(len(episode)).repeat(100)
+    for seconds in (3000.0, 18000.0):
+        arrays = {name: getattr(episode, name)[rows] for name in ("pose", "velocity", "commands")}
+        long = replace(log, episodes=(replace(episode, t=np.linspace(0, seconds, len(rows)), filled=None, **arrays),))
+        cut = stretches_of(long)
+        assert cut.duration <= MOST_S
+        assert (cut is long) is (seconds < MOST_S)
+    assert [finding.code for finding in cut.findings][-1] == "stretches"
+    begins = np.array([part.t[0] for part in cut.episodes])
+    np.testing.assert_allclose(np.diff(begins), np.diff(begins).mean(), rtol=0.02)
+    assert cut.episodes[-1].t[-1] > 17990.0
+    assert [part.number for part in cut.episodes] == list(range(30))

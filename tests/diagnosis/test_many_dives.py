@@ -120,14 +120,17 @@ def test_a_noisier_sensor_is_a_change():
 
 
 def test_a_dive_that_could_not_be_read_is_passed_over():
-    """It is listed with the reason, and the rest is judged without it."""
+    """Console, page and file list it with the reason, and the rest is judged without it, also of the reference."""
     dives = told(fading())
-    dives[7] = Dive.unread("broken.csv", "no column t", len(NUMBERS))
+    for place, name in ((1, "damaged.BIN"), (7, "broken.csv")):
+        dives[place] = Dive.unread(name, f"no column t in {name}", len(NUMBERS))
     said = answer(dives)
-    assert said.dives[7].refused == "no column t"
+    assert said.dives[7].refused == "no column t in broken.csv"
     assert not said.dives[7].values
+    assert [dive.number for dive in said.dives if dive.is_reference] == [1, 3]
     assert [change.number for change in said.changes] == ["thruster_gain.gain_3"]
-    assert "broken.csv" in console(said)
+    for shown in (console(said), dives_page(said, load_vehicle("paper")), json.dumps(plain(said))):
+        assert "no column t in broken.csv" in shown and "no column t in damaged.BIN" in shown
 
 
 def test_dives_that_show_something_are_diagnosed_by_themselves():

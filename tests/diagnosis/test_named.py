@@ -60,3 +60,14 @@ def test_what_every_vehicle_is_off_by_is_no_finding_beside_a_fault():
     assert ordinary("command_delay", "delay", 0.0046, written) and ordinary("gyro_bias", "bias_r", -0.002, written)
     assert not ordinary("command_delay", "delay", 0.0046, SampleErrors())
     assert not ordinary("command_delay", "delay", 0.05, written) and not ordinary("buoyancy", "force", 0.1, written)
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "nominal", "departs"),
+    [(0.0, 0.0, 0.03, 0.0, False), (0.0004, 0.0, 0.0325, 0.0, False), (0.55, 0.54, 0.56, 1.0, True)]
+    + [(2.0, 2.0, 2.0, 1.0, True), (1.0, 1.0, 1.0, 1.0, False), (0.1, -np.inf, np.inf, 0.0, True)],
+)
+def test_what_is_written_as_nominal_is_no_finding(value, low, high, nominal, departs):
+    """An effect of which every value is nominal to the digits that its interval leaves is not listed."""
+    found = FoundEffect("command_delay", 1.0, {"delay": Estimate(value, low, high, nominal, "s")}, (), None, "")
+    assert found.departs is departs

@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
 from auv_torchrl.diagnosis.report import named_files, report_page, summary_table, write_files
+from auv_torchrl.diagnosis.report.charts import horizons, shares
 from auv_torchrl.diagnosis.report.svg import decades, ticks
 from auv_torchrl.diagnosis.report.wording import sentence
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
@@ -208,6 +209,48 @@ def test_names_of_files_cannot_smuggle_markup(diagnosis, paper):
     page = report_page(replace(diagnosis, log=evil, summary=evil, cannot_tell=(evil,)), paper)
     assert "<script" not in page
     assert "&lt;script&gt;" in page
+
+
+HOSTILE = "x\"'/><script>alert(1)</script>\x1b[31m\n- evil: {a}\u2028#\udcff\u202e.csv"
+
+
+def test_text_of_a_file_does_nothing_in_any_file_that_is_written(diagnosis, paper, tmp_path):
+    """Names of logs, vehicles and parameters neither run in the page nor add lines to YAML or parameters."""
+    smuggled = Finding(Severity.WARNING, "x", "set", "do", param=(("MOT_1_DIRECTION\nARMING_CHECK", 0.0), ("A_B", 1.0)))
+    hostile = replace(diagnosis, log=HOSTILE, vehicle=HOSTILE, summary=HOSTILE, findings=(smuggled,))
+    write_files(hostile, paper, tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text(errors="surrogateescape")
+    assert "<script" not in page and 'x"' not in page
+    for name, first in (("scenario.yaml", scenario_yaml), ("randomization.yaml", randomization_yaml)):
+        content = (tmp_path / "out" / name).read_text()
+        assert "\x1b" not in content and "evil" not in yaml.safe_load(content)
+        assert yaml.safe_load(content) == yaml.safe_load(first(diagnosis, paper))
+    assert "ARMING_CHECK" not in (tmp_path / "out" / "advice.param").read_text()
+    assert "A_B,1\n" in (tmp_path / "out" / "advice.param").read_text()
+
+
+def test_text_in_a_picture_does_nothing():
+    """What stands in a chart, and what is read out of it, is text."""
+    shown = str(shares(HOSTILE, {HOSTILE: 0.5}))
+    assert "<script" not in shown and 'x"' not in shown
+
+
+def test_labels_of_the_error_chart_lie_over_no_curve():
+    """Neither the floor nor another curve runs through a value."""
+    errors = Errors((0.014, 0.043, 0.16, 0.73), (0.0082, 0.021, 0.036, 0.16), (0.011, 0.018, 0.027, 0.041))
+    chart = ElementTree.fromstring(str(horizons("Position error", "m", (0.5, 1, 2, 5), errors)))
+    labels = [label for label in chart.iter("text") if "value" in label.get("class", "")]
+    curves = [
+        np.array([pair.split() for pair in re.split("[ML]", curve.get("d", ""))[1:]], float)
+        for curve in chart.iter("path")
+    ]
+    assert len(labels) >= 6 and len(curves) == 3
+    for label in labels:
+        x, y = float(label.get("x", "")), float(label.get("y", ""))
+        across = np.linspace(max(x - 15, curves[0][0, 0]), min(x + 15, curves[0][-1, 0]), 20)
+        for curve in curves:
+            heights = np.interp(across, *curve.T)
+            assert not ((heights > y - 9) & (heights < y)).any(), label.text
 
 
 def test_all_files_are_written_and_none_twice(diagnosis, paper, tmp_path):

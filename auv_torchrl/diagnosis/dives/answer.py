@@ -106,7 +106,7 @@ class ManyDives:
     dives_per_false_alarm: float
     threshold: float  # of twice the log likelihood ratio
     cannot_tell: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()  # of the reference
+    findings: tuple[Finding, ...] = ()  # of the reference, and of the folder of the dives
 
     @property
     def followed(self) -> dict[str, Followed]:

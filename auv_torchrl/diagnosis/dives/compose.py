@@ -22,6 +22,7 @@ from auv_torchrl.diagnosis.dives.told import NOISE, Dive, Normal, Number
 from auv_torchrl.diagnosis.thresholds import LIKELY, Z95
 from auv_torchrl.diagnosis.verdict import how_sure
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.flightlog import Finding
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -35,6 +36,7 @@ def compose(
     dives_per_false_alarm: float,
     excess: float,
     diagnoses: Mapping[int, OwnDiagnosis],
+    besides: Sequence[Finding] = (),
 ) -> ManyDives:
     """What is said.
 
@@ -47,6 +49,7 @@ def compose(
         dives_per_false_alarm: that the threshold was made for.
         excess: chi-square per number from which a dive is not explained.
         diagnoses: of single dives, by number from 0.
+        besides: what there is to say of the folder of the dives.
     """
     series = judged.series
     told = [
@@ -55,7 +58,7 @@ def compose(
             dive.name,
             dive.begun,
             dive.seconds,
-            t < judged.reference,
+            t < judged.reference and not dive.refused,
             dive.excess,
             dive.explained(excess),
             dive.refused,
@@ -82,7 +85,7 @@ def compose(
         dives_per_false_alarm=dives_per_false_alarm,
         threshold=judged.threshold,
         cannot_tell=tuple(_cannot_tell(series.numbers, series.told)),
-        findings=normal.findings,
+        findings=(*besides, *normal.findings),
     )
 
 

@@ -43,7 +43,7 @@ def answer_dives(config: DictConfig) -> None:
     own: dict[int, OwnDiagnosis] = diagnose_some(work, planned, which, folder)
     told = compose(
         dives, normal, judged, work.vehicle, work.vehicle_name, float(config.dives_per_false_alarm),
-        work.settings.excess, own,
+        work.settings.excess, own, planned.findings,
     )  # fmt: skip
     log.info("\n%s\n", console(told))
     write_answer(told, work, folder)

@@ -3,11 +3,13 @@
 import re
 from dataclasses import dataclass
 from datetime import datetime
+from os.path import realpath
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from auv_torchrl.diagnosis.logs import find_logs
+from auv_torchrl.diagnosis.logs import find_logs, no_logs
+from auv_torchrl.flightlog import Finding
 
 _DATE = re.compile(r"(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?:[-_. T]?([0-2]\d)[-_.:h]?([0-5]\d)(?:[-_.:]?([0-5]\d))?)?")
 
@@ -19,6 +21,7 @@ class Planned:
     paths: tuple[Path, ...]
     begun: tuple[str, ...]  # date and time as far as the name of the file has them; else empty
     reference: int  # how many
+    findings: tuple[Finding, ...] = ()  # what their folder holds besides
 
 
 def plan(config: DictConfig) -> Planned:
@@ -31,8 +34,8 @@ def plan(config: DictConfig) -> Planned:
         raise ValueError("test=... goes with one log: leave it out, or diagnose the dives one by one")
     found = find_logs(config)
     healthy = found["healthy"]
-    own = {path.resolve() for path in healthy}
-    dives = [path for path in found["log"] if path.resolve() not in own]
+    own = {realpath(path) for path in healthy}
+    dives = [path for path in found["log"] if realpath(path) not in own]  # of a link to itself, too
     if all(begun(path) for path in dives):
         dives.sort(key=begun)
     reference = len(healthy) or int(config.reference)
@@ -43,7 +46,7 @@ def plan(config: DictConfig) -> Planned:
         raise ValueError(
             f"{len(paths)} dives, and the first {reference} are the reference: give more, or fewer as reference=1"
         )
-    return Planned(paths, tuple(begun(path) for path in paths), reference)
+    return Planned(paths, tuple(begun(path) for path in paths), reference, no_logs(config))
 
 
 def begun(path: Path) -> str:

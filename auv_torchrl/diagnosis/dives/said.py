@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from auv_torchrl.diagnosis.dives.answer import AlarmTold, ChangeTold, DiveTold, ManyDives, ShiftTold
 from auv_torchrl.diagnosis.dives.told import NOISE, Number
+from auv_torchrl.diagnosis.logs import BESIDES
 from auv_torchrl.diagnosis.report.wording import sentence
 from auv_torchrl.diagnosis.verdict import how_sure
 from auv_torchrl.quantities import counted, percent, quantity, words
@@ -88,6 +89,7 @@ def console(told: ManyDives) -> str:
     lines += ["", *(f"alarm at dive {alarm.dive}: {alarm.sentence}" for alarm in told.alarms)] if told.alarms else []
     lines += [f"dive {dive.number} by itself: {dive.diagnosis.summary}" for dive in told.dives if dive.diagnosis]
     lines += [f"dive {dive.number} ({dive.name}) was not used: {dive.refused}" for dive in told.dives if dive.refused]
+    lines += [str(finding) for finding in told.findings if finding.code == BESIDES]
     advice = [do for change in told.changes for do in change.advice]
     return "\n".join([*lines, *(["", "what to do", *(f"  {sentence(do)}" for do in advice)] if advice else [])])
 

@@ -39,10 +39,19 @@ def key_of(settings: Mapping[str, Any], *files: Path) -> str:
     summed = hashlib.sha256(json.dumps([program(), plain(dict(settings))], sort_keys=True, default=str).encode())
     for file in files:
         for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
-            if part.is_file():
-                with part.open("rb") as content:
-                    summed.update(hashlib.file_digest(content, "sha256").digest())
+            summed.update(_digest(part))
     return summed.hexdigest()[:_DIGITS]
+
+
+def _digest(path: Path) -> bytes:
+    """Of the content of a file; of its name where it has none that can be read, until it can."""
+    try:
+        if path.is_file():  # a pipe may never end
+            with path.open("rb") as content:
+                return hashlib.file_digest(content, "sha256").digest()
+    except OSError as error:
+        log.debug("%s: %s", path, error)
+    return path.name.encode(errors="surrogateescape")
 
 
 def keep(folder: Path, key: str, told: Dive | Normal) -> None:

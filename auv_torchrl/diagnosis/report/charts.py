@@ -1,7 +1,7 @@
 """The charts of the report: curves over time, errors by horizon, shares, intervals."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -15,7 +15,9 @@ _WIDTH, _HEIGHT = 300.0, 170.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 22.0, 24.0
 _BAR = 16.0
 _DOTS = 36  # measured samples drawn per curve
-_LABEL = 26.0  # room that two labels need above each other
+_LABEL_WIDTH, _LABEL_HEIGHT = 32.0, 9.0  # of five digits in 10.5 px
+# Where the label of a point may stand, best first: above, below, and beside a curve that is steep
+_PLACES = ((0.0, -7.0), (0.0, 14.0), (-16.0, -7.0), (18.0, 12.0), (18.0, -7.0), (-16.0, 14.0))
 
 
 def curves(title: str, unit: str, t: Floats, series: Mapping[str, Floats]) -> Markup:
@@ -60,7 +62,7 @@ def horizons(title: str, unit: str, horizon_s: Sequence[float], errors: Errors) 
     xs = [_LEFT + (i + 0.5) * slot for i in range(len(horizon_s))]
 
     def down(value: float) -> float:
-        share = (math.log10(value) - low) / (high - low) if value > 0 else 0.0
+        share = (math.log10(value) - low) / (high - low) if value > 0 else 0.0 * value  # of what is no number, none
         return _HEIGHT - _BOTTOM - share * (_HEIGHT - _TOP - _BOTTOM)
 
     parts = [text(_LEFT, 13, f"{title}, {unit}", "title")]
@@ -69,17 +71,35 @@ def horizons(title: str, unit: str, horizon_s: Sequence[float], errors: Errors) 
         parts += [line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"), text(_LEFT - 5, y + 3.5, f"{tick:g}", "tick", "end")]
     for x, horizon in zip(xs, horizon_s, strict=True):
         parts.append(text(x, _HEIGHT - 8, f"{horizon:g} s", "tick", "middle"))
-    for name, values in reversed(curves_of.items()):
-        ys = [down(value) for value in values]
-        parts.append(polyline(xs, ys, f"curve {name}"))
-        if name == "floor":
-            continue
-        for x, y, value, first in zip(xs, ys, values, errors.before, strict=True):
-            parts.append(circle(x, y, 3.5, f"bar {name}"))
-            if name == "before" or y - down(first) > _LABEL:
-                parts.append(text(x, y - 7, number(value, 2), f"value {name}", "middle"))
+    drawn = {name: [down(value) for value in values] for name, values in curves_of.items()}
+    parts += [polyline(xs, ys, f"curve {name}") for name, ys in reversed(drawn.items())]
+    labels: list[tuple[float, float]] = []
+    for name in ("after", "before"):
+        points = zip(xs, drawn[name], strict=True)
+        parts += [circle(x, y, 3.5, f"bar {name}") for x, y in points if math.isfinite(y)]
+    for name in ("before", "after"):
+        for x, y, value in zip(xs, drawn[name], curves_of[name], strict=True):
+            places = [(x + across, y + below) for across, below in _PLACES]
+            free = (place for place in places if _is_free(*place, xs, drawn.values(), labels))
+            if math.isfinite(y) and (place := next(free, None)) is not None:
+                labels.append(place)
+                parts.append(text(*place, number(value, 2), f"value {name}", "middle"))
     label = f"{title} after {', '.join(f'{h:g} s' for h in horizon_s)}: before, after and floor"
     return svg(_WIDTH, _HEIGHT, label, parts, "chart")
+
+
+def _is_free(
+    x: float, base: float, xs: Sequence[float], curves: Iterable[Sequence[float]], labels: Sequence[tuple[float, float]]
+) -> bool:
+    """Whether a label centred at ``x`` on a base line lies over no curve and no other label, and within the chart."""
+    left, right, top, bottom = x - _LABEL_WIDTH / 2, x + _LABEL_WIDTH / 2, base - _LABEL_HEIGHT, base + 2.0
+    if top < _TOP or bottom > _HEIGHT - _BOTTOM or right > _WIDTH:
+        return False
+    if any(abs(x - other) < _LABEL_WIDTH and abs(base - line) < _LABEL_HEIGHT for other, line in labels):
+        return False
+    across = np.linspace(max(left, xs[0]), min(right, xs[-1]), 9)  # a curve ends at its outermost points
+    heights = (np.interp(across, xs, ys) for ys in curves)
+    return not any(((top < ys) & (ys < bottom)).any() for ys in heights)
 
 
 def shares(label: str, values: Mapping[str, float]) -> Markup:

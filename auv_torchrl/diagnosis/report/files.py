@@ -1,6 +1,7 @@
 """The files that a diagnosis leaves in its folder."""
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from auv_torchrl.files import encoded, write_whole
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.vehicle import Vehicle
 
+_PARAMETER = re.compile(r"[A-Z][A-Z0-9_]{0,15}")  # of ArduPilot: a name that is none writes no line of its own
 _FOR_PROGRAMS = ("randomization.yaml", "predictions.parquet", "diagnosis.rrd")
 
 
@@ -45,7 +47,8 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
         "randomization.yaml": encoded(randomization_yaml(diagnosis, vehicle)),
         "predictions.parquet": _bytes(pyarrow.parquet.write_table, predictions(diagnosis.windows)),
     }
-    if change := to_change(diagnosis):
+    change = {name: value for name, value in to_change(diagnosis).items() if _PARAMETER.fullmatch(name)}
+    if change:
         contents["advice.param"] = encoded("".join(f"{name},{value:g}\n" for name, value in change.items()))
     experiment = diagnosis.next_experiment
     if experiment is not None and experiment.t is not None and experiment.thruster_commands is not None:

@@ -19,6 +19,7 @@ from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotati
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.recording.body import record_vehicle
 from auv_torchrl.recording.file import write_recording
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
 COLOUR = {"measured": NEUTRAL, "before": U_S, "after": U_T}
@@ -38,7 +39,7 @@ def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path) -> None
         memory = recording.memory_recording()
         recording.send_blueprint(_blueprint(seen), make_active=False)
         recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
-        about = f"# {diagnosis.verdict.key.replace('_', ' ')}\n\n{diagnosis.summary}\n\n" + "\n".join(
+        about = f"# {diagnosis.verdict.key.replace('_', ' ')}\n\n{printable(diagnosis.summary, None)}\n\n" + "\n".join(
             f"- {effect.told}" for effect in diagnosis.effects
         )
         recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)

@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.motion.actuation import actuate, left_by_volts
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.samples import late_steps, oldest, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_by_kind
+from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_along, errors_by_kind
 from auv_torchrl.diagnosis.verdict import Confirmation
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import Coefficients, State, prepare
@@ -36,7 +36,7 @@ def confirm(p: Predictions, vehicles: Sequence[Vehicle]) -> Confirmation:
     states = fly_again(p.windows, vehicles, p.states[:, :, 0])
     c = prepare(stacked(vehicles)).numpy()
     reported = sample(p.windows, slice(0, len(p.windows)), c, states)
-    again = replace(p, error=p.windows.residual(reported), states=states)
+    again = replace(p, error=errors_along(p.windows, reported), states=states)
     return Confirmation(**errors_by_kind(again), closed=closed_share(again))
 
 

@@ -1,6 +1,7 @@
 """How far the gap shrinks: held-out stretches predicted from the commands alone, before and after."""
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -83,10 +84,23 @@ def predict(
     for vehicle in vehicles:
         one = batch(vehicle, [{}])
         predicted, passed = fly(actuate(windows, one), state.start[:, None])
-        errors.append(windows.residual(predicted)[:, 0])
+        errors.append(errors_along(windows, predicted)[:, 0])
         states.append(passed[:, 0])
         reported.append(predicted[:, 0])
     return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1), np.stack(reported, 1))
+
+
+def errors_along(windows: Windows, predicted: Floats) -> Floats:
+    """Measured less predicted (W, V, m, C), where angles count on from sample to sample.
+
+    A heading that is predicted three quarters of a turn too far is not a quarter of a turn off: beyond half a turn,
+    wrapped errors are as large as chance makes them, whatever predicts.
+    """
+    left = windows.residual(predicted)
+    for w, c in product(range(len(windows)), np.flatnonzero(windows.angular)):
+        seen = windows.trust[w, :, c] > 0
+        left[w, :, seen, c] = np.unwrap(left[w, :, seen, c], axis=0)
+    return left
 
 
 def colour_of(windows: Windows, vehicle: Vehicle, settings: Settings, start: Floats) -> Floats:

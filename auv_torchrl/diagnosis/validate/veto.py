@@ -1,14 +1,22 @@
 """No explanation stands against unseen flight: what predicts held-out stretches badly does not explain the gap."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import stdtrit  # of Student's distribution; importing scipy.stats takes a second
 
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.thresholds import CLOSED_IF_EXPLAINED, STILL_FAR, WITHIN_FLOOR, WORSE
 from auv_torchrl.diagnosis.validate.predict import Predictions
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.quantities import percent
+
+# Of explanations that predict as well as without them, the part that is taken back by chance: it costs one answer in
+# twenty there, and an explanation that predicts worse costs the trust in all others. It is shared by the channels.
+BY_CHANCE = 0.05
+FLEW_AWAY = 1e6  # floors, stands for what is not finite
+EVERYTHING = "everything together"
 
 
 @DIVERGING
@@ -19,10 +27,41 @@ def scaled_errors(p: Predictions) -> np.ndarray:
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
 
 
-def is_worse(p: Predictions, before: int, after: int) -> bool:
-    """Whether one vehicle predicts the held-out stretches worse than another, by more than noise can do."""
+def worse(p: Predictions, before: int, after: int) -> tuple[str, ...]:
+    """What one vehicle predicts worse than another in held-out stretches, by more than noise can do.
+
+    That is ``EVERYTHING`` where all numbers together are worse, else the channels that are so by themselves: a better
+    position does not pay for a worse heading.
+    """
     errors = scaled_errors(p)
-    return bool(errors[after] > max(WORSE * errors[before], WITHIN_FLOOR))
+    if errors[after] > max(WORSE * errors[before], WITHIN_FLOOR):
+        return (EVERYTHING,)
+    return worse_channels(p, before, after)
+
+
+@DIVERGING
+def worse_channels(p: Predictions, before: int, after: int) -> tuple[str, ...]:
+    """The channels that one vehicle predicts worse than another, each tested by itself over the held-out stretches.
+
+    A stretch counts once, because its samples share their start: as the logarithm of the factor by which its error
+    grows. Student's t says whether the mean is above that of ``WORSE``. Errors below ``STILL_FAR`` floors are alike:
+    the floor does not know how unsure the values of an explanation are.
+    """
+    trusted = p.windows.trust[:, None] > 0
+    count = trusted.sum(2)  # (W, 1, C)
+    squares = np.where(trusted, p.error / p.spread[:, None], 0.0) ** 2
+    mean = np.where(np.isfinite(squares), squares, FLEW_AWAY**2).sum(2) / np.maximum(count, 1)  # (W, V, C)
+    size = 0.5 * np.log(np.clip(mean, STILL_FAR**2, FLEW_AWAY**2))
+    grows = size[:, after] - size[:, before] - np.log(WORSE)
+    found = []
+    for channel, each, seen in zip(p.windows.channels, grows.T, count[:, 0].T > 0, strict=True):
+        told = each[seen]
+        if len(told) < 2:
+            continue  # of a single stretch nobody knows how much of it is chance
+        t = told.mean() * np.sqrt(len(told)) / told.std(ddof=1)
+        if t > stdtrit(len(told) - 1, 1 - BY_CHANCE / len(p.windows.channels)):
+            found.append(channel)
+    return tuple(found)
 
 
 def falls_short(p: Predictions, closed: float | None) -> bool:
@@ -46,9 +85,22 @@ def shortfalls(short: bool) -> tuple[Finding, ...]:
     return (Finding(Severity.WARNING, "falls_short", sentence, "Fly what next_experiment.csv commands"),)
 
 
-def vetoes(vetoed: bool) -> tuple[Finding, ...]:
-    """What was thrown away because held-out flight speaks against it."""
-    if not vetoed:
+def vetoes(quantities: Collection[str]) -> tuple[Finding, ...]:
+    """What was thrown away because held-out flight speaks against it, in these quantities; empty where none does."""
+    if not quantities:
         return ()
-    sentence = "the effects that fit this log best predict held-out flight worse than without them: none is named"
+    sentence = (
+        "the effects that fit this log best predict held-out flight worse than without them "
+        f"({', '.join(quantities)}): none is named"
+    )
     return (Finding(Severity.WARNING, "vetoed", sentence, "Give a longer log, or one that moves in more ways"),)
+
+
+def calibration_vetoed(quantities: Collection[str]) -> Finding:
+    """What is said where corrected coefficients do not carry over to held-out flight, in these quantities."""
+    sentence = (
+        "coefficients corrected on this log predict held-out flight worse than the vehicle's file "
+        f"({', '.join(quantities)}): the file stands"
+    )
+    remedy = "Give logs that command what the held-out flight commands, above all in size"
+    return Finding(Severity.WARNING, "calibration_vetoed", sentence, remedy)
