@@ -26,7 +26,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """How long random tests go on; without these options they are short."""
     parser.addoption("--damages", type=int, help="examples of tests/diagnosis/test_fuzz_diagnosis.py; few without it")
     parser.addoption("--hostile", type=int, default=100, help="vehicles of tests/adaptation/test_hostile.py, 100")
-    parser.addoption("--draws", type=int, default=100, help="logs of each format of tests/flightlog/fuzz, 100")
+    parser.addoption("--draws", type=int, default=60, help="logs of each format of tests/flightlog/fuzz, 60")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
