@@ -6,14 +6,16 @@ seconds since midnight.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
+import pyarrow.compute
 
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.text import printable
 
+pc: Any = pyarrow.compute  # its functions are made when it is imported, and have no types
 LARGEST = 1e19  # beyond nanoseconds since 1970 and any unit of length; its square still is a number
 _EXAMPLES = 3  # entries that a message quotes
 _QUOTED = 20  # characters of each

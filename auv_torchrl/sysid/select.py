@@ -308,8 +308,8 @@ def predict(problem: Problem, best: Fit, measured: Linearised, candidates: Seque
         constant = float(total.constant - 2 * total.b[first] + total.A[first, first])
         pull = shares.T @ (total.b[some] - there)
         promise = _promise(prior, rows[first - width], constant, pull, shares.T @ A @ shares)
-        far = diverged[first - width : first - width + 1 + len(probes)].any()
-        evidence = -np.inf if far else best.log_evidence + promise[1] - nothing[1]
+        far = np.flatnonzero(diverged[first - width : first - width + 1 + len(probes)])
+        evidence = -np.inf if len(far) else best.log_evidence + promise[1] - nothing[1]
         found.append(Prediction(prior.hypothesis, promise[0], evidence, promise[2] / best.numbers))
         first += 1 + len(probes)
     return found
