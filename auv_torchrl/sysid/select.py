@@ -285,7 +285,7 @@ def predict(problem: Problem, best: Fit, measured: Linearised, candidates: Seque
             width_of = problem.model.parameters[place].changed_width
             columns[..., first + number] = (columns[..., first + number] - columns[..., first]) * (width_of / size)
         first += 1 + len(_probes(problem, candidate))
-    diverged = ~np.isfinite(columns).all((0, 1))
+    diverged = np.asarray(~np.isfinite(columns).all((0, 1)))
     columns[..., diverged] = 0.0
     precision = problem.precision(problem.disturbance.size)
     quadratic = reduced_quadratic(problem, measured, np.concatenate([own, columns], axis=2), precision)
@@ -308,8 +308,8 @@ def predict(problem: Problem, best: Fit, measured: Linearised, candidates: Seque
         constant = float(total.constant - 2 * total.b[first] + total.A[first, first])
         pull = shares.T @ (total.b[some] - there)
         promise = _promise(prior, rows[first - width], constant, pull, shares.T @ A @ shares)
-        far = np.flatnonzero(diverged[first - width : first - width + 1 + len(probes)])
-        evidence = -np.inf if len(far) else best.log_evidence + promise[1] - nothing[1]
+        far = diverged[first - width : first - width + 1 + len(probes)].any()
+        evidence = -np.inf if far else best.log_evidence + promise[1] - nothing[1]
         found.append(Prediction(prior.hypothesis, promise[0], evidence, promise[2] / best.numbers))
         first += 1 + len(probes)
     return found
