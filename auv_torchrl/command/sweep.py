@@ -2,7 +2,6 @@
 
 import sys
 import threading
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -24,6 +23,7 @@ class SweepProgress:
 
     def __init__(self) -> None:
         self._progress: Progress | None = None
+        self._over, self._watcher = threading.Event(), threading.Thread()
 
     def begin(self, config: DictConfig) -> None:
         """Watch the jobs of a sweep; another sweeper than Hydra's own does not say how many there will be."""
@@ -32,18 +32,21 @@ class SweepProgress:
         self.end()
         self._progress = Progress(say=_print).__enter__()
         watched = self._progress, Path(config.hydra.sweep.dir), jobs_of(config)
-        threading.Thread(target=self._watch, args=watched, daemon=True).start()
+        self._over.clear()
+        self._watcher = threading.Thread(target=self._watch, args=watched, daemon=True)
+        self._watcher.start()
 
     def end(self) -> None:
         """Watch no longer."""
         if self._progress is not None:
+            self._over.set()
+            self._watcher.join()
             self._progress.__exit__()
             self._progress = None
 
     def _watch(self, progress: Progress, folder: Path, total: int) -> None:
         finished: set[Path] = set()
-        while self._progress is progress:
-            time.sleep(_EVERY_S)
+        while not self._over.wait(_EVERY_S):
             with suppress(OSError):  # a job removes or replaces what was listed
                 finished |= {job for job in folder.iterdir() if job not in finished and is_finished(job)}
             progress(f"{len(finished)} of {counted(total, 'run')} finished", len(finished) / total)
