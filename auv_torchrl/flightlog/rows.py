@@ -10,7 +10,7 @@ from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.thinning import MOST_PARTS, mean_until_next, parts_until_next, rows_around, thinning
 from auv_torchrl.physics import CONTROL_DT
-from auv_torchrl.quantities import counted
+from auv_torchrl.quantities import counted, percent
 
 GAP_SAMPLES = 5  # a longer pause than this many usual sampling intervals ends a stretch,
 GAP_S = 0.3  # if it is also longer than this
@@ -126,7 +126,7 @@ def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Findin
         return [kept]
     repeats = float((steps == 0).mean())
     if repeats:  # few of them, too: what is cut where time goes back rises from row to row
-        sentence = f"time repeats in {max(repeats, 0.01):.0%} of the rows; the first row of each time is kept"
+        sentence = f"time repeats in {percent(repeats)} of the rows; the first row of each time is kept"
         remedy = "Write t with enough digits"
         findings.append(Finding(Severity.WARNING, "time_repeats", sentence, remedy, ("t",), where))
         rows = rows[np.concatenate(([True], steps != 0))]

@@ -27,7 +27,7 @@ from auv_torchrl.diagnosis.motion.windows import Windows
 from auv_torchrl.diagnosis.thresholds import TILT_PASSES
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
-from auv_torchrl.quantities import counted
+from auv_torchrl.quantities import counted, percent, words
 from auv_torchrl.vehicle import Vehicle
 
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
@@ -178,7 +178,7 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     largest = ""
     if corrections:
         most = max(corrections, key=lambda key: abs(corrections[key]))
-        largest = f"; the largest correction is {' '.join(most)} {corrections[most]:+.1%}"
+        largest = f"; the largest correction is {words(' '.join(most))} {percent(corrections[most], sign=True)}"
     dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
