@@ -95,8 +95,8 @@ def calibrate_coefficients(
     gain = Gain.of(windows.subset(order), np.concatenate(before), np.concatenate(after))
     if not gain.better:
         sentence = (
-            f"the vehicle's file is a guess, but correcting it predicts unseen windows no better ({percent(gain.share, sign=True)} of "
-            "their error): its coefficients stand"
+            f"the vehicle's file is a guess, but correcting it predicts unseen windows no better "
+            f"({percent(gain.share, sign=True)} of their error): its coefficients stand"
         )
         return Calibrated(vehicle, findings=(Finding(Severity.INFO, "coefficients_stand", sentence),))
     own = apply_values(vehicle, as_values(coefficients, whole.values))
