@@ -78,7 +78,7 @@ bench: $(READY) ## measure the figures of docs/benchmarks.md
 blind: $(READY) ## sealed benchmark: CASES=430 SENSORS=stock STRANGERS=2
 	$(BIN)/python -m benchmarks.blind $(if $(CASES),cases=$(CASES)) sensors=$(SENSORS) strangers=$(STRANGERS)
 
-real: $(READY) ## logs of real vehicles: AUV_TORCHRL_DATA=FOLDER JOBS=2, writes real.md
+real: $(READY) ## logs of real vehicles: AUV_TORCHRL_DATA=FOLDER JOBS=2
 	$(BIN)/python -m benchmarks.real --publish --jobs $(JOBS)
 
 fuzz: $(READY) ## read logs of all formats altered at random: DRAWS=5000
