@@ -77,10 +77,12 @@ def between(low: float, high: float) -> str:
     return f"{number(low)} to {number(high)}" if low < high else "–"
 
 
-def percent(share: float | None) -> str:
-    """A share in per cent, honest at both ends."""
+def percent(share: float | None, sign: bool = False) -> str:
+    """A share in per cent, honest at both ends, or with a ``sign`` a change of something."""
     if share is None or not math.isfinite(share):
         return "–"
+    if sign:
+        return f"{100 * share:+.0f}\u202f%"
     if 0 < share < 0.005:
         return "<\u202f1\u202f%"
     if 0.995 < share < 1:

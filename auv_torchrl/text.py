@@ -9,6 +9,7 @@ import unicodedata
 
 MOST_CHARACTERS = 200  # of a name or a text that are shown; ArduPilot's longest text has 64
 _WHOLE = re.compile(r"[-+]?\d{1,18}", re.ASCII)  # digits of what fits into 64 bits
+_DIGITS = re.compile(r"([0-9]+)")
 
 
 def printable(text: str, most: int | None = MOST_CHARACTERS) -> str:
@@ -29,6 +30,22 @@ def printable(text: str, most: int | None = MOST_CHARACTERS) -> str:
         return shown
     rest = f"… ({len(text):,} characters)"
     return shown[: most - len(rest)] + rest
+
+
+def within(text: str, most: int) -> str:
+    """The text, without its middle where it is longer: an error begins with its cause, and ends in what to do."""
+    if len(text) <= most:
+        return text
+    gone = f" … ({len(text):,} characters) … "
+    left = most - len(gone)
+    return text[: left - left // 3] + gone + text[len(text) - left // 3 :]
+
+
+def in_order(name: str) -> list[tuple[int, str]]:
+    """A key that sorts names as people count: ``part 2`` before ``part 10``; numbers are those of ASCII digits."""
+    parts = enumerate(_DIGITS.split(name))  # what matches stands at the odd places
+    bare = ((part.lstrip("0"), odd % 2 == 1) for odd, part in parts)
+    return [(len(part), part) if is_number else (-1, part) for part, is_number in bare]
 
 
 def _spelt(character: str) -> str:

@@ -17,6 +17,7 @@ from tensordict import TensorClass
 from torch import Tensor
 
 from auv_torchrl.paths import config_path
+from auv_torchrl.quantities import counted
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle_checks import doubts, impossible
 from auv_torchrl.vehicle_entries import bounded, drag_matrix, each_thruster, matrix, numbers
@@ -161,7 +162,7 @@ def _nominal(content: Mapping[str, Any]) -> Vehicle:
     n = len(position)
     if not len(direction) == len(mixer) == n:
         raise ValueError(
-            f"thrusters.position has {n} rows, thrusters.direction {len(direction)}, mixer {len(mixer)}: "
+            f"thrusters.position has {counted(n, 'row')}, thrusters.direction {len(direction)}, mixer {len(mixer)}: "
             "give one row per thruster in each"
         )
     if ((length := direction.norm(dim=-1, keepdim=True)) < 1e-9).any():

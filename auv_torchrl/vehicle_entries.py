@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle_checks import looks_like
 from auv_torchrl.vehicle_fields import BY_LABEL
 
@@ -44,7 +45,7 @@ def numbers(label: str, value: Any, shape: tuple[int, ...], wanted: str = "") ->
     Raises:
         ValueError: for anything else, naming the entry by its ``label``.
     """
-    wanted = wanted or (f"{math.prod(shape)} numbers" if shape else "one number")
+    wanted = wanted or (counted(math.prod(shape), "number") if shape else "one number")
     if any(isinstance(entry, bool) for entry in (value if isinstance(value, list | tuple) else (value,))):
         raise ValueError(f"{label} is {short(value)}: give {wanted}")
     try:
@@ -63,5 +64,5 @@ def matrix(label: str, value: Any, columns: int) -> Tensor:
         ValueError: for anything else, naming the entry.
     """
     if not isinstance(value, list | tuple) or not value:
-        raise ValueError(f"{label} is {short(value)}: give one row of {columns} numbers per thruster")
+        raise ValueError(f"{label} is {short(value)}: give one row of {counted(columns, 'number')} per thruster")
     return torch.stack([numbers(f"{label}[{row}]", entry, (columns,)) for row, entry in enumerate(value)])

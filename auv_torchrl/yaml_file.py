@@ -8,6 +8,8 @@ from typing import Any
 import yaml
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from auv_torchrl.quantities import counted
+
 MOST_BYTES = 100_000  # thirty times the largest file of conf/
 MOST_ENTRIES = 10_000  # with aliases written out: a few lines of aliases of aliases are more than any memory holds
 _MERGE = "tag:yaml.org,2002:merge"
@@ -37,7 +39,7 @@ class _Loader(yaml.SafeLoader):
 
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(\d[\d_]*\.?[\d_]*|\.\d[\d_]*)[eE][-+]?\d+$"),
+    re.compile(r"[-+]?(\d[\d_]*\.?[\d_]*|\.\d[\d_]*)[eE][-+]?\d+$", re.ASCII),
     list("-+.0123456789"),
 )
 
@@ -89,7 +91,8 @@ def _read_text(path: Path, named: str) -> str:
             raise YamlFileError(f"{named} is a pipe or device: {remedy}")
         if status.st_size > MOST_BYTES:
             raise YamlFileError(
-                f"{named} has {status.st_size:,} bytes, settings have {MOST_BYTES:,} at most: {remedy} with them alone"
+                f"{named} has {counted(status.st_size, 'byte')}, settings have {MOST_BYTES:,} at most: {remedy} with "
+                "them alone"
             )
         content = path.read_bytes()
     except FileNotFoundError as error:

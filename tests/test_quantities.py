@@ -1,13 +1,25 @@
 """Numbers as people read them."""
 
+import ast
+import re
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.paths import PROJECT
 from auv_torchrl.quantities import counted, estimated, number, percent, quantity
 from auv_torchrl.vehicle import load_vehicle
+
+COUNTED = (
+    r"bytes|channels|coefficients|columns|commands|dives|entries|episodes|fields|files|findings|flights|gaps|kinds|"
+    r"lines|logs|messages|motors|numbers|outputs|packets|pairs|parameters|points|records|rows|runs|samples|starts|"
+    r"steps|stretches|thrusters|times|values|vehicles|windows"
+)
+BY_HAND = re.compile(rf" (?!of |and |in |has |have |times |for )(?:[a-z]+ )?(?:{COUNTED})\b")
 
 
 @pytest.mark.parametrize(
@@ -42,11 +54,49 @@ def test_a_count_has_its_plural():
     assert counted(1, "axis", "axes") == "1 axis" and counted(4, "axis", "axes") == "4 axes"
 
 
+def counts_by_hand(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Line and noun of each plural that stands behind a count: 1 of it has no singular.
+
+    Named constants are more than 1, numbers with decimals were measured, and several numbers at once have a plural.
+    """
+    for text in (node for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)):
+        for count, behind in zip(text.values, text.values[1:], strict=False):
+            if not isinstance(count, ast.FormattedValue) or not isinstance(behind, ast.Constant):
+                continue
+            source = ast.unparse(count.value)
+            measured = count.format_spec is not None and ast.unparse(count.format_spec)[-2] in "efg"
+            found = BY_HAND.match(str(behind.value))
+            if found and not (measured or source.isupper() or "join(" in source or source.startswith("counted(")):
+                yield count.lineno, source + found[0]
+
+
+def test_no_sentence_has_a_count_before_a_plural():
+    """Who reads "1 rows" doubts the rest: counts are written by ``counted``, which knows the singular."""
+    files = sorted((PROJECT / "auv_torchrl").rglob("*.py"))
+    trees = {path.name: ast.parse(path.read_text()) for path in files}
+    assert not [f"{name}:{line}: {noun}" for name, tree in trees.items() for line, noun in counts_by_hand(tree)]
+
+
+@pytest.mark.parametrize(
+    ("code", "nouns"),
+    [
+        ('f"{len(rows)} rows lack a number"', ["len(rows) rows"]),
+        ('f"and {more:,} broken packets"', ["more broken packets"]),
+        ('f"of {n} rows {m} times"', ["n rows", "m times"]),
+        ("f\"{counted(n, 'row')} of {MOST:,} rows, {share:.1f} times, {part} of the rows\"", []),
+    ],
+)
+def test_a_count_before_a_plural_is_found(code, nouns):
+    """With an adjective, too; constants, measured numbers and genitives are none."""
+    assert [noun for _, noun in counts_by_hand(ast.parse(code))] == nouns
+
+
 def test_a_share_is_honest_at_both_ends():
     """What is not all of it is not 100 %."""
     assert [percent(s).replace("\u202f", " ") for s in (0.0, 0.001, 0.5, 0.999, 1.0)] == [
         "0 %", "< 1 %", "50 %", "> 99 %", "100 %",
     ]  # fmt: skip
+    assert [percent(s, sign=True).replace("\u202f", " ") for s in (0.12, -0.5)] == ["+12 %", "-50 %"]
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)

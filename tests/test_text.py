@@ -2,7 +2,7 @@
 
 import pytest
 
-from auv_torchrl.text import number, printable, whole
+from auv_torchrl.text import in_order, number, printable, whole, within
 
 
 @pytest.mark.parametrize(
@@ -47,3 +47,18 @@ def test_numbers_are_read_as_they_are_written():
     assert [number(text) for text in (" 1.5\n", "-.5", "+3.e2", "1E-3")] == [1.5, -0.5, 300.0, 1e-3]
     assert number("9" * 400) == float("inf") and number("NaN") != number("NaN") and number("-inf") == -float("inf")
     assert [whole(text) for text in ("-12", "007", "1.0", "9" * 19)] == [-12, 7, None, None]
+
+
+def test_of_a_long_text_the_middle_is_left_out():
+    """Its beginning and its end stay, and it says how long it was; a short text stays as it is."""
+    shown = within("cause " + "x" * 5000 + ": remedy", 100)
+    assert len(shown) == 100 and shown.startswith("cause xxx") and shown.endswith("xxx: remedy")
+    assert " … (5,014 characters) … " in shown and within("x" * 100, 100) == "x" * 100
+
+
+def test_names_are_put_in_the_order_in_which_people_count():
+    """Part 2 comes before part 10; digits such as ² are letters, and a number may have thousands."""
+    names = ["part10.db3", "part2.db3", "part².db3", "part" + "9" * 5000, "²", "1²3", "", "part02", "part"]
+    assert [name[:10] for name in sorted(names, key=in_order)] == [
+        "", "1²3", "part", "part02", "part2.db3", "part10.db3", "part999999", "part².db3", "²",
+    ]  # fmt: skip

@@ -12,6 +12,7 @@ from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.filter import MOTION, Innovation
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import Step
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
@@ -55,7 +56,7 @@ def _threshold(degrees: int, reference: float, cap: float, steps: float) -> floa
         if high > _LARGEST * cap:
             raise ValueError(
                 f"detector: one false alarm in {steps:g} steps is not reached with a reference of {reference:g} for "
-                f"{degrees} values: give a larger smallest_shift"
+                f"{counted(degrees, 'value')}: give a larger smallest_shift"
             )
     for _ in range(20):
         middle = (low + high) / 2

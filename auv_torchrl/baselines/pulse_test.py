@@ -14,6 +14,7 @@ from torch import Tensor
 from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.adaptation.transform import Array, ThrusterTransform
 from auv_torchrl.envs import FleetEnv
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
 
 PULSE_S = 0.3
@@ -42,7 +43,7 @@ def pulse_test(fleet: FleetEnv, source: Vehicle) -> PulseTest:
     """
     if fleet.num_envs != 1 or not fleet.task.thruster_commands:
         raise ValueError(
-            f"pulse test: the fleet has {fleet.num_envs} vehicles and thruster_commands="
+            f"pulse test: the fleet has {counted(fleet.num_envs, 'vehicle')} and thruster_commands="
             f"{fleet.task.thruster_commands}: give one vehicle that takes thruster commands"
         )
     dt = fleet.task.control_dt

@@ -11,6 +11,7 @@ from auv_torchrl.diagnosis.scenario_file import ranges_of, scenario_of
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
 from auv_torchrl.diagnosis.verdict_file import from_json
 from auv_torchrl.effects import get_effect
+from auv_torchrl.quantities import counted
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import Vehicle
 
@@ -96,7 +97,7 @@ def _read_json(path: Path) -> Mapping[str, Any]:
         raise ValueError(f"{constant} is no number of JSON")
 
     if (size := path.stat().st_size) > MOST_BYTES:
-        raise ValueError(f"{size:,} bytes, a diagnosis has {MOST_BYTES:,} at most")
+        raise ValueError(f"{counted(size, 'byte')}, a diagnosis has {MOST_BYTES:,} at most")
     content = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse, object_pairs_hook=_once)
     if not isinstance(content, Mapping):
         raise ValueError("it is no mapping")

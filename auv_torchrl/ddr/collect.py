@@ -13,6 +13,7 @@ from auv_torchrl.ddr.adapter import DDRAdapter
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.envs import FleetEnv
+from auv_torchrl.quantities import counted
 
 log = logging.getLogger(__name__)
 
@@ -31,8 +32,9 @@ class Adaptation:
 
     def __str__(self) -> str:
         return (
-            f"map={self.adapter.config.map} from {self.target_data_s:.1f} s of target data ({self.pairs} informative "
-            f"pairs), fitted in {1e3 * self.fit_s:.1f} ms: residual {self.residual:.4f} of a full command, weights "
+            f"map={self.adapter.config.map} from {self.target_data_s:.1f} s of target data ("
+            f"{counted(self.pairs, 'informative pair')}), fitted in {1e3 * self.fit_s:.1f} ms: residual "
+            f"{self.residual:.4f} of a full command, weights "
             f"within {self.standard_error:.4f}, condition {self.condition:.1f}"
         )
 

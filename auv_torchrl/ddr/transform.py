@@ -10,6 +10,7 @@ from torchrl.data import Bounded, Composite, TensorSpec
 from torchrl.envs.transforms import Compose, Transform
 
 from auv_torchrl.envs.start import BODY, EXPECTED, expected_along
+from auv_torchrl.quantities import counted
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED
 
@@ -64,8 +65,9 @@ class CommandMap(Transform):
         executed = cast(Composite, action_spec)[ACTION]
         if executed.shape[-1] != self.outputs:
             raise ValueError(
-                f"{type(self).__name__}: it gives {self.outputs} commands, the environment takes {executed.shape[-1]}: "
-                "a map to the thrusters needs a task with thruster_commands=True, a map to the channels one without"
+                f"{type(self).__name__}: it gives {counted(self.outputs, 'command')}, the environment takes "
+                f"{executed.shape[-1]}: a map to the thrusters needs a task with "
+                "thruster_commands=True, a map to the channels one without"
             )
         cast(Composite, action_spec)[ACTION] = _commands(executed, len(CONTROLLED))
         return action_spec

@@ -10,6 +10,7 @@ from auv_torchrl.flightlog import POSE, Finding, FlightLog, FlightLogError, Seve
 from auv_torchrl.flightlog.log import AXES, with_axes
 from auv_torchrl.flightlog.readiness import followed_axes
 from auv_torchrl.physics import prepare
+from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
 DARK = 1e-3  # of the largest push, below which a thruster does not act in a degree of freedom
@@ -81,7 +82,7 @@ def steep_stretches(log: FlightLog) -> tuple[Finding, ...]:
     if not share:
         return ()
     sentence = (
-        f"the vehicle points straight up or down in {share:.1%} of the samples, where roll and yaw are not defined: "
-        "windows with such samples are left out where there are others"
+        f"the vehicle points straight up or down in {percent(share)} of the samples, where roll and yaw are not "
+        "defined: windows with such samples are left out where there are others"
     )
     return (Finding(Severity.WARNING, "steep", sentence, "Log stretches in which it stays upright", ("pitch",)),)

@@ -11,6 +11,7 @@ from auv_torchrl.diagnosis.motion.windows import Windows
 from auv_torchrl.diagnosis.validate.predict import cut_stretches
 from auv_torchrl.flightlog import Episode, Finding, FlightLog, FlightLogError, Severity, join
 from auv_torchrl.flightlog.readiness import HELD_OUT, LEARNT, ROUNDING_S, START_S, shortest
+from auv_torchrl.quantities import counted
 
 # Of a log, as much as is looked at: ten times what its windows hold. What commands do is worked out along all of it for
 # each candidate, in memory that grows with its length.
@@ -28,8 +29,8 @@ def stretches_of(log: FlightLog) -> FlightLog:
             first, behind = np.searchsorted(episode.t, (begin, begin + STRETCH_S)).tolist()
             parts.append(replace(episode.rows(first, behind), number=len(parts)))
     sentence = (
-        f"{log.name} lasts {log.duration / 3600:.1f} h, of which {len(parts)} stretches of {STRETCH_S:g} s, spread "
-        "evenly, are looked at; the rest is left out"
+        f"{log.name} lasts {log.duration / 3600:.1f} h, of which {counted(len(parts), 'stretch', 'stretches')} of "
+        f"{STRETCH_S:g} s, spread evenly, are looked at; the rest is left out"
     )
     finding = Finding(Severity.WARNING, "stretches", sentence, "Give the part that matters as a log of its own")
     return replace(log, episodes=tuple(parts), findings=(*log.findings, finding))

@@ -16,6 +16,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from auv_torchrl.files import write_text
+from auv_torchrl.quantities import counted
 
 NULL = "null"  # in the metadata of a field: the number that null stands for, alone or in a tuple; all else is finite
 Kind = TypeVar("Kind")
@@ -101,7 +102,7 @@ def _read_tuple(kinds: tuple[Any, ...], content: Any, where: str, null: float | 
     if kinds[-1] is ...:
         kinds = kinds[:1] * len(content)
     if len(kinds) != len(content):
-        raise _wrong(where, content, f"{len(kinds)} entries")
+        raise _wrong(where, content, counted(len(kinds), "entry", "entries"))
     entries = enumerate(zip(kinds, content, strict=True))
     return tuple(_read(kind, entry, f"{where}[{i}]", null) for i, (kind, entry) in entries)
 

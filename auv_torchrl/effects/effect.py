@@ -12,7 +12,7 @@ from torch import Tensor
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.effects.changing import Changing
 from auv_torchrl.effects.scan import Scan
-from auv_torchrl.quantities import percent, quantity, words
+from auv_torchrl.quantities import percent, quantity, with_unit, words
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import Vehicle
 
@@ -191,9 +191,8 @@ class Effect:
                 raise ValueError(f"effect {self.name}: no parameter {name!r}: {choices([name], declared)}")
             p = declared[name]
             if isinstance(value, bool) or not isinstance(value, int | float) or not p.low <= value <= p.high:
-                raise ValueError(
-                    f"effect {self.name}: {name} is {value!r}: give a number in [{p.low:g}, {p.high:g}] {p.unit}"
-                )
+                bounds = with_unit(f"[{p.low:g}, {p.high:g}]", "" if p.unit == "1" else p.unit)
+                raise ValueError(f"effect {self.name}: {name} is {value!r}: give a number in {bounds}")
             values[name] = float(value)
         return values
 

@@ -10,6 +10,7 @@ from torchrl.envs.transforms import Transform
 
 from auv_torchrl.effects import Effect, get_effect
 from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle
 
 TOGETHER = "together"  # of ranges: rows of a lower triangle, by which their first numbers are drawn together
@@ -128,12 +129,12 @@ def _read_together(ranges: Mapping[str, Any] | None, count: int) -> Tensor | Non
         return None
     if not isinstance(rows, list | tuple) or not len(rows) <= count:
         raise ValueError(
-            f"randomization: {TOGETHER}: give a row for each of the {count} numbers, or for the first ones"
+            f"randomization: {TOGETHER}: give a row for each of the {counted(count, 'number')}, or for the first ones"
         )
     triangle = torch.zeros(len(rows), len(rows), dtype=torch.float64)
     for i, row in enumerate(rows):
         if not isinstance(row, list | tuple) or len(row) != i + 1 or not all(isinstance(v, int | float) for v in row):
-            raise ValueError(f"randomization: {TOGETHER}: row {i + 1} is not {i + 1} numbers")
+            raise ValueError(f"randomization: {TOGETHER}: row {i + 1} is not {counted(i + 1, 'number')}")
         triangle[i, : i + 1] = torch.tensor(row, dtype=torch.float64)
     if not triangle.isfinite().all():
         raise ValueError(f"randomization: {TOGETHER}: give finite numbers")

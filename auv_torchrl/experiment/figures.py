@@ -18,6 +18,7 @@ from auv_torchrl.palette import CONTROLLER, LABEL, NEUTRAL
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.coefficients import allocation_matrix
 from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 SHOWN = 12  # starts whose trajectory is drawn
@@ -110,7 +111,9 @@ def aim(flight: Flight) -> str:
 
 def errors(flights: Flights, scenario: str) -> Figure:
     """Figure 10: position error over time, median, middle 90 % and worst start."""
-    figure = _figure(8, 4.5, f"Position error over {next(iter(flights.values())).shape[0]} starts, {scenario}")
+    figure = _figure(
+        8, 4.5, f"Position error over {counted(next(iter(flights.values())).shape[0], 'start')}, {scenario}"
+    )
     axes = figure.subplots()
     for name in _painted(flights):
         flight = flights[name]

@@ -12,6 +12,7 @@ from auv_torchrl.evaluation import FLOOR_M, FLOOR_RAD, Metrics
 from auv_torchrl.files import write_text
 from auv_torchrl.quantities import counted, duration, percent, quantity, words
 from auv_torchrl.tasks import StationKeeping
+from auv_torchrl.text import in_order
 
 RESULTS = "results.json"
 PUBLISHED = ("paper", StationKeeping.name)  # vehicle and task of the paper's table
@@ -127,9 +128,5 @@ def _line(label: str, cells: Sequence[str]) -> str:
 
 def read_results(folder: Path) -> list[dict[str, Any]]:
     """All results below a folder, in the order of its subfolders."""
-    paths = sorted(folder.rglob(RESULTS), key=lambda path: [_number(part) for part in path.parts])
+    paths = sorted(folder.rglob(RESULTS), key=lambda path: [in_order(part) for part in path.parts])
     return [json.loads(path.read_text()) for path in paths]
-
-
-def _number(name: str) -> tuple[int, str]:
-    return (int(name), "") if name.isdigit() else (-1, name)

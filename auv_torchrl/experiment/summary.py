@@ -99,7 +99,7 @@ def console_table(runs: Runs) -> str:
         if not members[0]["feasible"]:
             shown[1] = "infeasible"
         noticed, back = _in_flight(members)
-        back = f"{back} s" if back[0].isdigit() else back
+        back = f"{back} s" if back[0] in "0123456789" else back
         lines.append(_line(words(scenario), str(len(members)), *shown, noticed, back))
     return "\n".join(lines)
 

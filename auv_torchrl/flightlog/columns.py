@@ -7,6 +7,7 @@ from typing import NamedTuple
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY
 from auv_torchrl.flightlog.synonyms import NOT_KNOWN, NUMBERED, near
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
 DEMANDS = tuple(f"cmd_{name}" for name in DEGREES_OF_FREEDOM)  # through the vehicle's mixer
@@ -64,7 +65,7 @@ def missing(found: Iterable[str], thrusters: int | None) -> Iterator[tuple[str, 
     elif not numbered and not demands:
         yield f"no commands: give {wanted}, or {', '.join(DEMANDS)}", "commands"
     elif numbered and [_number(column) for column in numbered] != list(range(1, count + 1)):
-        has = f", the vehicle has {thrusters} thrusters" if thrusters else ""
+        has = f", the vehicle has {counted(thrusters, 'thruster')}" if thrusters else ""
         yield f"{', '.join(numbered)}{has}: give {wanted}, or the vehicle that was flown", "commands"
     if not used & (set(AXES) - set(ACCELERATION)):
         yield f"no motion, it measures nothing: give some of {', '.join(POSE)} or of {', '.join(VELOCITY)}", "motion"

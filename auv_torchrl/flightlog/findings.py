@@ -4,18 +4,28 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from auv_torchrl.text import printable
+from auv_torchrl.quantities import counted
+from auv_torchrl.text import printable, within
 
 _REPEATED = 3  # findings of one kind that are listed one by one
 _QUOTED = 3  # findings that an error quotes,
 _QUOTED_LETTERS = 250  # and characters of each: an error fits a screen
+_MOST_LETTERS = 1000  # of an error, or of a sentence of a finding; half a screen
+
+
+def _line(text: str) -> str:
+    """The text as one line that can be shown; of a longer one the middle is left out, before and after it is spelt."""
+    return within(printable(within(text, _MOST_LETTERS), None), _MOST_LETTERS)
 
 
 class FlightLogError(ValueError):
-    """Nothing of a log can be used; the message names the cause, where it is and the remedy, and is made printable."""
+    """Nothing of a log can be used; the message names the cause, where it is and the remedy.
+
+    It is made printable and is one line of at most 1,000 characters: of a longer one the middle is left out.
+    """
 
     def __init__(self, message: str) -> None:
-        super().__init__(printable(message, None))
+        super().__init__(_line(message))
 
 
 class Severity(StrEnum):
@@ -28,7 +38,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing about a log that its reader should know; sentence, remedy and columns are made printable.
+    """One thing about a log that its reader should know; sentence, remedy and columns are made printable and bounded.
 
     ``rows`` are the first and last row concerned, counted from 1 below the header; None concerns all of it.
     """
@@ -43,8 +53,8 @@ class Finding:
     param: tuple[tuple[str, float], ...] = ()  # parameters of the autopilot to set, where they are the remedy
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sentence", printable(self.sentence, None))
-        object.__setattr__(self, "remedy", printable(self.remedy, None))
+        object.__setattr__(self, "sentence", _line(self.sentence))
+        object.__setattr__(self, "remedy", _line(self.remedy))
         object.__setattr__(self, "columns", tuple(map(printable, self.columns)))
 
     @property
@@ -79,5 +89,5 @@ def condensed(findings: Iterable[Finding]) -> list[Finding]:
 def quoted(findings: Iterable[Finding]) -> str:
     """The worst findings in one sentence, and how many more there are."""
     worst = condensed(findings)
-    more = [f"and {len(worst) - _QUOTED} more findings"] if len(worst) > _QUOTED else []
+    more = [f"and {counted(len(worst) - _QUOTED, 'more finding')}"] if len(worst) > _QUOTED else []
     return "; ".join([*(printable(str(finding), _QUOTED_LETTERS) for finding in worst[:_QUOTED]), *more])

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 
 MOST_COLUMNS = 1000  # fifty times what a log needs; a file with more has its samples side by side, or is no log
@@ -26,7 +27,7 @@ _FOREIGN = {
 }
 SAID = "# auv-log: "  # begins a remark with what a converted log says beside its columns
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|nan|", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|nan|", re.ASCII | re.IGNORECASE)
 
 
 class Header(NamedTuple):
@@ -124,7 +125,7 @@ def check_number(name: str, columns: int) -> None:
     """
     if columns > MOST_COLUMNS:
         raise FlightLogError(
-            f"{name} has {columns:,} columns, a log has {MOST_COLUMNS:,} at most: "
+            f"{name} has {counted(columns, 'column')}, a log has {MOST_COLUMNS:,} at most: "
             "give one row per sample and one column per quantity"
         )
 
@@ -173,7 +174,7 @@ def _check_separator(name: str, text: str, following: str) -> None:
     separator = max(_SEPARATORS, key=text.count)
     blanks = "," not in text and len(text.split()) > 1
     if text.count(separator) > text.count(","):
-        decimal = re.search(r"\d,\d", following) is not None
+        decimal = re.search(r"[0-9],[0-9]", following) is not None
         more = ", and its numbers have decimal commas" if decimal else ""
         also = " and decimal points" if decimal else ""
         raise FlightLogError(

@@ -20,6 +20,7 @@ from auv_torchrl.flightlog.streams.stream import ReadOptions, Stream, Streams
 from auv_torchrl.flightlog.streams.vehicle_kind import check_kind, other_kind
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.understand import understand
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
@@ -58,7 +59,7 @@ def table_lines(table: Table, path: Path, vehicle: Vehicle | None = None, named:
     Where a ``vehicle`` is ``named``, the file is read as a diagnosis of that vehicle reads it.
     """
     understood = understand(table)
-    yield f"{table.name}: table of {_counted(len(table.row), 'row')}, {_duration(understood.table)}"
+    yield f"{table.name}: table of {counted(len(table.row), 'row')}, {_duration(understood.table)}"
     yield "  columns"
     width = min(max(len(listed(taken.columns)) for taken in understood.taken), _WIDEST)
     for taken in understood.taken:
@@ -74,15 +75,11 @@ def table_lines(table: Table, path: Path, vehicle: Vehicle | None = None, named:
         yield f"  diagnosis  not yet: {error}"
         return
     yield from (f"  {finding}" for finding in findings)
-    ignored = f", {_counted(len(extra), 'column')} ignored" if extra else ""
+    ignored = f", {counted(len(extra), 'column')} ignored" if extra else ""
     yield f"  diagnosis  of {' '.join(axes)}{ignored}"
     words = [f"log={path}", *([extra_of(extra)] if extra else [])]
     quoted = (printable(shlex.quote(word), None) for word in words)
     yield f"    python diagnose.py {' '.join(quoted)} vehicle={named}"
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _duration(table: Table) -> str:
@@ -91,13 +88,13 @@ def _duration(table: Table) -> str:
         return "no time"
     runs = runs_of_time(table, np.ones(len(table.row), bool), [])
     passed = sum(float(table.columns["t"][run[-1]] - table.columns["t"][run[0]]) for run in runs)
-    return f"{_counted(len(runs), 'episode')}, {passed:.1f} s" if runs else "no row with a time"
+    return f"{counted(len(runs), 'episode')}, {passed:.1f} s" if runs else "no row with a time"
 
 
 def _facts(streams: Streams, parameters: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     vehicle = streams.vehicle
     yield "firmware", vehicle.firmware or "not said"
-    yield "frame", (vehicle.frame or "not said") + (f", {vehicle.motors} motors" if vehicle.motors else "")
+    yield "frame", (vehicle.frame or "not said") + (f", {counted(vehicle.motors, 'motor')}" if vehicle.motors else "")
     if other := other_kind(vehicle.kinds):
         yield "vehicle", f"{other}: no underwater vehicle"
     else:
@@ -140,12 +137,13 @@ def _spans(spans: tuple[tuple[float, float], ...]) -> str:
 def _stream_line(stream: Stream) -> str:
     gaps = stream.gaps
     longest = max((end - begin for begin, end in gaps), default=0.0)
-    without = f", {len(gaps)} gaps, the longest of {longest:.1f} s" if gaps else ""
+    without = f", {counted(len(gaps), 'gap')}, the longest of {longest:.1f} s" if gaps else ""
     told = [name for i, name in enumerate(stream.channels) if np.isfinite(stream.values[:, i]).any()]
     span = told if len(told) < 5 else [told[0], "...", told[-1]]
-    units = "/".join(dict.fromkeys(stream.units))
+    units = "/".join(unit for unit in dict.fromkeys(stream.units) if unit != "1")
+    measured = f"{' '.join(span)} [{units}]" if units else " ".join(span)
     return (
-        f"{stream.name:<14} {' '.join(span)} [{units}], {stream.rate}, {len(stream)} samples{without}, "
+        f"{stream.name:<14} {measured}, {stream.rate}, {counted(len(stream), 'sample')}{without}, "
         f"{stream.sampling}: {stream.source}"
     )
 
@@ -161,7 +159,7 @@ def _diagnosable(streams: Streams, options: ReadOptions) -> Iterator[str]:
         return
     axes = [axis for axis in AXES if axis in table.columns]
     sources = choose(streams)
-    yield f"diagnosis  {len(table.row)} rows of {' '.join(axes)}"
+    yield f"diagnosis  {counted(len(table.row), 'row')} of {' '.join(axes)}"
     horizontal = {"x", "y"} <= set(axes) or {"u", "v"} <= set(axes)
     if not horizontal and {"ax", "ay"} <= set(axes):
         yield "           no position and no velocity: of surge and sway only what changes them is felt; no current"

@@ -16,6 +16,7 @@ from auv_torchrl.flightlog.leaps import find_leaps
 from auv_torchrl.flightlog.log import ANGLES, Floats
 from auv_torchrl.flightlog.signals import runs
 from auv_torchrl.flightlog.table import Table
+from auv_torchrl.quantities import counted, percent
 
 FROZEN_S = 1.0  # s without any change, from which a sensor with noise stands still,
 FROZEN_COARSE_S = 8.0  # and one whose writing rounds away small motions, at least this many times its usual pauses:
@@ -181,8 +182,7 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
             if kind == "held" and share < REPEATED:
                 continue
             where = np.flatnonzero(mask)
-            few = "1 row" if len(where) == 1 else f"{len(where)} rows"
-            size = f"{share:.0%} of the rows" if share >= REPEATED else few
+            size = f"{percent(share)} of the rows" if share >= REPEATED else counted(len(where), "row")
             sentence = what.format(names=", ".join(names), size=size)
             found.append(_finding(code, sentence, remedy, names, (int(row[where[0]]), int(row[where[-1]]))))
     for name, axis in seen.items():

@@ -13,6 +13,7 @@ from auv_torchrl.flightlog.streams.parameters import NOT_FINITE
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.flightlog.writer import write_table
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
@@ -96,4 +97,4 @@ def convert(files: list[Path], options: ReadOptions, keys: dict[str, str]) -> No
     for finding in table.findings:
         print(finding, file=sys.stderr)
     write_table(table, output, replace)
-    print(f"{printable(str(output), None)}: {len(table.row)} rows of {' '.join(table.columns)}")
+    print(f"{printable(str(output), None)}: {counted(len(table.row), 'row')} of {' '.join(table.columns)}")

@@ -10,6 +10,7 @@ from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.flightlog.table import Table
 from auv_torchrl.flightlog.thinning import MOST_PARTS, mean_until_next, parts_until_next, rows_around, thinning
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.quantities import counted, percent
 
 GAP_SAMPLES = 5  # a longer pause than this many usual sampling intervals ends a stretch,
 GAP_S = 0.3  # if it is also longer than this
@@ -61,7 +62,7 @@ def usable_axes(table: Table, axes: tuple[str, ...]) -> tuple[tuple[str, ...], l
             Finding(
                 Severity.WARNING,
                 "sparse_axis",
-                f"{axis} is left out: it is missing in {int((~here).sum())} of {len(here)} rows",
+                f"{axis} is left out: it is missing in {int((~here).sum())} of {counted(len(here), 'row')}",
                 f"Log {axis} at every row or interpolate it before",
                 columns=(axis,),
             )
@@ -117,7 +118,7 @@ def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Findin
     kept = rows[_longest_increasing(t[rows])]
     where = (int(table.row[rows[wrong[0] + 1]]), int(table.row[rows[wrong[-1] + 1]]))
     if len(kept) >= (1 - GLITCH_SHARE) * len(rows):
-        sentence = f"time repeats or goes back; {len(rows) - len(kept)} rows are left out"
+        sentence = f"time repeats or goes back; {counted(len(rows) - len(kept), 'row is', 'rows are')} left out"
         finding = Finding(
             Severity.WARNING, "time_not_increasing", sentence, "Write t in seconds, rising", ("t",), where
         )
@@ -125,13 +126,13 @@ def _increasing_runs(table: Table, t: Floats, rows: Index, findings: list[Findin
         return [kept]
     repeats = float((steps == 0).mean())
     if repeats:  # few of them, too: what is cut where time goes back rises from row to row
-        sentence = f"time repeats in {max(repeats, 0.01):.0%} of the rows; the first row of each time is kept"
+        sentence = f"time repeats in {percent(repeats)} of the rows; the first row of each time is kept"
         remedy = "Write t with enough digits"
         findings.append(Finding(Severity.WARNING, "time_repeats", sentence, remedy, ("t",), where))
         rows = rows[np.concatenate(([True], steps != 0))]
     back = np.flatnonzero(np.diff(t[rows]) < 0) + 1
     if len(back):
-        sentence = f"time goes back {len(back)} times; each start over is taken as a new episode"
+        sentence = f"time goes back {counted(len(back), 'time')}; each start over is taken as a new episode"
         remedy = "Give an episode column"
         findings.append(Finding(Severity.WARNING, "time_starts_over", sentence, remedy, ("t",), where))
     return np.split(rows, back)
@@ -195,7 +196,9 @@ def _cut_at_gaps(
 
 def _too_short(table: Table, run: Index, findings: list[Finding]) -> list[Stretch]:
     rows = (int(table.row[run[0]]), int(table.row[run[-1]]))
-    sentence = f"a stretch of {len(run)} rows is shorter than {SHORTEST_S} s or {SHORTEST_ROWS} rows and left out"
+    sentence = (
+        f"a stretch of {counted(len(run), 'row')} is shorter than {SHORTEST_S} s or {SHORTEST_ROWS} rows and left out"
+    )
     findings.append(Finding(Severity.WARNING, "short_stretch", sentence, "Log longer", ("t",), rows))
     return []
 
@@ -207,6 +210,6 @@ def _missing(table: Table, commanded: tuple[str, ...], axes: tuple[str, ...]) ->
     if not len(gone):
         return []
     named = tuple(name for name, lack in lacking.items() if lack.any())
-    sentence = f"{len(gone)} rows lack a number in {', '.join(named)} and are left out"
+    sentence = f"{counted(len(gone), 'row lacks', 'rows lack')} a number in {', '.join(named)}: left out"
     remedy = "Write a number in every row"
     return [Finding(Severity.WARNING, "missing_values", sentence, remedy, named, (int(gone[0]), int(gone[-1])))]

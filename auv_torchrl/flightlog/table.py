@@ -18,6 +18,7 @@ from auv_torchrl.flightlog.cells import LARGEST, NUMBER, Odd, is_flat, read_cell
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.header import MOST_COLUMNS, check_number, first_bytes, read_header
 from auv_torchrl.flightlog.log import AXES, Floats, SampleErrors
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 
 log = logging.getLogger(__name__)
@@ -115,15 +116,17 @@ def _read_csv(path: Path) -> Table:
     findings = _odd_findings(odd, kept)
     if bad_rows and not rows:
         raise FlightLogError(
-            f"{name}: the header has {len(names)} columns and none of the {len(bad_rows)} rows below it has as "
-            f"many values, the first has {lengths[0]}: give as many, with decimal points instead of decimal commas"
+            f"{name}: the header has {counted(len(names), 'column')} and none of the "
+            f"{counted(len(bad_rows), 'row')} below it has as many values, the first has {lengths[0]}: give "
+            "as many, with decimal points instead of decimal commas"
         )
     if bad_rows:
         findings.append(
             Finding(
                 Severity.WARNING,
                 "ragged_rows",
-                f"{len(bad_rows)} rows do not have {len(names)} values like the header and are left out",
+                f"{counted(len(bad_rows), 'row has', 'rows have')} not the {counted(len(names), 'value')} of the "
+                "header: left out",
                 "Check how the file was written or cut",
                 rows=(min(bad_rows), max(bad_rows)),
             )
@@ -172,8 +175,8 @@ def _check_footer(name: str, file: BinaryIO) -> None:
     file.seek(0)
     if end == _PARQUET and _LONGEST_FOOTER < size < length:
         raise FlightLogError(
-            f"{name} describes its columns in {size:,} bytes: give one row per sample, one column per quantity "
-            f"({MOST_COLUMNS:,} at most), and large row groups"
+            f"{name} describes its columns in {counted(size, 'byte')}: give one row per sample, one column per "
+            f"quantity ({MOST_COLUMNS:,} at most), and large row groups"
         )
 
 
@@ -260,9 +263,10 @@ def check_size(name: str, rows: int, columns: int) -> None:
         FlightLogError: naming the bound.
     """
     if rows > MAX_ROWS or rows * columns > MAX_NUMBERS:
+        most = min(MAX_ROWS, MAX_NUMBERS // max(columns, 1))
         raise FlightLogError(
-            f"{name} has more than {min(MAX_ROWS, MAX_NUMBERS // max(columns, 1)):,} rows of {columns} columns: cut "
-            "it, log at 20 Hz, or leave out columns that are not needed"
+            f"{name} has more than {counted(most, 'row')} of {counted(columns, 'column')}: cut it, log at "
+            "20 Hz, or leave out columns that are not needed"
         )
 
 
@@ -276,7 +280,7 @@ def _odd_findings(odd: dict[str, Odd], row: np.ndarray) -> list[Finding]:
         Finding(
             Severity.WARNING,
             "not_a_number",
-            f"{column} holds {entries.count} {'entry that is' if entries.count == 1 else 'entries that are'} no "
+            f"{column} holds {counted(entries.count, 'entry that is', 'entries that are')} no "
             f"number, such as {', '.join(map(repr, entries.examples))}",
             "Write numbers with a decimal point",
             columns=(column,),

@@ -6,6 +6,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.quantities import counted
 
 SLOWEST_S = 2.0  # a log with a longer sampling interval shows no dynamics, and its t is probably not in seconds
 COMMAND_LIMIT = 1.5  # rounding and mixing overshoot 1, other units exceed this
@@ -31,7 +32,7 @@ def check_commands(name: str, columns: Sequence[str], values: Floats, row: np.nd
         over = np.flatnonzero(size[:, i] > 1.0 + 1e-6)
         if len(beyond):
             code, where = "command_glitch", beyond
-            sentence = f"{column} leaves [-1, 1] in {len(beyond)} rows, which are left out"
+            sentence = f"{column} leaves [-1, 1] in {counted(len(beyond), 'row')}: left out"
             values[beyond, i] = np.nan
         elif len(over):
             code, where = "command_clipped", over

@@ -16,6 +16,7 @@ from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.step import memory_length, push
 from auv_torchrl.physics.thrusters import applied_thrust, load
+from auv_torchrl.quantities import counted
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.sensors import FELT, MOTION, SENSORS, ages, felt_along, measured_pose, measured_velocity, motion_of
 from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays, lengthened, with_rows
@@ -115,7 +116,7 @@ class Simulator(ABC):
             ValueError: for a wrong shape, or a time below 0 or not finite.
         """
         if seconds.shape != (self.count,) or not (seconds.isfinite() & (seconds >= 0)).all():
-            raise ValueError(f"delays of the scenario are {seconds}: give {self.count} times of 0 s or more")
+            raise ValueError(f"delays of the scenario are {seconds}: give {counted(self.count, 'time')} of 0 s or more")
         self._scenario_delay = seconds.to(torch.device("cpu"), torch.float64)
 
     def _native(self, coefficients: Coefficients) -> Coefficients:

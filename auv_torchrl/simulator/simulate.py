@@ -7,6 +7,7 @@ import torch
 
 from auv_torchrl.physics import CONTROL_DT, State, rest_state
 from auv_torchrl.physics.kinematics import normalise, quaternion_from_euler
+from auv_torchrl.quantities import counted
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.simulator.base import Report, Simulator
 from auv_torchrl.simulator.plain import PlainSimulator
@@ -49,8 +50,8 @@ def simulate(
     """
     if commands.ndim != 3 or len(times) != commands.shape[1] + 1 or not (np.diff(times) > 0).all():
         raise ValueError(
-            f"simulate: commands of shape {list(commands.shape)} at {len(times)} times: give commands (N, T, n) and "
-            "T + 1 rising times"
+            f"simulate: commands of shape {list(commands.shape)} at {counted(len(times), 'time')}: give commands "
+            "(N, T, n) and T + 1 rising times"
         )
     count, steps = commands.shape[:2]
     gaps = np.diff(times)

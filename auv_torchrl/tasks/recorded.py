@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.paths import CONF
+from auv_torchrl.quantities import counted
 from auv_torchrl.tasks.curve import GRID_S, Curve, travelled
 from auv_torchrl.tasks.tracking import Tracking
 
@@ -43,7 +44,7 @@ class Recorded(Tracking):
         columns = self._columns
         path = np.stack([columns[name] for name in _PLACE], axis=1)
         if len(path) < 2:
-            raise self._unusable(f"it has {len(path)} rows", "give two or more")
+            raise self._unusable(f"it has {counted(len(path), 'row')}", "give two or more")
         if "t" not in columns:
             return self._with_heading(self.along_path(path, closed=False), columns, path)
         time = columns["t"] - columns["t"][0]

@@ -102,7 +102,7 @@ def test_a_vehicle_that_turns_over_is_followed_where_it_is_upright(log):
     windows = cut_windows(some, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
     assert set(windows.number) == {first.number}
     (finding,) = steep_stretches(some)
-    assert "50.0% of the samples" in finding.sentence
+    assert "50\u202f% of the samples" in finding.sentence
     whole = replace(some, episodes=tuple(steep))
     assert set(cut_windows(whole, SETTINGS.window_s, SETTINGS.lead_s).number) == {first.number, last.number}
 

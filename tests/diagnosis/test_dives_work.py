@@ -102,7 +102,7 @@ def test_healthy_logs_are_the_reference(dives):
 
 def test_too_few_dives_are_refused(dives):
     """A reference that leaves no dive to judge is refused, and so are keys of a single log."""
-    with pytest.raises(ValueError, match="11 dives, and the first 11 are the reference"):
+    with pytest.raises(ValueError, match="11 dives, and the reference is 11 of them"):
         plan(config(log=str(dives), reference=11))
     with pytest.raises(ValueError, match="give 1 dive or more"):
         plan(config(log=str(dives), reference=0))

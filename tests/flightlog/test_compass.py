@@ -79,13 +79,18 @@ def test_a_compass_beside_a_cable_is_found_with_its_size(seed):
     """Slope, heading error and the parameters that take it out, within their errors, beside soft iron and offsets."""
     (finding,) = check_compass(flight(seed), {"COMPASS_MOTCT": 2.0, "COMPASS_MOT_X": 1.0})
     assert finding.code == "compass_interference" and finding.columns == ("yaw",)
-    assert "compass 1 turns with the current drawn" in finding.sentence and "rad per ampere" in finding.sentence
-    slope = float(finding.sentence.split("(")[1].split()[0])
+    assert "compass 1 turns with the current drawn" in finding.sentence and "° per ampere" in finding.sentence
+    slope = slope_of(finding)
     assert slope == pytest.approx(np.hypot(*FIELD[:2]) / np.hypot(*EARTH[:2]), rel=0.15)
     told = {text.split()[0]: float(text.split()[2]) for text in finding.remedy.split("and ", 2)[2].split(", ")}
     assert told["COMPASS_MOT_X"] == pytest.approx(1.0 - FIELD[0], abs=0.6)
     assert told["COMPASS_MOT_Y"] == pytest.approx(-FIELD[1], abs=0.6)
     assert "set COMPASS_MOTCT to 2" in finding.remedy
+
+
+def slope_of(finding):
+    """The rad per ampere that a finding says, in degrees."""
+    return np.radians(float(finding.sentence.split("(")[1].split("°")[0]))
 
 
 @settings(max_examples=15, deadline=None)
@@ -99,7 +104,7 @@ def test_a_filter_that_follows_the_compass_does_not_hide_it():
     """The faster it follows, the less its heading and the compass differ; the gyro tells."""
     for follows in (0.0, 0.2, 1.0):
         (finding,) = check_compass(flight(1, follows=follows), {})
-        assert float(finding.sentence.split("(")[1].split()[0]) == pytest.approx(0.0247, rel=0.2)
+        assert slope_of(finding) == pytest.approx(0.0247, rel=0.2)
 
 
 def test_where_no_current_is_measured_the_outputs_stand_for_it():
@@ -149,7 +154,7 @@ def test_interference_on_a_flight_of_the_firmware_is_found():
     streams = replace(streams, streams=dict(streams.streams) | {"compass_2": put})
     (finding,) = check_compass(streams, streams.vehicle.parameters)
     assert "compass 2" in finding.sentence and "COMPASS_MOT2_X to -0." in finding.remedy
-    slope = float(finding.sentence.split("(")[1].split()[0])
+    slope = slope_of(finding)
     assert slope == pytest.approx(np.hypot(0.5, 1.0) / 190.0, rel=0.15)
     assert finding in tabulate(streams).findings and any(str(finding) in line for line in info_lines(streams))
 
@@ -159,5 +164,5 @@ def test_both_compasses_of_a_real_dive_feel_the_same():
     streams = streams_of(shared("ardusub_real/guided_00000029_filtered.BIN"))
     found = check_compass(streams, {})
     assert [finding.sentence.split()[1] for finding in found] == ["1", "2"]
-    slopes = [float(finding.sentence.split("(")[1].split()[0]) for finding in found]
+    slopes = [slope_of(finding) for finding in found]
     assert slopes == pytest.approx([0.032, 0.033], abs=0.003)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.flightlog.findings import Finding, Severity, quoted
+from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity, quoted
 from auv_torchrl.flightlog.streams.stream import Sampling, stream
 from tests.flightlog.dataflash_writer import dive
 from tests.flightlog.fuzz.contract import read_or_refuse, shows, written
@@ -51,6 +51,16 @@ def test_an_error_quotes_three_findings_of_many():
     """And counts the others."""
     findings = [Finding(Severity.WARNING, f"code_{n}", f"sentence {n}") for n in range(9)]
     assert quoted(findings).count("sentence") == 3 and quoted(findings).endswith("and 6 more findings")
+
+
+@given(st.text(), st.integers(1, 3000))
+def test_errors_and_findings_are_one_line_of_bounded_length(text, times):
+    """Whatever a file holds, its error begins with its cause, ends in its remedy and fits half a screen."""
+    said = f"log.csv has {text * times}: mend it"
+    finding = Finding(Severity.WARNING, "code", said, said)
+    for line in (str(FlightLogError(said)), finding.sentence, finding.remedy):
+        assert line.startswith("log.csv has ") and line.endswith(": mend it") and len(line) <= 1000
+        assert len(line.splitlines()) == 1 and shows(line)
 
 
 def test_the_name_of_a_topic_is_shown_without_its_control_characters():

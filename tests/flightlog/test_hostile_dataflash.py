@@ -314,7 +314,7 @@ def test_decimal_commas_that_cannot_be_told_apart_are_named(tmp_path):
     """Without the space: more fields than there are, in most lines."""
     rows = "".join(f"ATT,{k}00000,1,5,-0,25,{k},0\n" for k in range(1, 30)) + "ATT,1,2,3,4\n"
     messages = dataflash_text.read_messages(written(tmp_path, (DECIMAL + rows).encode(), "a.log"), ardupilot.WANTED)
-    assert "29 do not hold what their type has: left out: most of them have more fields" in sentences(messages.findings)
+    assert "29 without what their type has: left out: most of them have more fields" in sentences(messages.findings)
     assert "decimal points" in sentences(messages.findings)
 
 

@@ -6,18 +6,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl import registry
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.command import main
+from auv_torchrl.flightlog.info import info_lines, table_lines
+from auv_torchrl.flightlog.job import fitted
 from auv_torchrl.flightlog.readers import READERS, Reader, choose_reader
 from auv_torchrl.flightlog.streams.grid import row_times, sampled
 from auv_torchrl.flightlog.streams.options import read_options
-from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Streams, stream
+from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Streams, VehicleFacts, by_name, stream
+from auv_torchrl.flightlog.table import read_table
 from auv_torchrl.paths import EXAMPLE_LOG, PROJECT
+from auv_torchrl.text import printable
 from auv_torchrl.vehicle import load_vehicle
+from tests.few_thrusters import FEW
 from tests.flightlog.dataflash_writer import dive
 from tests.flightlog.shared_data import EXCERPTS
 
@@ -41,6 +46,47 @@ def test_info_says_what_is_in_a_log(capsys):
         "p q r [rad/s], 25 Hz, 300 samples, measured: IMU 0", "rows of x y z roll pitch yaw p q r", "flight.csv: table",
     ):  # fmt: skip
         assert part in said, part
+
+
+@settings(deadline=None, max_examples=40)
+@given(name=st.text(), samples=st.integers(1, 3), gaps=st.integers(0, 2), unit=st.sampled_from(("1", "m", "rad")))
+def test_the_lines_of_a_stream_are_bounded_and_in_the_singular_of_one(name, samples, gaps, unit):
+    """Whatever a source is called: no line acts on a terminal, none says "1 samples", and a unit of 1 is none."""
+    t = np.concatenate([np.arange(20) * 0.1 + 100 * part for part in range(gaps + 1)])
+    streams = by_name([
+        stream("commands", ("1", "2"), unit, t, np.zeros((len(t), 2)), Sampling.HELD, name * 30),
+        stream("depth", "z", "m", np.arange(samples), np.ones((samples, 1)), Sampling.MEASURED, name),
+    ])  # fmt: skip
+    lines = list(info_lines(Streams(name, "MCAP", streams, VehicleFacts(name, name, motors=1), modes=((0.0, name),))))
+    for line in lines:
+        assert all(len(row) <= 80 or " " not in row.strip() for row in fitted(line).split("\n"))
+        assert not re.search(r"\b1 (samples|gaps|motors|rows)\b|\[1\]", line) and printable(line, None) == line
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    ragged=st.integers(0, 2), empty=st.integers(0, 2), beyond=st.integers(0, 2), back=st.integers(0, 2),
+    words=st.integers(0, 2), alone=st.integers(1, 3),
+)  # fmt: skip
+def test_findings_about_a_table_know_the_singular(tmp_path_factory, ragged, empty, beyond, back, words, alone):
+    """Rows that are cut, empty, out of range, no numbers, too early or by themselves: of one there is a singular."""
+    rows = [[f"{0.05 * i:.2f}", f"{np.sin(i / 30):.4f}", f"{np.cos(i / 20):.4f}"] for i in range(400)]
+    rows += [[f"{50 + 0.05 * i:.2f}", "0", "0"] for i in range(alone)]
+    lines = [row.copy() for row in rows]
+    for i in range(2):
+        lines[20 + i] = lines[20 + i][: 2 if i < ragged else 3]
+        lines[50 + i][1] = "" if i < empty else lines[50 + i][1]
+        lines[80 + i][2] = "7" if i < beyond else lines[80 + i][2]
+        lines[110 + i][0] = lines[109][0] if i < back else lines[110 + i][0]
+        lines[140 + i][1] = "wet" if i < words else lines[140 + i][1]
+    path = tmp_path_factory.mktemp("rows") / "log.csv"
+    path.write_text("t,z,cmd_1\n" + "".join(",".join(line) + "\n" for line in lines))
+    said = [
+        *map(str, read_flightlog(path, load_vehicle(FEW["torpedo"][0])).findings),
+        *table_lines(read_table(path), path),
+    ]
+    assert not [line for line in said if re.search(r"\b1 (rows|entries|values|columns|episodes|times)\b", line)]
+    assert sum("row lacks" in line for line in said) == (empty + words == 1)
 
 
 def test_convert_writes_what_the_diagnosis_reads(tmp_path, capsys):

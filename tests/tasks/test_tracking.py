@@ -277,7 +277,7 @@ def test_settings_that_cannot_be_are_refused(given, message):
         ("", "it is empty"),
         ("x,y\n0,0\n1,1\n", "it has no column z"),
         ("t,x,y,z\n0,0,0,0\n0,1,0,0\n", "t does not grow in row 3"),
-        ("x,y,z\n0,0,0\n", "it has 1 rows"),
+        ("x,y,z\n0,0,0\n", "it has 1 row"),
         ("x,y,z\n0,0,0\n1,nan,0\n", "y in row 3 is no number"),
         ("x,y,z\n0,0,0\n1,0\n", "z in row 3 is no number"),
         ("x,y,z\n1,1,1\n1,1,1\n", "give one that goes somewhere"),

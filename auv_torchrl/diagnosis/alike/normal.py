@@ -7,6 +7,7 @@ import numpy as np
 from auv_torchrl.diagnosis.alike.runs import Runs
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.flightlog import FlightLogError
+from auv_torchrl.quantities import counted
 
 FEWEST = 10  # runs, for a scatter to be measured, and for each number that they are taken to depend on
 ROUNDS = 2  # of the mean, which sessions weigh in, and of how much sessions differ from it
@@ -48,7 +49,9 @@ def learn_normal(healthy: Runs, nominal: Floats) -> Normal:
     """
     count = len(healthy)
     if count < FEWEST:
-        raise FlightLogError(f"{count} healthy runs: {FEWEST} at least are needed to tell how sound runs scatter")
+        raise FlightLogError(
+            f"{counted(count, 'healthy run')}: {FEWEST} at least are needed to tell how sound runs scatter"
+        )
     beyond = (healthy.seen - nominal).reshape(count, -1)
     begun = healthy.begun if count >= FEWEST * (1 + healthy.begun.shape[1]) else healthy.begun[:, :0]
     middle = np.nanmean(begun, axis=0)

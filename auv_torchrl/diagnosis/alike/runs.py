@@ -11,6 +11,7 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import AXES
 from auv_torchrl.physics import CONTROL_DT
+from auv_torchrl.quantities import counted
 
 BIN_S = 1.0  # s, over which samples become one number: slow enough for spikes to drop out, fast enough for a start
 SHOWN = ("z", "u", "v", "w", "r")  # what runs are compared in; x and y depend on where and which way a run begins,
@@ -80,7 +81,7 @@ def cut_runs(logs: Sequence[FlightLog], sound: Runs | None = None) -> Runs:
     tables = [_medians(episode, channels, bins) for episode in episodes]
     kept = [i for i, table in enumerate(tables) if table is not None]
     if not kept:
-        raise FlightLogError(f"none of {len(episodes)} runs has samples over {bins * BIN_S:.0f} s")
+        raise FlightLogError(f"none of {counted(len(episodes), 'run')} has samples over {bins * BIN_S:.0f} s")
     shaken = tuple(name for name in SHAKEN if all(name in log.axes for log in logs))
     shaken, highest = (
         (sound.shaken, sound.highest) if sound else (shaken, highest_frequency([episodes[i] for i in kept]))

@@ -95,8 +95,8 @@ def calibrate_coefficients(
     gain = Gain.of(windows.subset(order), np.concatenate(before), np.concatenate(after))
     if not gain.better:
         sentence = (
-            f"the vehicle's file is a guess, but correcting it predicts unseen windows no better ({gain.share:+.0%} of "
-            "their error): its coefficients stand"
+            f"the vehicle's file is a guess, but correcting it predicts unseen windows no better "
+            f"({percent(gain.share, sign=True)} of their error): its coefficients stand"
         )
         return Calibrated(vehicle, findings=(Finding(Severity.INFO, "coefficients_stand", sentence),))
     own = apply_values(vehicle, as_values(coefficients, whole.values))
@@ -104,8 +104,8 @@ def calibrate_coefficients(
     said = differences(respond(vehicle, command), respond(own, command), command)
     effects = _effects(windows, held, coefficients, whole, gain.probability, said)
     sentence = (
-        f"{len(coefficients)} coefficients of the vehicle's file were corrected on {log.name}; windows that the fit "
-        f"did not see are predicted {percent(gain.share)} better"
+        f"corrected on {log.name}: {counted(len(coefficients), 'coefficient')} of the vehicle's file; windows that "
+        f"the fit did not see are predicted {percent(gain.share)} better"
     )
     finding = Finding(Severity.INFO, "coefficients_corrected", sentence)
     sentences = said["axes"] + said["idle"] + said["turning"]
@@ -191,6 +191,6 @@ def _sentences(
     if len(moved) > MOST_NAMED:
         values = [parameters[c.member].value for c in moved]
         spread = f", from {min(values):.2f} to {max(values):.2f}" if len(EFFECTS[name].parameters) == 1 else ""
-        return (f"{len(moved)} of its {len(parameters)} coefficients differ from the file{spread}",)
+        return (f"{len(moved)} of its {counted(len(parameters), 'coefficient')} differ from the file{spread}",)
     declared = EFFECTS[name].member_parameters(vehicle)
     return tuple(declared[c.member].said(c.member, parameters[c.member].value) for c in moved)

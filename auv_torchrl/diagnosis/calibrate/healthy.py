@@ -27,6 +27,7 @@ from auv_torchrl.diagnosis.motion.windows import Windows
 from auv_torchrl.diagnosis.thresholds import TILT_PASSES
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
+from auv_torchrl.quantities import counted, percent, words
 from auv_torchrl.vehicle import Vehicle
 
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
@@ -177,7 +178,7 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     largest = ""
     if corrections:
         most = max(corrections, key=lambda key: abs(corrections[key]))
-        largest = f"; the largest correction is {' '.join(most)} {corrections[most]:+.1%}"
+        largest = f"; the largest correction is {words(' '.join(most))} {percent(corrections[most], sign=True)}"
     dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
@@ -186,9 +187,9 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     found = [Finding(Severity.INFO, "floor_measured", sentence)]
     if calibration.as_stated > settings.excess:
         sentence = (
-            f"the vehicle's file is off by more than slack: {len(known.slack)} coefficients were corrected on the "
-            f"healthy log {log.name} (chi-square {calibration.as_stated:.3g} per number before, {excess:.3g} after); "
-            "what is found is relative to the vehicle of that log"
+            f"the vehicle's file is off by more than slack: {counted(len(known.slack), 'coefficient')} corrected on "
+            f"the healthy log {log.name} (chi-square {calibration.as_stated:.3g} per number before, {excess:.3g} "
+            "after); what is found is relative to the vehicle of that log"
         )
         found.append(Finding(Severity.INFO, "coefficients_corrected", sentence))
     if calibration.has_gap:

@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.identify.problem import Known, Slack
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.quantities import counted
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
@@ -141,7 +142,9 @@ def _triangle(rows: Any, key: str, count: int) -> Floats:
         try:
             found[i, : i + 1] = np.array(row, float).reshape(i + 1)
         except (TypeError, ValueError) as error:
-            raise ValueError(f"calibration: row {i + 1} of {key} is not {i + 1} numbers: {REMEDY}") from error
+            raise ValueError(
+                f"calibration: row {i + 1} of {key} is not {counted(i + 1, 'number')}: {REMEDY}"
+            ) from error
     if not np.linalg.norm(found, axis=1).max() <= 1 + ROUNDED or not (np.diag(found) > 0).all():
         raise ValueError(f"calibration: {key} is no part of a correlation: {REMEDY}")
     return found
@@ -152,7 +155,9 @@ def _columns(rows: Any, key: str, count: int) -> Floats:
     try:
         found = np.array(rows, float).reshape(count, -1)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"calibration: {key} has not {count} rows of as many numbers each: {REMEDY}") from error
+        raise ValueError(
+            f"calibration: {key} has not {counted(count, 'row')} of as many numbers each: {REMEDY}"
+        ) from error
     if not np.isfinite(found).all():
         raise ValueError(f"calibration: {key} has entries that are no numbers: {REMEDY}")
     return found

@@ -71,6 +71,6 @@ def differences(before: Response, after: Response, command: float) -> dict[str, 
     for row, name in enumerate(CONTROLLED[:-1], start=1):
         rate = after.steady[row, 5]
         if abs(rate - before.steady[row, 5]) > NOTICED_TURN:
-            turning.append(f"a {name} command of {command:g} also turns it at {rate:+.2f} rad/s")
+            turning.append(f"a {name} command of {command:g} also turns it at {quantity(rate, 'rad/s', 2, sign=True)}")
     most_first = sorted(axes, key=lambda axis: -axis[0])
     return {"axes": tuple(sentence for _, sentence in most_first), "idle": tuple(idle), "turning": tuple(turning)}

@@ -10,8 +10,11 @@ from omegaconf import DictConfig
 
 from auv_torchrl.diagnosis.logs import find_logs, no_logs
 from auv_torchrl.flightlog import Finding
+from auv_torchrl.quantities import counted
 
-_DATE = re.compile(r"(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?:[-_. T]?([0-2]\d)[-_.:h]?([0-5]\d)(?:[-_.:]?([0-5]\d))?)?")
+_DATE = re.compile(
+    r"(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?:[-_. T]?([0-2]\d)[-_.:h]?([0-5]\d)(?:[-_.:]?([0-5]\d))?)?", re.ASCII
+)
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,8 @@ def plan(config: DictConfig) -> Planned:
     paths = (*healthy, *dives)
     if len(paths) <= reference:
         raise ValueError(
-            f"{len(paths)} dives, and the first {reference} are the reference: give more, or fewer as reference=1"
+            f"{counted(len(paths), 'dive')}, and the reference is {reference} of them: give more, or "
+            "fewer as reference=1"
         )
     return Planned(paths, tuple(begun(path) for path in paths), reference, no_logs(config))
 

@@ -64,7 +64,7 @@ def summary_of(
             for change in changes[:_MOST_NAMED]
         ]
         more = [f"{len(changes) - _MOST_NAMED} more"] if len(changes) > _MOST_NAMED else []
-        return f"{len(changes)} numbers changed: {', '.join([*each, *more])}."
+        return f"{counted(len(changes), 'number')} changed: {', '.join([*each, *more])}."
     odd = [dive.number for dive in used if not dive.is_explained]
     which = f"{', '.join(map(str, odd[:_MOST_NAMED]))}{', …' if len(odd) > _MOST_NAMED else ''}"
     strange = f" Dive {which} shows something that is none of the numbers followed." if odd else ""

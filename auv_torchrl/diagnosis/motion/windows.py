@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES, SampleErrors
 from auv_torchrl.physics.kinematics import least_turn
+from auv_torchrl.quantities import counted
 from auv_torchrl.sensors import MOTION, is_felt
 
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
@@ -167,7 +168,8 @@ def guess_starts(times: Sequence[Floats], values: Sequence[Floats]) -> Floats:
     few = np.array([min(len(t), max(4, int(np.searchsorted(t, 0.4)))) for t in times])
     if few.min() < 4:
         raise FlightLogError(
-            f"a window has {few.min()} samples near its start, at least 4 are needed: give longer windows"
+            f"a window has {counted(int(few.min()), 'sample')} near its start, at least 4 are needed: give longer "
+            "windows"
         )
     parabolas, known = np.empty((len(few), 3, 12)), np.empty((len(few), 12), bool)
     for number in np.unique(few):

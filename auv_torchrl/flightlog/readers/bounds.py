@@ -14,6 +14,7 @@ from typing import IO, Any
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 
 MIB = 1 << 20
@@ -75,7 +76,7 @@ class Loss:
     def sentence(self) -> str:
         """What is left out for damage; empty where that is nothing."""
         parts = [f"{kind} ({count:,})" if count else kind for kind, count in self._counts.items()]
-        more = [f"{len(parts) - _LISTED} more kinds of damage"] if len(parts) > _LISTED else []
+        more = [f"{counted(len(parts) - _LISTED, 'more kind', 'more kinds')} of damage"] if len(parts) > _LISTED else []
         return "; ".join([*parts[:_LISTED], *more])
 
     def findings(self) -> Iterator[Finding]:
@@ -126,7 +127,7 @@ class Rows:
         """
         values = array("d", row)
         if len(values) != self.width:
-            raise ValueError(f"{len(values)} values where there were {self.width}")
+            raise ValueError(f"{counted(len(values), 'value')} where there were {self.width}")
         self._values.extend(values)
 
     def array(self) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.readers.descriptions import Description, Wanted, checked, damaged, described
 from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order, left_out, most_of
+from auv_torchrl.quantities import counted
 
 MAGIC = b"\xa3\x95"
 FMT = 128  # type of the record that describes a type; its own form is fixed
@@ -103,7 +104,9 @@ def read_messages(path: Path, wanted: Wanted) -> Messages:
 
 def _lost(found: _Found, size: int) -> Iterator[Finding]:
     if found.lost > FMT_SIZE:  # the last record of a log is usually cut
-        sentence = f"{found.lost:,} of {size:,} bytes belong to no record and are skipped: the file is cut or damaged"
+        sentence = (
+            f"{found.lost:,} of {counted(size, 'byte')} belong to no record and are skipped: the file is cut or damaged"
+        )
         yield Finding(Severity.WARNING, "damaged_file", sentence, "Copy it from the vehicle again")
     if len(found.descriptions) >= _MOST_DESCRIPTIONS:
         sentence = f"the file describes messages in more than {_MOST_DESCRIPTIONS:,} ways; further ones are left out"
@@ -190,7 +193,9 @@ def _without_records(found: _Found) -> Iterator[Description]:
             continue
         for (other, size), number in found.unknown.items():
             if size == form.layout.itemsize and number >= _FEW and other not in found.forms:
-                damage = f"it gives it the type {kind}, and {number:,} records of its length have the type {other}"
+                damage = (
+                    f"it gives it the type {kind}, and {counted(number, 'record')} of its length have the type {other}"
+                )
                 yield Description(form.name, (), "", damage)
 
 
@@ -238,7 +243,7 @@ def _parsed(record: bytes, wanted: Wanted) -> tuple[Description, Form | None]:
         return description, None
     form = _form_of(description.name, list(description.fields), description.types)
     if form.layout.itemsize != size:
-        says = f"it says that a record has {size} bytes, its columns have {form.layout.itemsize}"
+        says = f"it says that a record has {counted(size, 'byte')}, its columns have {form.layout.itemsize}"
         return description._replace(damage=says), None
     description = checked(description, wanted)
     if description.damage:  # its records can be skipped all the same

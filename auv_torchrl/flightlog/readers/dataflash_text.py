@@ -24,6 +24,7 @@ from auv_torchrl.flightlog.readers.descriptions import (
     described,
 )
 from auv_torchrl.flightlog.readers.messages import AT, Messages, in_order, left_out, most_of
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import number
 
 _LONGEST_LINE = 4096  # bytes; a message has 255 at most
@@ -179,18 +180,17 @@ def _columns(kinds: list[_Type]) -> dict[str, np.ndarray]:
 
 def _said(found: _Found) -> Iterator[Finding]:
     if found.commas:
-        sentence = (
-            f"the numbers have decimal commas ({found.commas:,} lines); fields are told apart by the space behind"
-        )
+        lines = counted(found.commas, "line")
+        sentence = f"the numbers have decimal commas ({lines}); fields are told apart by the space behind"
         yield Finding(Severity.INFO, "decimal_commas", sentence)
     if found.lost:
         commas = found.crowded > found.lost / 2
         why = ": most of them have more fields than that, as where numbers have decimal commas" if commas else ""
-        sentence = f"of {found.lines:,} lines, {found.lost:,} do not hold what their type has: left out{why}"
+        sentence = f"of {counted(found.lines, 'line')}, {found.lost:,} without what their type has: left out{why}"
         remedy = "Write the file with decimal points, or give the .BIN" if commas else "Copy the file again"
         yield Finding(Severity.WARNING, "damaged_file", sentence, remedy)
     if found.long:
-        lines = f"{found.long:,} lines are" if found.long > 1 else "a line is"
+        lines = counted(found.long, "line is", "lines are")
         sentence = f"{lines} longer than {_LONGEST_LINE:,} bytes, as no message is, and left out"
         yield Finding(Severity.WARNING, "long_lines", sentence, "Copy the file again")
     yield from left_out(found.more)

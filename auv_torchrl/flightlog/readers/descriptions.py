@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.streams.stream import DAMAGED
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 
 Wanted = Mapping[str, tuple[str, ...]]  # fields by type of message
@@ -49,7 +50,7 @@ def described(name: bytes, types: bytes, columns: bytes, codes: Iterable[str]) -
     elif unknown := sorted(set(spelt) - set(codes)):
         damage = f"nothing has the type '{printable(unknown[0])}'"
     elif len(fields) != len(spelt):
-        damage = f"it has {len(fields)} columns and types for {len(spelt)}"
+        damage = f"it has {counted(len(fields), 'column')} and types for {len(spelt)}"
     elif len(set(fields)) != len(fields) or "" in fields:
         damage = "two of its columns have one name"
     return Description(plain, fields, spelt, damage)

@@ -8,6 +8,7 @@ from typing import IO
 from auv_torchrl.flightlog.readers.bounds import MIB, MOST_MESSAGE, MOST_NAME, Loss, Part, skip
 from auv_torchrl.flightlog.readers.packings import DAMAGED, PACKINGS, Chunks
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted, short
+from auv_torchrl.quantities import counted
 
 MAGIC = b"\x89MCAP"
 _MAGIC_BYTES = 8
@@ -148,7 +149,7 @@ def _record(stream: IO[bytes], kind: int, length: int, index: _Index, loss: Loss
         return
     try:
         if length > most:
-            raise ValueError(f"{length} bytes")
+            raise ValueError(counted(length, "byte"))
         (index.schema if kind == _SCHEMA else index.channel)(data)
     except (struct.error, ValueError):  # UnicodeDecodeError is one
         loss.add("descriptions of channels that are damaged")
@@ -158,5 +159,5 @@ def _text(data: bytes, at: int) -> tuple[str, int]:
     (length,) = struct.unpack_from("<I", data, at)
     end = at + 4 + length
     if end > len(data):
-        raise ValueError(f"a text of {length} bytes in {len(data)}")
+        raise ValueError(f"a text of {counted(length, 'byte')} in {len(data)}")
     return data[at + 4 : end].decode(), end

@@ -8,6 +8,7 @@ import numpy as np
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.readers.descriptions import EVENTS, MOST_EVENTS, MOST_SAMPLES
 from auv_torchrl.flightlog.signals import rolling_median
+from auv_torchrl.quantities import counted
 
 Columns = Mapping[str, np.ndarray]  # by field; all of one length
 AT = "at"  # column, until they are in order: where in the file a message was, as a byte, a line or a number
@@ -59,7 +60,7 @@ def left_out(more: Mapping[str, int]) -> Iterator[Finding]:
     """A finding for each type of which there are too many messages; ``more`` are how many too many."""
     for name, number in more.items():
         if number:
-            sentence = f"{name}: {number:,} messages beyond the first {most_of(name):,} are left out"
+            sentence = f"{name}: {counted(number, 'message')} beyond the first {most_of(name):,} left out"
             yield Finding(Severity.WARNING, "too_many_messages", sentence, "Give a part of the log")
 
 
@@ -142,8 +143,9 @@ def _is_text(columns: Columns) -> bool:
 
 def _said(restarts: int, lost: int) -> Iterator[Finding]:
     if restarts:
-        sentence = f"the clock of the log starts over {restarts} times; each start is read as a second after the rest"
+        times = counted(restarts, "time")
+        sentence = f"the clock of the log starts over {times}; each start is read as a second after the rest"
         yield Finding(Severity.WARNING, "clock_reset", sentence, "Give logs of one start each")
     if lost:
-        sentence = f"{lost} messages bear a time that none of their neighbours has and are left out"
+        sentence = f"{counted(lost, 'message bears', 'messages bear')} a time that no message beside has: left out"
         yield Finding(Severity.WARNING, "odd_times", sentence)

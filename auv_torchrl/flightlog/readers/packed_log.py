@@ -4,7 +4,6 @@ It bears the name of the file that was given, so that all messages speak of that
 """
 
 import lzma
-import re
 import shutil
 import struct
 import tempfile
@@ -20,7 +19,8 @@ from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.readers.bounds import MIB, Limited
 from auv_torchrl.flightlog.readers.packings import PACKINGS, Errors
 from auv_torchrl.flightlog.readers.reader import HEAD_BYTES
-from auv_torchrl.text import printable
+from auv_torchrl.quantities import counted
+from auv_torchrl.text import in_order, printable
 
 MOST_BYTES = 1024 * MIB  # that a packed log may become; a DataFlash log takes as much memory
 _DEEPEST = 3  # packings around one log, such as a zip of a gz
@@ -119,7 +119,7 @@ def _cut(name: str, inner: Path, packing: str, damage: Exception) -> Finding:
     size = sum(part.stat().st_size for part in inner.iterdir()) if inner.is_dir() else inner.stat().st_size
     if not size:
         raise FlightLogError(f"{name} cannot be unpacked as {packing} ({cause}): copy it again") from damage
-    sentence = f"{name} is cut or damaged; {packing} unpacked {size:,} bytes before it ({cause})"
+    sentence = f"{name} is cut or damaged; {packing} unpacked {counted(size, 'byte')} before it ({cause})"
     return Finding(Severity.WARNING, "damaged_packing", sentence, "Copy it again")
 
 
@@ -130,7 +130,7 @@ def _unzip(path: Path, inner: Path, name: str, is_log: IsLog) -> Exception | Non
         FlightLogError: naming the members where none is a log, or several are.
     """
     if (count := _members(path)) > _MOST_MEMBERS:
-        raise FlightLogError(f"{name} holds {count:,} files: unpack it and give the log")
+        raise FlightLogError(f"{name} holds {counted(count, 'file')}: unpack it and give the log")
     try:
         with zipfile.ZipFile(path) as archive:
             chosen = _choose(archive, name, is_log)
@@ -178,11 +178,11 @@ def _choose(archive: zipfile.ZipFile, name: str, is_log: IsLog) -> list[zipfile.
         logs = [m for m in members if len(members) == 1 or is_log(m.filename, _begin(archive, m))]
     if len(bags) > 1 or (not bags and len(logs) != 1):
         listed = ", ".join(printable(n, 60) for n in names[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
-        found = f"{max(len(bags), len(logs))} logs" if logs else "no log"
+        found = counted(max(len(bags), len(logs)), "log") if logs else "no log"
         raise FlightLogError(f"{name} holds {found} ({listed or 'nothing'}): unpack it and give one log")
     if any(member.flag_bits & _ENCRYPTED for member in logs):
         raise FlightLogError(f"{name} needs a password: unpack it and give the log")
-    return sorted(logs, key=lambda m: [int(p) if p.isdigit() else -1 for p in re.split(r"([0-9]+)", m.filename)])
+    return sorted(logs, key=lambda member: in_order(member.filename))
 
 
 def _hidden(name: str) -> bool:

@@ -37,7 +37,8 @@ from auv_torchrl.flightlog.streams.stream import (
     state_of,
     stream,
 )
-from auv_torchrl.text import MOST_CHARACTERS
+from auv_torchrl.quantities import counted
+from auv_torchrl.text import MOST_CHARACTERS, printable
 
 _SAME_CLOCK_S = 5.0  # between a message's stamp and the time of the bag; more is a simulated clock, or none
 _MOST_MODES = 1000  # different names of modes that are held; a vehicle has some tens
@@ -263,7 +264,9 @@ def _plain(data: bytes) -> bytes:
 
 
 def _listed(names: list[str]) -> str:
-    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    return ", ".join(map(printable, names[:_LISTED])) + (
+        f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    )
 
 
 def _stamp(values: Values) -> float:
@@ -382,7 +385,7 @@ def _commands(
             listed = _listed([f"{t.name} (up to {np.nanmax(np.abs(t.fields), initial=0.0):.3g})" for t in called])
             sentence = f"{listed} is called as the commands of thrusters are, but has no numbers within [-1, 1]"
         elif arrays:
-            listed = _listed([f"{t.name} ({t.fields.shape[1]} numbers)" for t in arrays])
+            listed = _listed([f"{t.name} ({counted(t.fields.shape[1], 'number')})" for t in arrays])
             sentence = f"no topic is called as the commands of thrusters are; arrays that may be them: {listed}"
         else:
             sentence = "no topic tells commands"

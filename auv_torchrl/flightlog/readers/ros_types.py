@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from auv_torchrl.flightlog.readers.recording import short
+from auv_torchrl.quantities import counted
 
 Values = dict[str, Any]  # by name of the field, with dots: numbers, texts, or tuples of them
 
@@ -186,7 +187,7 @@ def _read(steps: tuple[_Step, ...], data: bytes, at: int, aligned: int | None, o
             for _ in range(number):
                 length, at = _number(data, at, aligned, order, "I")
                 if at + length > len(data):
-                    raise struct.error(f"a text of {length} bytes in {len(data)}")
+                    raise struct.error(f"a text of {counted(length, 'byte')} in {len(data)}")
                 texts.append(data[at : at + length].rstrip(b"\0").decode("utf-8", "replace"))
                 at += length
             found[name] = texts[0] if count is None else tuple(texts)
@@ -195,7 +196,7 @@ def _read(steps: tuple[_Step, ...], data: bytes, at: int, aligned: int | None, o
             if number and aligned is not None:
                 at += (aligned - at) % size
             if at + number * size > len(data):
-                raise struct.error(f"{number} numbers of {size} bytes in {len(data)}")
+                raise struct.error(f"{counted(number, 'number')} of {counted(size, 'byte')} in {len(data)}")
             values = struct.unpack_from(f"{order}{number}{kind}", data, at)
             at += number * size
             found[name] = values[0] if count is None else values

@@ -19,6 +19,7 @@ from auv_torchrl.flightlog.readers.packed_log import BAG, STORAGE
 from auv_torchrl.flightlog.readers.packings import DAMAGED, Chunks
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted, short
 from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1
+from auv_torchrl.text import in_order
 
 SQLITE, BAG_1 = b"SQLite format 3\0", b"#ROSBAG V2"
 _MESSAGE, _CHUNK, _CONNECTION = b"\2", b"\5", b"\7"  # kinds of records
@@ -168,7 +169,7 @@ def storage_of(folder: Path, loss: Loss) -> list[Path]:
         for name in _NAMED.findall(text):
             if not any(path.name.startswith(PurePosixPath(name).name) for path in found):
                 loss.cut(f"{name}, which {BAG} names and which is not there")
-    return sorted(found, key=lambda path: [int(p) if p.isdigit() else -1 for p in re.split(r"([0-9]+)", path.name)])
+    return sorted(found, key=lambda path: in_order(path.name))
 
 
 def read_database(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: Loss) -> Messages:

@@ -15,6 +15,7 @@ from auv_torchrl.flightlog.readers import mavlink
 from auv_torchrl.flightlog.readers.bounds import Loss
 from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
+from auv_torchrl.quantities import counted
 
 _V1, _V2 = 0xFE, 0xFD  # how a packet begins
 _STAMP = 8  # bytes of the time in us before each packet, highest first
@@ -64,7 +65,9 @@ def _name(kind) -> str:
 
 def _damage(lost: Counter) -> Iterator[Finding]:
     if lost["packets"] or lost["bytes"] > _LONGEST:
-        sentence = f"{lost['packets']} broken packets and {lost['bytes']:,} bytes between packets are left out"
+        sentence = (
+            f"left out: {counted(lost['packets'], 'broken packet')}, {counted(lost['bytes'], 'byte')} between packets"
+        )
         yield Finding(Severity.INFO, "broken_packets", sentence)
 
 

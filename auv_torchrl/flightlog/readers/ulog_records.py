@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.flightlog.readers.bounds import MIB, MOST_VALUES, Loss
+from auv_torchrl.quantities import counted
 
 MAGIC = b"ULog"
 _HEAD_BYTES = 16
@@ -135,7 +136,7 @@ class _Reading:
             return  # not needed, or another instance of one that is
         dtype = self._dtype(name, _DEEPEST, [_MOST_FIELDS])
         if dtype.itemsize > _MOST_BYTES:
-            raise ValueError(f"{name} has {dtype.itemsize} bytes")
+            raise ValueError(f"{name} has {counted(dtype.itemsize, 'byte')}")
         self._types[number] = name, dtype
         self._dtypes[name] = dtype
         self._samples[name] = bytearray()
@@ -161,7 +162,7 @@ class _Reading:
             base = np.dtype(_NUMBERS[kind]) if kind in _NUMBERS else self._dtype(kind, deepest - 1, left)
             number = int(count) if count else 1
             if base.itemsize * number > _MOST_BYTES:
-                raise ValueError(f"{name} has a field of {base.itemsize * number} bytes")
+                raise ValueError(f"{name} has a field of {counted(base.itemsize * number, 'byte')}")
             fields.append((label, base, (number,)) if count else (label, base))
         if not fields:
             raise ValueError(f"{name} has no fields")
@@ -175,7 +176,7 @@ class _Reading:
         # padding at the end of a topic is described and not written
         content = data[2 : 2 + dtype.itemsize].ljust(dtype.itemsize, b"\0")
         if len(data) - 2 < dtype.itemsize - 8:
-            raise ValueError(f"{name} has {len(data) - 2} bytes")
+            raise ValueError(f"{name} has {counted(len(data) - 2, 'byte')}")
         self._left -= len(content)
         if self._left < 0:
             self._loss.stop(f"it holds more than {MOST_VALUES:,} numbers")

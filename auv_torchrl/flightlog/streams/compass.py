@@ -22,6 +22,7 @@ from auv_torchrl.physics.kinematics import (
     quaternion_product,
     rotation_matrix,
 )
+from auv_torchrl.quantities import percent, quantity
 
 COMPASSES = ("compass", "compass_2", "compass_3")  # streams
 SURE = 0.999  # quantile that what is found must exceed if there were nothing
@@ -110,12 +111,12 @@ def _named(parameter: str, number: int) -> str:
 
 
 def _finding(found: Interference, number: int, most: float, unit: str, parameters: Mapping[str, float]) -> Finding:
-    per = "per ampere" if unit == CURRENT else f"per unit {unit}"
-    size = f"{most:.3g} A" if unit == CURRENT else f"{most:.2f} {unit}"
-    off = np.degrees(found.slope * most)
+    per = "per ampere" if unit == CURRENT else "with all of them"
+    size = f"{quantity(most, CURRENT)}" if unit == CURRENT else f"{percent(most)} {unit}"
     sentence = (
-        f"compass {number} turns with the current drawn: its heading is off by up to {off:.0f} degrees "
-        f"at {size} ({found.slope:.2g} rad {per}, standard error {found.error:.1g})"
+        f"compass {number} turns with the current drawn: its heading is off by up to "
+        f"{quantity(found.slope * most, 'rad', 2)} at {size} ({quantity(found.slope, 'rad', 2)} {per}, standard error "
+        f"{quantity(found.error, 'rad', 1)})"
     )
     remedy = "Move the compass away from the power cables and speed controllers, or twist the cables together"
     way = parameters.get("COMPASS_MOTCT", 0.0)  # of taking it out: 0 none, 1 by throttle, 2 by current

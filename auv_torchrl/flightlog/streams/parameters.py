@@ -11,6 +11,7 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import Finding, Severity
+from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 
 Values = Mapping[str, float]
@@ -146,7 +147,8 @@ def _unusable(file: str, odd: Values, no_names: list[str], left_out: int) -> Ite
             Severity.WARNING, "parameter_name", sentence, "The file is damaged: copy it from the vehicle again"
         )
     if left_out:
-        sentence = f"{file} holds more than {MOST_PARAMETERS:,} parameters; {left_out:,} further ones are left out"
+        more = counted(left_out, "further one is", "further ones are")
+        sentence = f"{file} holds more than {MOST_PARAMETERS:,} parameters; {more} left out"
         yield Finding(Severity.WARNING, "too_many_parameters", sentence)
 
 

@@ -35,9 +35,9 @@ def check_frame(streams: Streams, table: Table, vehicle: Vehicle) -> list[Findin
         fitting = [name for name in config_names("vehicle") if _fits(load_vehicle(name), motors, frame)]
         named = " or ".join(f"vehicle={name}" for name in fitting)
         raise FlightLogError(
-            f"{streams.name} was written by a vehicle with {f'the frame {frame}, ' if frame else ''}{motors} motors, "
-            f"the vehicle file has {counted(vehicle.thrusters, 'thruster')}: give {named + ', or ' if named else ''}a "
-            "vehicle file of yours"
+            f"{streams.name} was written by a vehicle with {f'the frame {frame}, ' if frame else ''}"
+            f"{counted(motors, 'motor')}, the vehicle file has {counted(vehicle.thrusters, 'thruster')}: give "
+            f"{named + ', or ' if named else ''}a vehicle file of yours"
         )
     if not (other := _other_way(vehicle, frame)):
         return []

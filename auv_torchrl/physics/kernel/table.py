@@ -9,6 +9,7 @@ from torch import Tensor
 from auv_torchrl.physics.kernel.assembly import COUNTS, LANES, WORDS, array_names
 from auv_torchrl.physics.kernel.native import Code
 from auv_torchrl.physics.kernel.program import Layout
+from auv_torchrl.quantities import counted
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -58,7 +59,9 @@ def table(
         ):
             raise ValueError(f"{name} must have the shape {wanted}, or 1 in place of an axis, and has {array.shape}")
         if array.shape[-1] > 1 and array.strides[-1] != array.itemsize:
-            raise ValueError(f"{name} has its numbers {array.strides[-1]} bytes apart: give them side by side")
+            raise ValueError(
+                f"{name} has its numbers {counted(array.strides[-1], 'byte')} apart: give them side by side"
+            )
         strides[name] = _strides(array)
     lanes = LANES[8 * arrays["constants"].itemsize]
     windows_first = _windows_are_lanes(shape, strides["constants"], lanes)
@@ -118,7 +121,7 @@ class Call:
             known = self._arrays[name]
             if array.size != known.size or array.dtype != known.dtype or not array.flags.c_contiguous:
                 raise ValueError(
-                    f"{name} must be {known.size} numbers in one piece, {known.dtype}, and is {array.shape}"
+                    f"{name} must be {counted(known.size, 'number')} in one piece, {known.dtype}, and is {array.shape}"
                 )
             self._words[self._places[name]] = array.ctypes.data
         self._code(self._words.ctypes.data)
