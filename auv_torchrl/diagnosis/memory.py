@@ -4,7 +4,8 @@ import ctypes
 
 # Of mallopt, see malloc.h of the GNU C library
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-_KEPT = 2**30  # bytes; no array is as large
+_KEPT = 2**30  # bytes
+_LARGE = 32 * 2**20  # bytes; what is larger would leave holes that nothing else fits, and is given back at once
 
 
 def keep_freed_memory() -> None:
@@ -19,4 +20,4 @@ def keep_freed_memory() -> None:
     except (AttributeError, OSError, TypeError):
         return
     mallopt(_TRIM_THRESHOLD, _KEPT)
-    mallopt(_MMAP_THRESHOLD, _KEPT)
+    mallopt(_MMAP_THRESHOLD, _LARGE)

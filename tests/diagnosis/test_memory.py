@@ -19,8 +19,9 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search, tidied
 from auv_torchrl.diagnosis.identify.small import is_minor
+from auv_torchrl.diagnosis.motion import slopes
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
+from auv_torchrl.diagnosis.motion.slopes import Slopes
 from auv_torchrl.vehicle import load_vehicle
 
 SETTINGS = load_settings()
@@ -90,7 +91,8 @@ def repeated(problem, base, times):
     rows = np.tile(np.arange(len(problem.windows)), times)
     longer = Problem.of(problem.windows.subset(rows), problem.vehicle, SETTINGS)
     longer = replace(longer, sigma=problem.sigma, followed=problem.followed[rows])
-    state = Smoothed(*(field[rows] for field in fields(base.state)))
+    slope = base.state.slope[rows]
+    state = replace(base.state.rows(rows), slopes=Slopes(lambda: slope, slope))
     return longer, Base(base.explanation, base.vehicle, state, base.states[rows], longer.windows)
 
 
@@ -102,6 +104,18 @@ def peak_of_screening(problem, base):
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
+
+
+def test_slopes_that_were_let_go_come_back_the_same(followed, monkeypatch):
+    """Where there is no room for slopes, a search works them out again, and ends with the same numbers."""
+    problem, base = followed
+    whole = search(problem, base, lambda *_: None)
+    monkeypatch.setattr(slopes, "HELD", 0)
+    frugal = search(problem, base, lambda *_: None)
+    held = [judged for judged in frugal.polished if judged.base.state.slopes.is_held]
+    assert len(held) <= 1 < len(frugal.polished)
+    assert [judged.chi2 for judged in frugal.polished] == [judged.chi2 for judged in whole.polished]
+    np.testing.assert_array_equal(frugal.best.base.state.slope, whole.best.base.state.slope)
 
 
 def test_what_lost_keeps_its_motion_and_no_slopes(followed):

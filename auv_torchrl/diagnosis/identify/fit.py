@@ -127,7 +127,7 @@ def measure_noise(problem: Problem, judged: Judged) -> Problem:
     if problem.windows.whitening is not None:  # it was made for this noise
         return problem
     state = judged.base.state
-    free, _ = settle_state(problem, judged.base.vehicle, state, problem.freedom(state.slope, problem.wide))
+    free, _ = settle_state(problem, judged.base.vehicle, state, problem.freedom(state, problem.wide))
     measured = sensor_noise(problem.windows, free, problem.sigma, problem.wide)
     if len(measured) < len(problem.sigma):  # too few samples for a free force: the disturbance leaves more of them
         measured = sensor_noise(problem.windows, state, problem.sigma, problem.floor) | measured

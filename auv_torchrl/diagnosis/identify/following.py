@@ -8,7 +8,6 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import rows_of
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.colour import whiten
@@ -17,12 +16,12 @@ from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import (
     Layout,
     Smoothed,
-    fields,
     flown,
     follow,
     local_slopes,
     misfit,
     noise_per_sample,
+    replaced,
 )
 from auv_torchrl.diagnosis.motion.white_noise import sensor_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -102,7 +101,7 @@ def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tupl
     outlying = {name: int(count) for name, count in zip(windows.channels, counts, strict=True) if count}
     problem = replace(problem, windows=replace(windows, trust=windows.trust * factor), outlying=outlying)
     again = follow_freely(problem, problem.windows.subset(some), vehicle)
-    return problem, _replaced(state, some, again)
+    return problem, replaced(problem.windows, vehicle, problem.layout, state, some, again)
 
 
 def _beside_offsets(windows: Windows, residual: Floats) -> Floats:
@@ -136,7 +135,9 @@ def rebase(problem: Problem, explanation: Explanation, start: Base) -> Base:
     lost = misfit(problem.windows, base.state.residual, problem.sigma) > LOST
     if lost.any() and lost.mean() < MOSTLY_LOST:  # the start was no good; it may be under the right vehicle
         fresh = follow_freely(problem, problem.windows.subset(lost), vehicle, problem.floor)
-        base = settle_base(problem, explanation, vehicle, _replaced(base.state, lost, fresh))
+        base = settle_base(
+            problem, explanation, vehicle, replaced(problem.windows, vehicle, problem.layout, base.state, lost, fresh)
+        )
     return hand_on(problem, base)
 
 
@@ -175,7 +176,7 @@ def some_diverged(problem: Problem, *bases: Base) -> bool:
 
 def chi2_by_window(problem: Problem, state: Smoothed) -> Floats:
     """What each window leaves (W,), its free numbers paid for."""
-    return chi_square(problem.windows, problem.layout, problem.freedom(state.slope), *_one_row(state))[:, 0]
+    return chi_square(problem.windows, problem.layout, problem.freedom(state), *_one_row(state))[:, 0]
 
 
 def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) -> Base:
@@ -190,21 +191,21 @@ def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) 
     if not better.any():
         return base
     fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
-    state = _replaced(state, rows[better], rows_of(fresh, better))
+    state = replaced(problem.windows, base.vehicle, problem.layout, state, rows[better], fresh.rows(better))
     return settle_base(problem, base.explanation, base.vehicle, state)
 
 
 def nudge(problem: Problem, explanation: Explanation, start: Base) -> Base:
     """The windows under an explanation that differs a little from that of ``start``."""
     vehicle, state = batch(problem.vehicle, [explanation.values(problem.vehicle)]), start.state
-    fresh = settle(problem.windows, vehicle, problem.layout, problem.freedom(state.slope), *_one_row(state)[:2])
+    fresh = settle(problem.windows, vehicle, problem.layout, problem.freedom(state), *_one_row(state)[:2])
     return Base(explanation, vehicle, *_taken_on(state, fresh), problem.windows)
 
 
 def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base, steps: int = 1) -> Floats:
     """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
     vehicles = batch(problem.vehicle, [explanation.values(problem.vehicle) for explanation in explanations])
-    freedom = problem.freedom(start.state.slope)
+    freedom = problem.freedom(start.state)
     starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)
     bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
     *settled, _ = settle(problem.windows, vehicles, problem.layout, freedom, starts, bins, steps=steps)
@@ -215,7 +216,7 @@ def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base, 
 
 def settle_base(problem: Problem, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
     """The windows under an explanation, settled from a state near by whose residual is that of the vehicle."""
-    settled = settle_state(problem, vehicle, state, problem.freedom(state.slope))
+    settled = settle_state(problem, vehicle, state, problem.freedom(state))
     return Base(explanation, vehicle, *settled, problem.windows)
 
 
@@ -228,14 +229,6 @@ def _taken_on(state: Smoothed, settled: tuple[Floats, ...]) -> tuple[Smoothed, F
     """The state with what :func:`settle` found for it, and the motion."""
     start, bins, residual, states = (field[:, 0] for field in settled)
     return replace(state, start=start, bins=bins, residual=residual), states
-
-
-def _replaced(state: Smoothed, rows: np.ndarray, by: Smoothed) -> Smoothed:
-    """The state with some of its windows, by mask or number, from another one."""
-    merged = [np.copy(field) for field in fields(state)]
-    for old, new in zip(merged, fields(by), strict=True):
-        old[rows] = new
-    return Smoothed(*merged)
 
 
 def _one_row(state: Smoothed) -> tuple[Floats, Floats, Floats]:

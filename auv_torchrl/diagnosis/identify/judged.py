@@ -12,7 +12,8 @@ from auv_torchrl.diagnosis.motion.actuation import coefficients
 from auv_torchrl.diagnosis.motion.force import Course, middles
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, SlackMarks, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.smooth import Smoothed, noise_per_sample
+from auv_torchrl.diagnosis.motion.slopes import Slopes, chunks
+from auv_torchrl.diagnosis.motion.smooth import TANGENT, Smoothed, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import SATISFIED, STRAINED
 from auv_torchrl.physics import Coefficients, prepare
@@ -47,7 +48,9 @@ class Base:
     def without_slopes(self) -> "Base":
         """The motion alone, in a fifteenth of the memory: to compare with or to begin from, not to linearise about."""
         nothing = np.empty(0)
-        return replace(self, state=replace(self.state, slope=nothing, transition=nothing, push=nothing, feel=nothing))
+        return replace(
+            self, state=replace(self.state, **dict.fromkeys(TANGENT, nothing), slopes=Slopes(lambda: nothing))
+        )
 
 
 @dataclass(frozen=True)
@@ -112,12 +115,14 @@ def log_likelihood(problem: Problem, judged: Judged) -> float:
     Unlike :attr:`Judged.evidence` it pays for the free numbers of the windows and for the sensor noise, so that
     problems with other degrees of freedom can be compared.
     """
-    windows, state = problem.windows, judged.base.state
-    slope = state.slope / noise_per_sample(windows, problem.sigma)[:, None]
+    windows, whole = problem.windows, judged.base.state.slope
+    noise_of_each, grams = noise_per_sample(windows, problem.sigma)[:, None], []
     precision = local_precision(problem.layout, windows.dt, problem.floor)
-    finite = np.isfinite(slope).all((1, 2))  # a window that diverged has paid by its chi-square
-    gram = slope[finite].swapaxes(1, 2) @ slope[finite] + precision
-    volumes = float((np.linalg.slogdet(gram)[1] - np.linalg.slogdet(precision)[1]).sum())
+    for some in chunks(len(windows), whole[:1].nbytes):
+        slope = whole[some] / noise_of_each
+        slope = slope[np.isfinite(slope).all((1, 2))]  # a window that diverged has paid by its chi-square
+        grams.append(slope.swapaxes(1, 2) @ slope + precision)
+    volumes = float((np.linalg.slogdet(np.concatenate(grams))[1] - np.linalg.slogdet(precision)[1]).sum())
     counts = (windows.trust**2).sum((0, 1))
     noise = sum(np.log(problem.sigma[c]) * count for c, count in zip(windows.channels, counts, strict=True))
     return judged.evidence - 0.5 * volumes - float(noise)

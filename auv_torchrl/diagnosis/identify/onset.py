@@ -97,7 +97,7 @@ def force_scatter(problem: Problem, follow: Base) -> tuple[Floats, float]:
     """
     if problem.windows.whitening is None:
         return problem.wide, 0.0
-    covariance = problem.freedom(follow.state.slope, problem.wide).inverse
+    covariance = problem.freedom(follow.state, problem.wide).inverse
     first, axes = len(problem.layout.start), len(problem.layout.dof)
     count, width = blocks(problem)
     scatter = np.empty((len(covariance), count, axes))

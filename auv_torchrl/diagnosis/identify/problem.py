@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.identify.evidence import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, sensor_slack, slack_parameters
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.diagnosis.motion.reduce import Freedom
-from auv_torchrl.diagnosis.motion.smooth import Layout
+from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.white_noise import first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
@@ -21,7 +21,8 @@ from auv_torchrl.vehicle import Vehicle
 
 Slack = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
 LEAST_REACH = 0.1  # N, N m, where thrusters make nothing
-FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each holds as much as the slopes
+FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each holds as much as the slopes,
+FREEDOMS_BYTES = 128 << 20  # and no more than this together
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Problem:
     outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
     slack_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
     slack_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
-    freedoms: Latest[Freedom] = field(default_factory=lambda: Latest(FREEDOMS_KEPT), repr=False, compare=False)
+    freedoms: Latest[Freedom] = field(default_factory=lambda: _freedoms(), repr=False, compare=False)
 
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, settings: Settings, known: Known | None = None) -> "Problem":
@@ -150,10 +151,15 @@ class Problem:
         """Noise by channel: what was measured, or what a healthy log showed, see :func:`believed_noise`."""
         return believed_noise(self.known, self.noisier, measured)
 
-    def freedom(self, slope: Floats, prior: Floats | None = None) -> Freedom:
-        """What the free numbers of windows with these slopes (W, K, L) absorb, the disturbance held by ``prior``."""
-        given = slope, self.sigma, self.floor if prior is None else prior
-        return self.freedoms.of(lambda: Freedom.of(self.windows, self.layout, *given), given)
+    def freedom(self, state: Smoothed, prior: Floats | None = None) -> Freedom:
+        """What the free numbers of windows with the slopes of a state absorb, the disturbance held by ``prior``."""
+        held = self.sigma, self.floor if prior is None else prior
+        given = state.slopes, *held
+        return self.freedoms.of(lambda: Freedom.of(self.windows, self.layout, state.slope, *held), given)
+
+
+def _freedoms() -> Latest[Freedom]:
+    return Latest(FREEDOMS_KEPT, FREEDOMS_BYTES, lambda freedom: freedom.size)
 
 
 def believed_noise(known: Known | None, noisier: dict[str, float], measured: dict[str, float]) -> dict[str, float]:

@@ -11,11 +11,12 @@ from auv_torchrl.diagnosis.identify.judged import Base, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import marks, reading_changes
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, SlackMarks, pooled, reduce
-from auv_torchrl.diagnosis.motion.smooth import Smoothed, fields
+from auv_torchrl.diagnosis.motion.slopes import chunks
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.physics import prepare
 
 MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
+MARKS_BYTES = 32 << 20  # of the marks of all changes; some such arrays are in use at once
 
 
 def quadratic(
@@ -43,10 +44,10 @@ def _parts(
     problem: Problem, base: Base, changes: list[Explanation], around: Explanation | None, slack_marks: SlackMarks
 ) -> Iterator[Parts]:
     """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
-    freedom = problem.freedom(base.state.slope)
+    freedom = problem.freedom(base.state)
     slack = slack_marks.under(freedom)
     for some, columns, there in _marks_in_pieces(problem, base, changes, around):
-        windows, state = base.course.rows(some).windows, rows_of(base.state, some)
+        windows, state = base.course.rows(some).windows, base.state.rows(some)
         if there is not None:
             state = replace(state, residual=state.residual - there)
         yield reduce(windows, problem.layout, freedom.rows(some), state, columns, slack.rows(some))
@@ -61,7 +62,7 @@ def mark_slack(problem: Problem, base: Base, at: Explanation) -> SlackMarks:
         moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
     pieces = _marks_in_pieces(problem, base, moved, None if at == base.explanation else at)
     marked = np.concatenate([columns for _, columns, _ in pieces]) / steps
-    freedom = problem.freedom(base.state.slope)
+    freedom = problem.freedom(base.state)
     return SlackMarks(freedom, freedom.reduced(marked))
 
 
@@ -72,13 +73,13 @@ def _marks_in_pieces(
     rows = [change.values(problem.vehicle) for change in (*changes, *([around] if around else []))]
     changed = prepare(batch(problem.vehicle, rows)).numpy() if rows else None
     now = base.coefficients
-    for some in in_pieces(len(problem.windows), len(rows)):
+    for some in in_pieces(len(problem.windows), len(rows), base.state.residual[0].size):
         if changed is None:
             yield some, np.empty((*base.state.residual[some].shape, 0)), None
             continue
         course = base.course.rows(some)
         windows, forces = course.windows, course.forces(changed)
-        columns = marks(windows, now, problem.layout, rows_of(base.state, some), forces)
+        columns = marks(windows, now, problem.layout, base.state.rows(some), forces)
         read = reading_changes(windows, now, changed, base.states[some])
         columns = columns if read is None else columns + read
         if around is None:
@@ -100,13 +101,9 @@ def without_slack(problem: Problem, q: Quadratic, explanation: Explanation) -> t
     return b, 0.5 * (A + A.T)
 
 
-def in_pieces(windows: int, changes: int) -> Iterator[slice]:
-    """Slices of windows, all about as long, of which ``changes`` make no more than :data:`MARKS_AT_ONCE` at once."""
-    pieces = min(windows, -(-windows * changes // MARKS_AT_ONCE)) or 1
-    edges = np.linspace(0, windows, pieces + 1).astype(int).tolist()
-    return (slice(first, behind) for first, behind in zip(edges, edges[1:], strict=False))
+def in_pieces(windows: int, changes: int, numbers: int = 1) -> Iterator[slice]:
+    """Slices of windows of so many ``numbers``, all about as long.
 
-
-def rows_of(state: Smoothed, some: slice | np.ndarray) -> Smoothed:
-    """The state of some windows."""
-    return Smoothed(*(field[some] for field in fields(state)))
+    On none of them ``changes`` make more than :data:`MARKS_AT_ONCE`, nor :data:`MARKS_BYTES` of numbers.
+    """
+    return chunks(windows, changes, max(1, min(MARKS_AT_ONCE, MARKS_BYTES // (8 * numbers))))

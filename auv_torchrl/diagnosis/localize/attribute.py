@@ -46,7 +46,7 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
     shown = marks(problem.windows, base.coefficients, problem.layout, base.state, columns)
-    parts = reduce(problem.windows, problem.layout, problem.freedom(base.state.slope), base.state, shown)
+    parts = reduce(problem.windows, problem.layout, problem.freedom(base.state), base.state, shown)
     folds = _folds(parts, known)
 
     def predicted(players: Sequence[int]) -> float:
@@ -120,7 +120,7 @@ def input_mappable(problem: Problem, follow: Base) -> float | None:
     for column, (j, d) in enumerate(np.ndindex(inputs.shape[-1], len(layout.dof))):
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
     columns = marks(windows, follow.coefficients, layout, follow.state, forces)
-    q = reduce(windows, layout, problem.freedom(follow.state.slope), follow.state, columns).windows(problem.followed)
+    q = reduce(windows, layout, problem.freedom(follow.state), follow.state, columns).windows(problem.followed)
     if q.constant <= NOTHING_TO_MAP * q.numbers:
         return None
     best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])

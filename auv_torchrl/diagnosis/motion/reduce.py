@@ -109,6 +109,11 @@ class Freedom:
         precision = local_precision(layout, windows.dt, prior)
         return Freedom(weight, scaled, precision, np.linalg.inv(scaled.swapaxes(1, 2) @ scaled + precision))
 
+    @property
+    def size(self) -> int:
+        """Bytes that it takes."""
+        return self.slope.nbytes + self.inverse.nbytes
+
     @DIVERGING
     def reduced(self, columns: Floats) -> Reduced:
         """Marks (W, K, N) of changes, and what the free numbers absorb of them."""

@@ -6,16 +6,18 @@ quantities are the innovations that hypotheses are judged by.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficients
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
-from auv_torchrl.diagnosis.motion.tangent import linearise, respond
+from auv_torchrl.diagnosis.motion.slopes import Slopes, chunks
+from auv_torchrl.diagnosis.motion.tangent import Tangent, linearise, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING, TILTS
 from auv_torchrl.flightlog import FlightLogError
-from auv_torchrl.physics import prepare
+from auv_torchrl.physics import Coefficients, prepare
 from auv_torchrl.sensors import FELT, MOTION, Inverse
 from auv_torchrl.vehicle import Vehicle
 
@@ -78,6 +80,9 @@ class Layout:
         return np.repeat(full, self.steps_per_bin, axis=-2)[..., :steps, :]
 
 
+TANGENT = ("inward", "transition", "push", "feel")  # what slopes come from
+
+
 @dataclass(frozen=True)
 class Smoothed:
     """Windows with their free numbers, what is left, and how that changes with the free numbers."""
@@ -85,10 +90,20 @@ class Smoothed:
     start: Floats  # (W, 12)
     bins: Floats  # (W, B, D) N, N m
     residual: Floats  # (W, K) measured less predicted, K = m C
-    slope: Floats  # (W, K, L) of the prediction in the L free numbers
-    transition: Floats  # (W, S, n, n), of the tangent that the slope comes from
+    inward: Floats  # (W, n, n) of the true start in the reported one, from which the slopes come
+    transition: Floats  # (W, S, n, n) of the tangent, likewise
     push: Floats  # (W, S, n, n / 2), likewise
     feel: Floats  # (W, S + 1, k, n), likewise
+    slopes: Slopes
+
+    @property
+    def slope(self) -> Floats:
+        """Slopes (W, K, L) of the prediction in the L free numbers."""
+        return self.slopes.array
+
+    def rows(self, some: slice | np.ndarray) -> "Smoothed":
+        """The state of some windows."""
+        return _of_fields([field[some] for field in fields(self)], self.slopes.rows(some))
 
 
 def loose_start(vehicle: Vehicle) -> Floats:
@@ -114,16 +129,38 @@ def noise_per_sample(windows: Windows, sigma: dict[str, float]) -> Floats:
 def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floats, bins: Floats) -> Smoothed:
     """Residual and slopes at given starts (W, 12) and forces (W, B, D); ``vehicle`` is a batch (1,)."""
     residual, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
+    inward = actuate(windows, vehicle).sensors.by_step().start_slopes(start, layout.start)
+    along = inward, tangent.transition, tangent.push, tangent.feel
+    slopes = slopes_along(windows, vehicle, layout, along)
+    return Smoothed(start, bins, residual, *along, slopes)
+
+
+def slopes_along(
+    windows: Windows, vehicle: Vehicle, layout: Layout, along: tuple[Floats, ...], array: Floats | None = None
+) -> Slopes:
+    """Slopes of windows from the four arrays of a tangent; the ``array`` of them where it is known."""
+    make = partial(_free_slopes, windows, coefficients(vehicle), layout, *along)
+    return Slopes(make, make() if array is None else array)
+
+
+@DIVERGING
+def _free_slopes(
+    windows: Windows,
+    c: Coefficients,
+    layout: Layout,
+    inward: Floats,
+    transition: Floats,
+    push: Floats,
+    feel: Floats,
+) -> Floats:
+    """What the samples (W, K, L) change by per unit of each free number, along a tangent."""
     n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
-    actuation = actuate(windows, vehicle)
-    inward = actuation.sensors.by_step().start_slopes(start, layout.start)
     starts = inward @ np.eye(n, layout.size)
     forces = np.zeros((1, windows.steps, len(moves), layout.size))
     for column, (b, d) in enumerate(np.ndindex(layout.bins, len(layout.dof))):
         during = slice(b * layout.steps_per_bin, (b + 1) * layout.steps_per_bin)
         forces[0, during, np.flatnonzero(moves == layout.dof[d]), n + column] = 1.0
-    slope = respond(windows, tangent, starts, forces)
-    return Smoothed(start, bins, residual, slope, tangent.transition, tangent.push, tangent.feel)
+    return respond(windows, Tangent.of(windows, c, layout.start, transition, push, feel), starts, forces)
 
 
 @DIVERGING
@@ -159,25 +196,33 @@ def smooth(
 
     damping = np.full(len(windows), 1e-4)
     for _ in range(rounds):
-        slope = state.slope * weight[:, None]
-        gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
-        damped = gram + damping[:, None, None] * np.eye(layout.size) * np.einsum("wll->wl", gram)[:, None]
-        pull = (slope.swapaxes(1, 2) @ (state.residual * weight)[..., None])[..., 0]
-        pull -= precision * layout.away(windows, state.start, state.bins)
-        move = np.linalg.solve(damped, pull[..., None])[..., 0]
         start, bins = state.start.copy(), state.bins.copy()
-        start[:, layout.start] += move[:, : len(layout.start)]
-        bins += move[:, len(layout.start) :].reshape(bins.shape)
+        for some in chunks(len(windows), state.slope[:1].nbytes):
+            slope = state.slope[some] * weight[:, None]
+            gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
+            damped = gram + damping[some, None, None] * np.eye(layout.size) * np.einsum("wll->wl", gram)[:, None]
+            pull = (slope.swapaxes(1, 2) @ (state.residual[some] * weight)[..., None])[..., 0]
+            pull -= precision * layout.away(windows.subset(some), state.start[some], state.bins[some])
+            move = np.linalg.solve(damped, pull[..., None])[..., 0]
+            start[some, layout.start] += move[:, : len(layout.start)]
+            bins[some] += move[:, len(layout.start) :].reshape(bins[some].shape)
         fresh = moved_to(start, bins)
         better = cost(fresh) < cost(state)
         damping = np.where(better, damping * 0.1, damping * 30.0)
-        state = Smoothed(
-            *(
-                np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
-                for new, old in zip(fields(fresh), fields(state), strict=True)
-            )
-        )
+        state = replaced(windows, vehicle, layout, fresh, ~better, state.rows(~better))
     return state
+
+
+def replaced(
+    windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed, rows: np.ndarray, by: Smoothed
+) -> Smoothed:
+    """The state of ``windows`` with some of them, by mask or number, from another one of the same vehicle (1,)."""
+    merged, some = [np.copy(field) for field in fields(state)], by.slope
+    for old, new in zip(merged, fields(by), strict=True):
+        old[rows] = new
+    slope = state.slopes.taken()  # it is worked out again where that state is still needed
+    slope[rows] = some
+    return _of_fields(merged, slopes_along(windows, vehicle, layout, tuple(merged[3:]), slope))
 
 
 def flown(actuation: Actuation, layout: Layout, start: Floats, bins: Floats) -> tuple[Floats, Floats]:
@@ -187,9 +232,15 @@ def flown(actuation: Actuation, layout: Layout, start: Floats, bins: Floats) -> 
     return windows.residual(predicted).reshape(*start.shape[:2], -1), states
 
 
+def _of_fields(arrays: list[Floats], slopes: Slopes) -> Smoothed:
+    """The state of these arrays, in the order of :func:`fields`."""
+    start, bins, residual, inward, transition, push, feel = arrays
+    return Smoothed(start, bins, residual, inward, transition, push, feel, slopes)
+
+
 def fields(state: Smoothed) -> tuple[Floats, ...]:
-    """The arrays of a smoothed state, in order."""
-    return state.start, state.bins, state.residual, state.slope, state.transition, state.push, state.feel
+    """The arrays of a smoothed state, in order, but for the slopes."""
+    return state.start, state.bins, state.residual, state.inward, state.transition, state.push, state.feel
 
 
 def follow(

@@ -4,13 +4,14 @@ A step is linearised by finite differences of the project's physics; after that 
 a product of small matrices, and no vehicle is simulated again.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import actuate, sensors_of
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, begin
 from auv_torchrl.diagnosis.motion.samples import ahead, late_steps, sample
+from auv_torchrl.diagnosis.motion.slopes import chunks
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import Coefficients
@@ -34,6 +35,10 @@ class Tangent:
     slopes: Floats  # (C, n) what sensors report per unit of each number; 0 for what is felt
     moving: Floats  # (k, n) what is felt besides of how fast each number changes, per s
     later: Floats  # (C,) grid steps by which the reports of each channel are younger than the oldest ones
+
+    def rows(self, some: slice) -> "Tangent":
+        """That of some windows."""
+        return replace(self, transition=self.transition[some], push=self.push[some], feel=self.feel[some])
 
     @staticmethod
     def of(
@@ -103,11 +108,16 @@ def respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) ->
         force: (W or 1, S, n / 2, N) change of the force during each step, N and N m; the last one goes on.
     """
     columns = max(start.shape[-1], force.shape[-1])
-    pieces = []
-    for first in range(0, columns, COLUMNS_AT_ONCE):
-        some = slice(first, first + COLUMNS_AT_ONCE)
-        pieces.append(_respond(windows, tangent, start[..., some], force[..., some]))
-    return np.concatenate(pieces, axis=-1)
+    found = np.empty((len(windows), windows.trust[0].size, columns))
+    width = min(columns, COLUMNS_AT_ONCE)
+    numbers = windows.trust[0].size + tangent.transition[0, :, 0].size
+    for some in chunks(len(windows), 8 * numbers * width):
+        here, own = windows.subset(some), tangent.rows(some)
+        begins, pushes = (array if len(array) == 1 else array[some] for array in (start, force))
+        for first in range(0, columns, COLUMNS_AT_ONCE):
+            few = slice(first, first + COLUMNS_AT_ONCE)
+            found[some, :, few] = _respond(here, own, begins[..., few], pushes[..., few])
+    return found
 
 
 @DIVERGING

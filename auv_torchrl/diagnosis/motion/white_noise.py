@@ -3,6 +3,7 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.slopes import chunks
 from auv_torchrl.diagnosis.motion.smooth import Smoothed, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import LEAST_FREEDOM, LEAST_NOISE
@@ -19,11 +20,13 @@ def sensor_noise(windows: Windows, state: Smoothed, sigma: dict[str, float], for
     A channel with so few samples that the force follows its noise, too, is left out.
     """
     weight = 1.0 / noise_per_sample(windows, sigma)
-    slope = state.slope * weight[:, None]
-    starts = slope.shape[-1] - state.bins[0].size
+    whole, leverage = state.slope, np.empty(state.residual.shape)
+    starts = whole.shape[-1] - state.bins[0].size
     precision = np.concatenate([np.full(starts, 1e-6), np.tile(force_prior**-2, state.bins.shape[1])])
-    gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
-    leverage = np.einsum("wkl,wlk->wk", slope, np.linalg.solve(gram, slope.swapaxes(1, 2)))
+    for some in chunks(len(windows), whole[:1].nbytes):
+        slope = whole[some] * weight[:, None]
+        gram = slope.swapaxes(1, 2) @ slope + np.diag(precision)
+        leverage[some] = np.einsum("wkl,wlk->wk", slope, np.linalg.solve(gram, slope.swapaxes(1, 2)))
     left = state.residual.reshape(windows.measured.shape)
     free = np.clip(1 - leverage.reshape(left.shape), 0.05, 1.0)
     noise = {}
