@@ -30,8 +30,8 @@ AT_CHECKPOINT = "finishing the running stretch, then saving; Ctrl-C again stops 
 def interruptible(say: str = AT_CHECKPOINT) -> Iterator[Callable[[], int | None]]:
     """Turn the first Ctrl-C or SIGTERM into a wish that the loop asks for; the second one interrupts at once.
 
-    The loop asks for the number of the signal, None if there was none; people read ``say`` meanwhile. A handler of SIGTERM that is not ours stays, as
-    that of a cluster's launcher.
+    The loop asks for the number of the signal, None if there was none; ``say`` is what people read meanwhile. A handler
+    of SIGTERM that is not ours stays, as that of a cluster's launcher.
     """
     asked: list[int] = []
     if threading.current_thread() is not threading.main_thread():

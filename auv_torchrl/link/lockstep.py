@@ -99,8 +99,7 @@ class Lockstep:
 
     def _fly(self, servos: Servos) -> None:
         if max(self.outputs) > len(servos.pwm):
-            self._say_once("outputs", f"{len(servos.pwm)} outputs come and thruster {self._undriven(servos)} is driven "
-                           "by a later one, so that it stands still: set SERVO_32_ENABLE, or give outputs=")  # fmt: skip
+            self._say_once("outputs", _undriven(self.outputs, len(servos.pwm)))
         command = commands_of(servos.pwm, self.outputs)
         if self.plant.step(command, step_of(servos.rate_hz)):
             self._say_once("lost", "the vehicle left what the physics can follow, and stays where it was")
@@ -110,13 +109,18 @@ class Lockstep:
         self.frame, self._late_frame = servos.frame, -1
         self.counts["frame"] += 1
 
-    def _undriven(self, servos: Servos) -> int:
-        return next(n for n, output in enumerate(self.outputs, 1) if output > len(servos.pwm))
-
     def _say_once(self, what: Hashable, message: str) -> None:
         if what not in self._said:
             self._said.add(what)
             log.warning("%s", message)
+
+
+def _undriven(outputs: Sequence[int], came: int) -> str:
+    thruster = next(n for n, output in enumerate(outputs, start=1) if output > came)
+    return (
+        f"{came} outputs come, and thruster {thruster} is driven by output {outputs[thruster - 1]}: it stands still; "
+        "set SERVO_32_ENABLE to 1, or give other outputs="
+    )
 
 
 def step_of(rate_hz: int) -> float:

@@ -1,4 +1,4 @@
-"""A stand-in for the firmware's side of ArduPilot's JSON interface: strict ping-pong, as ArduSub's ``SIM_JSON`` does it.
+"""A stand-in for the firmware's side of ArduPilot's JSON interface: strict ping-pong, as ``SIM_JSON`` does it.
 
 It reads the answer as ArduSub does, by looking for text, not as JSON. It has none of ArduSub's estimates or control:
 its outputs are what a test gives it.
