@@ -6,11 +6,14 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 
 from auv_torchrl.flightlog import read_flightlog
-from auv_torchrl.link.job import read_outputs
+from auv_torchrl.link.job import Tally, fly, read_outputs, summary
+from auv_torchrl.link.lockstep import Lockstep
+from auv_torchrl.link.server import open_socket
 from auv_torchrl.paths import PROJECT
 from tests.command_lines import answers_of
 from tests.link.firmware import Firmware
@@ -61,15 +64,24 @@ def test_a_flight_is_saved_when_it_is_ended(begun, tmp_path, vehicle, signum):
     assert (episode.commands == [0.0] * 4 + [-0.25] * 4).all()
 
 
-def test_it_ends_after_the_time_that_is_set(begun):
-    """Of simulated time; nothing is kept where no folder is given."""
-    process, address = begun("until_s=0.1")
-    firmware = Firmware(address, timeout_s=0.5)
-    for _ in range(40):
-        firmware.exchange()
-    said, _ = process.communicate(timeout=60)
-    firmware.close()
-    assert process.returncode == 0 and "40 frames" in said
+def test_it_ends_after_the_time_that_is_set(plant):
+    """Of simulated time, that of a firmware before it was started anew included."""
+    tally = Tally()
+    lockstep = Lockstep(plant(), range(1, 9), observers=[tally])
+    with open_socket(("127.0.0.1", 0)) as listener:
+        firmware = Firmware(listener.getsockname(), timeout_s=30.0)
+
+        def exchange():
+            for frame in (*range(20), *range(20)):
+                firmware.frame = frame
+                firmware.exchange()
+
+        thread = threading.Thread(target=exchange)
+        thread.start()
+        fly(listener, lockstep, tally, 0.0999)
+        thread.join()
+        firmware.close()
+    assert summary(lockstep, tally) == "flew 0.1 s in 40 frames, 1 restart of the firmware"
 
 
 LINES = {
