@@ -57,8 +57,8 @@ class Keeper:
         self._rows.clear()
         time_s = np.array([moment.time_s for moment in before])
         begun = time_s == 0.0  # nothing was felt before
-        felt = np.concatenate([moment.specific_force for moment in after])
-        earlier = np.concatenate([moment.specific_force for moment in before])
+        felt = np.array([moment.specific_force for moment in after])
+        earlier = np.array([moment.specific_force for moment in before])
         felt = np.where(begun[:, None], felt, 0.5 * (earlier + felt))
         series = {FLIGHT: [moment.reported for moment in before], TRUTH: [moment.state for moment in before]}
         for name, parts in series.items():

@@ -13,9 +13,10 @@ from auv_torchrl.physics import CONTROL_DT, prepare
 from auv_torchrl.physics.kinematics import normalise
 from auv_torchrl.physics.step import memory_length
 from auv_torchrl.scenario import Scenario
-from auv_torchrl.sensors import MOTION, ages
+from auv_torchrl.sensors import MOTION, SENSORS, ages
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_fields import GRAVITY
 
 LONGEST_STEP_S = CONTROL_DT  # for which the physics is stable; ArduSub, too, paces no step of 0.1 s or more
 
@@ -36,7 +37,7 @@ class Moment(NamedTuple):
     time_s: float
     state: tuple[np.ndarray, ...]  # (1, 3) position, (1, 4) quaternion, (1, 6) velocity that are true
     reported: tuple[np.ndarray, ...]  # likewise, as the sensors say
-    specific_force: np.ndarray  # (1, 3) m/s^2 on the mean over the step that ends here
+    specific_force: tuple[float, ...]  # (3,) m/s^2 on the mean over the step that ends here
     thrust: np.ndarray  # (1, n) N
 
 
@@ -63,6 +64,7 @@ class Plant:
         place = np.array([[self.start.north, self.start.east, self.start.down]])
         self.simulator.resume(at_rest(place, np.array([self.start.yaw]), self.vehicle.thrusters))
         self._past = _Past(self._longest_s, np.zeros(self.vehicle.thrusters), self._pose())
+        self._last: list[float] = []  # quaternion and velocity before the step
         self.moment = self._look()
 
     def step(self, command: list[float], step_s: float) -> bool:
@@ -80,13 +82,25 @@ class Plant:
     def reading(self) -> Reading:
         """What ArduSub is told of the moment."""
         position, quaternion, velocity = (part[0].tolist() for part in self.moment.reported)
-        felt = self.moment.specific_force[0].tolist()
-        return Reading(self.moment.time_s, velocity[3:], felt, position, to_earth(quaternion, velocity[:3]), quaternion)
+        over_ground = to_earth(quaternion, velocity[:3])
+        felt = self.moment.specific_force
+        return Reading(self.moment.time_s, velocity[3:], felt, position, over_ground, quaternion)
 
     def _look(self) -> Moment:
         simulator = self.simulator
         time_s = float(simulator.state.time[0])
-        return Moment(time_s, simulator.state[:3], simulator.report(), simulator.felt(), simulator.thrust)
+        return Moment(time_s, simulator.state[:3], simulator.report(), self._felt(), simulator.thrust)
+
+    def _felt(self) -> tuple[float, ...]:
+        """As ``felt`` of the simulator, in a tenth of the time where the accelerometer is that of the package."""
+        simulator = self.simulator
+        if SENSORS.extended:
+            return tuple(simulator.felt()[0].tolist())
+        after = [*simulator.state.quaternion[0].tolist(), *simulator.state.velocity[0].tolist()]
+        c, before = simulator.coefficients, self._last or after
+        self._last = after
+        place, bias = c.accelerometer_position[0].tolist(), c.accelerometer_bias[0].tolist()
+        return specific_force(before, after, simulator.control_dt, place, bias)
 
     def _change_step(self, step_s: float) -> None:
         """Step by another time from now on, with what was sent and where the vehicle was laid out anew by its age."""
@@ -108,6 +122,34 @@ def longest_delay(vehicle: Vehicle, scenario: Scenario) -> float:
     """How old, in s, a command or a pose may be that still counts, at any time of the scenario."""
     phases = [prepare(scenario.vehicle_at(vehicle, time_s)) for time_s in (0.0, *scenario.switching_times())]
     return max(max(float(c.delay), float(ages(c, MOTION).max())) for c in phases)
+
+
+def specific_force(
+    before: Sequence[float], after: Sequence[float], step_s: float, place: Sequence[float], bias: Sequence[float]
+) -> tuple[float, ...]:
+    """What an accelerometer at ``place`` (3,) m feels on the mean over a step, (3,) m/s^2: the law of its instrument.
+
+    ``before`` and ``after`` (10,) are quaternion and velocity; a test holds it to :mod:`auv_torchrl.sensors`.
+    """
+    x, y, z = place
+    p, q, r = ((later - earlier) / step_s for earlier, later in zip(before[7:], after[7:], strict=True))
+    turning = q * z - r * y, r * x - p * z, p * y - q * x
+    steady = zip(_steady(before, place), _steady(after, place), strict=True)
+    means = [0.5 * (earlier + later) for earlier, later in steady]
+    rates = [(later - earlier) / step_s for earlier, later in zip(before[4:7], after[4:7], strict=True)]
+    return tuple(map(sum, zip(means, rates, turning, bias, strict=True)))
+
+
+def _steady(state: Sequence[float], place: Sequence[float]) -> tuple[float, float, float]:
+    """The specific force of a motion that goes on as it is."""
+    qw, qx, qy, qz, u, v, w, p, q, r = state
+    x, y, z = place
+    u, v, w = u + q * z - r * y, v + r * x - p * z, w + p * y - q * x
+    return (
+        q * w - r * v - GRAVITY * 2 * (qx * qz - qw * qy),
+        r * u - p * w - GRAVITY * 2 * (qy * qz + qw * qx),
+        p * v - q * u - GRAVITY * (1 - 2 * (qx * qx + qy * qy)),
+    )
 
 
 def to_earth(quaternion: Sequence[float], vector: Sequence[float]) -> tuple[float, float, float]:

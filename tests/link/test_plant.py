@@ -92,6 +92,18 @@ def test_the_specific_force_is_that_of_the_motion(vehicle):
     np.testing.assert_allclose(velocity, plant.reading().velocity, atol=2e-4)
 
 
+def test_the_specific_force_is_that_of_the_instrument(vehicle):
+    """Of an accelerometer off the origin and with an offset, however the vehicle tumbles."""
+    mounted = vehicle.clone()
+    mounted.accelerometer_position = mounted.accelerometer_position + torch.tensor([0.1, -0.05, 0.2])
+    mounted.accelerometer_bias = mounted.accelerometer_bias + torch.tensor([0.3, 0.0, -0.1])
+    plant = Plant(mounted, Scenario("nominal"), Start())
+    for command in pulses(400, seed=2)[1]:
+        plant.step(command.tolist(), 0.02)
+        np.testing.assert_allclose(plant.moment.specific_force, plant.simulator.felt()[0], atol=1e-9)
+    assert np.abs(plant.moment.state[1][0, 1:]).max() > 0.3
+
+
 def test_a_delay_stays_one_whatever_the_rate(vehicle):
     """Commands arrive when they should while the rate comes down from 700 to 400 Hz, to a step."""
     scenario = read_scenario(
