@@ -7,6 +7,7 @@ import torch
 from auv_torchrl.link.plant import Plant, Start, longest_delay, to_earth
 from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.sensors import SENSORS
 from auv_torchrl.simulator import at_rest, simulate
 
 EFFECTS = {
@@ -152,3 +153,22 @@ def test_a_vector_of_the_body_is_turned_as_by_the_matrix():
     for quaternion in quaternions.numpy():
         expected = rotation_matrix(quaternion) @ (1.0, -2.0, 3.0)
         np.testing.assert_allclose(to_earth(quaternion.tolist(), (1.0, -2.0, 3.0)), expected, atol=1e-12)
+
+
+def test_sensors_from_outside_the_package_are_asked(plant, monkeypatch):
+    """One of them may be the accelerometer."""
+    own = plant()
+    monkeypatch.setattr(type(SENSORS), "extended", property(lambda registry: True))
+    monkeypatch.setattr(own.simulator, "felt", lambda: np.array([[1.0, 2.0, 3.0]]))
+    own.step([0.0] * 8, 0.01)
+    assert own.reading().specific_force == (1.0, 2.0, 3.0)
+
+
+def test_an_effect_sets_in_at_its_time_at_any_rate(plant):
+    """Also where the step becomes longer just before."""
+    own = plant({"thruster_gain": {"gain": 0.0, "start_s": 0.5, "stop_s": 1.0}})
+    acts = []
+    for step_s in (*[0.0025] * 190, *[0.05] * 20):
+        own.step([0.5] * 8, step_s)
+        acts.append((own.moment.time_s - step_s / 2, bool((own.moment.thrust == 0).all())))
+    assert all(dead is (0.5 <= middle < 1.0) for middle, dead in acts)
