@@ -169,6 +169,7 @@ class Exchange:
         """A frame is answered once, later than the one before."""
         self.packet = servo_packet(Servos(self.rate, self.frame, tuple(pulses) * (outputs // 16)))
         self.line = self.answer(self.packet)
+        assert self.line is not None
         self.accepted += 1
         told = read_answer(self.line)
         assert all(math.isfinite(value) for part in told[1:] for value in part)
