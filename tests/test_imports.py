@@ -14,8 +14,8 @@ from auv_torchrl.importing import importing
 from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
-TRAIN, DIAGNOSE, CALIBRATE, LOG = (
-    f"auv_torchrl.{part}.command" for part in ("experiment", "diagnosis", "diagnosis.calibrate", "flightlog")
+TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM = (
+    f"auv_torchrl.{part}.command" for part in ("experiment", "diagnosis", "diagnosis.calibrate", "flightlog", "link")
 )
 CALL = """
 import json, sys
@@ -38,6 +38,9 @@ LINES = [  # program, arguments, exit code; training last, for its settings stay
     (CALIBRATE, ["--help"], 0),
     (CALIBRATE, ["helthy=flight.csv"], 2),
     (CALIBRATE, ["output=mine.yaml"], 2),
+    (SIM, ["--help"], 0),
+    (SIM, ["bnid=127.0.0.1:9002"], 2),
+    (SIM, ["bind=0.0.0.0:9002"], 2),
     (LOG, ["--help"], 0),
     (LOG, ["--version"], 0),
     (LOG, ["inform", "flight.csv"], 2),

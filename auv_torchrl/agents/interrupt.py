@@ -23,12 +23,15 @@ def interrupt(signum: int, frame: object) -> NoReturn:
     raise Interrupted(signum=signum)
 
 
+AT_CHECKPOINT = "finishing the running stretch, then saving; Ctrl-C again stops at once, at the last checkpoint"
+
+
 @contextmanager
-def interruptible() -> Iterator[Callable[[], int | None]]:
+def interruptible(say: str = AT_CHECKPOINT) -> Iterator[Callable[[], int | None]]:
     """Turn the first Ctrl-C or SIGTERM into a wish that the loop asks for; the second one interrupts at once.
 
-    The loop asks for the number of the signal, None if there was none. A handler of SIGTERM that is not ours stays, as
-    that of a cluster's launcher.
+    The loop asks for the number of the signal, None if there was none; ``say`` is what people read meanwhile. A handler
+    of SIGTERM that is not ours stays, as that of a cluster's launcher.
     """
     asked: list[int] = []
     if threading.current_thread() is not threading.main_thread():
@@ -39,7 +42,7 @@ def interruptible() -> Iterator[Callable[[], int | None]]:
         if asked:
             raise Interrupted(signum=signum)
         asked.append(signum)
-        log.warning("finishing the running stretch, then saving; Ctrl-C again stops at once, at the last checkpoint")
+        log.warning("%s", say)
 
     ours = [signal.SIGINT]
     if signal.getsignal(signal.SIGTERM) in (signal.SIG_DFL, interrupt):

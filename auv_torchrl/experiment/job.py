@@ -8,9 +8,10 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input
+from auv_torchrl.command.chosen import scenario_name
 from auv_torchrl.experiment.run import run
 from auv_torchrl.experiment.schema import DEFAULT_RANDOMIZATION, OWN_RANDOMIZATION
-from auv_torchrl.experiment.setup import read_experiment, scenario_name
+from auv_torchrl.experiment.setup import read_experiment
 
 log = logging.getLogger("train")
 

@@ -13,6 +13,7 @@ from auv_torchrl.agents.storage import CheckpointError, StorageError, storing
 from auv_torchrl.agents.train_source import locked, train_source
 from auv_torchrl.authority import Recovery, authority
 from auv_torchrl.command import checking_input
+from auv_torchrl.command.chosen import NOMINAL
 from auv_torchrl.compensation.command_share import command_share
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
@@ -24,7 +25,7 @@ from auv_torchrl.experiment.figures import DPI, save_figures
 from auv_torchrl.experiment.flight_figure import flight_figure
 from auv_torchrl.experiment.in_flight import InFlight, fly_in_flight
 from auv_torchrl.experiment.results import Results, with_task
-from auv_torchrl.experiment.setup import NOMINAL, Experiment
+from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.quantities import counted, words
 from auv_torchrl.recording import ControlMap, record_run

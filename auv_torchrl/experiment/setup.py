@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig, OmegaConf
 from tensordict import TensorDict
 
@@ -30,7 +29,6 @@ from auv_torchrl.settings import check, settings_of
 from auv_torchrl.tasks import Task, read_task
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
-NOMINAL = "nominal"  # the name of no scenario
 UNCERTAINTY = "uncertainty"  # of a randomization: standard deviations to each side
 
 
@@ -167,23 +165,6 @@ def _check_device(device: str) -> None:
         available += [other.type, *(f"{other.type}:{i}" for i in range(torch.accelerator.device_count()))]
     if device not in available:
         raise ValueError(f"device is {device!r}: there are {', '.join(available)}")
-
-
-def scenario_name(choices: Mapping[str, Any], overrides: Sequence[str]) -> str:
-    """What to call the scenario that a command line asked for, e.g. ``thruster_gain+swap``.
-
-    Args:
-        choices: Hydra's choice per config group; it has no entry for a list.
-        overrides: of the command line.
-    """
-    names = [choices["scenario"]] if choices.get("scenario") else []
-    for override in OverridesParser.create().parse_overrides(list(overrides)):
-        key, value = override.key_or_group, override.value()
-        if key == "scenario" and isinstance(value, list):
-            names = [str(name) for name in value]
-        if key.startswith("scenario.effects") and "custom" not in names:
-            names.append("custom")
-    return "+".join(Path(name).name.removesuffix(".yaml") for name in names) or NOMINAL
 
 
 def spelt_out(ranges: Mapping[str, Any], content: Mapping[str, Any], vehicle: Vehicle) -> dict[str, Any]:

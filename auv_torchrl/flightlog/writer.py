@@ -57,10 +57,41 @@ def write_columns(
 
             parquet.write_table(table.replace_schema_metadata({SAID_KEY: said} if said else None), file)
         else:
-            rounded = {name: np.round(table[name].to_numpy(), _DIGITS) for name in table.column_names}
             file.write(f"{SAID}{said}\n".encode() if said else b"")
-            pyarrow.csv.write_csv(pa.table(rounded), file)
+            pyarrow.csv.write_csv(_rounded({name: table[name].to_numpy() for name in table.column_names}), file)
     return path
+
+
+class GrowingLog:
+    """A log as CSV that grows while the flight goes on: whenever the process ends, the file has whole rows.
+
+    Args:
+        path: of a file that there is not yet.
+
+    Raises:
+        FileExistsError: if there is one.
+    """
+
+    def __init__(self, path: Path):
+        self._file = path.open("xb")
+        self._begun = False
+
+    def write(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Add rows: columns (T,) by name, the same ones each time."""
+        options = pyarrow.csv.WriteOptions(include_header=not self._begun)
+        self._begun = True
+        with pa.BufferOutputStream() as rows:
+            pyarrow.csv.write_csv(_rounded(columns), rows, options)
+            self._file.write(rows.getvalue())
+        self._file.flush()
+
+    def close(self) -> None:
+        """Add no more."""
+        self._file.close()
+
+
+def _rounded(columns: Mapping[str, np.ndarray]) -> pa.Table:
+    return pa.table({name: np.round(values, _DIGITS) for name, values in columns.items()})
 
 
 def raw_columns(log: FlightLog) -> dict[str, np.ndarray]:

@@ -24,6 +24,13 @@ def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle,
         flight: one start, batch (T + 1).
         colour: of the hull, ``#RRGGBB``.
     """
+    record_hull(recording, entity, vehicle, colour)
+    pose = flight.position.numpy(), flight.quaternion.double().numpy()
+    record_motion(recording, entity, vehicle, time_of(flight), *pose, flight.thrust.double().numpy())
+
+
+def record_hull(recording: rr.RecordingStream, entity: str, vehicle: Vehicle, colour: str) -> None:
+    """Log what of a vehicle does not change: hull and thrusters, and where the arrows of its forces begin."""
     position = vehicle.thruster_position.double().numpy()
     direction = vehicle.thruster_direction.double().numpy()
     half = np.abs(position).max(axis=0) + HULL_MARGIN_M
@@ -47,22 +54,26 @@ def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle,
         ),
         static=True,
     )
-    time = time_of(flight)
-    quaternion = flight.quaternion.double().numpy()
-    recording.send_columns(
-        entity,
-        [time],
-        rr.Transform3D.columns(translation=flight.position.numpy(), quaternion=np.roll(quaternion, -1, axis=-1)),
-    )
-    force = flight.thrust.double().numpy()[..., None] * direction * ARROW_M_PER_N
-    samples, thrusters, _ = force.shape
-    static = rr.Arrows3D.from_fields(origins=position, colors=thruster_colours, radii=[0.015] * thrusters)
+    static = rr.Arrows3D.from_fields(origins=position, colors=thruster_colours, radii=[0.015] * len(position))
     recording.log(f"{entity}/force", static, static=True)
-    recording.send_columns(
-        f"{entity}/force",
-        [time],
-        rr.Arrows3D.columns(vectors=force.reshape(-1, 3)).partition([thrusters] * samples),
-    )
+
+
+def record_motion(
+    recording: rr.RecordingStream,
+    entity: str,
+    vehicle: Vehicle,
+    time: rr.TimeColumn,
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    thrust: np.ndarray,
+) -> None:
+    """Log where a vehicle is, ``position`` (T, 3) and ``quaternion`` (T, 4), and what thrusters give, (T, n) in N."""
+    turned = np.roll(quaternion, -1, axis=-1)
+    recording.send_columns(entity, [time], rr.Transform3D.columns(translation=position, quaternion=turned))
+    force = thrust[..., None] * vehicle.thruster_direction.double().numpy() * ARROW_M_PER_N
+    samples, thrusters, _ = force.shape
+    arrows = rr.Arrows3D.columns(vectors=force.reshape(-1, 3)).partition([thrusters] * samples)
+    recording.send_columns(f"{entity}/force", [time], arrows)
 
 
 def _from_z_to(axis: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ Batch first, rows are vehicles; earth NED, body FRD, quaternions w x y z. A simu
 the vehicles, their state, the memory of commands and poses, the phases of the scenario, and what counts as diverged.
 """
 
+import math
 from abc import ABC, abstractmethod
 from typing import NamedTuple, TypedDict, cast
 
@@ -23,6 +24,8 @@ from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays, lengthened,
 from auv_torchrl.vehicle import Vehicle
 
 FARTHEST = 1e3  # m from the origin; a vehicle beyond it has diverged
+_NEVER = math.inf, -math.inf
+_ROUNDING_S = 1e-5  # of times in single precision: so close to a switching time, it is looked at exactly
 FASTEST = 1e2  # m/s and rad/s; likewise
 
 
@@ -81,6 +84,7 @@ class Simulator(ABC):
         self._phase_starts = (0.0, *self.scenario.switching_times())
         self._phase = torch.zeros(self.count, dtype=torch.long)
         self._scenario_delay = torch.zeros(self.count, dtype=torch.float64)  # s
+        self._steady = _NEVER  # times in s, in the middle of a step, between which nobody reaches another phase
         self._flown = cast(Vehicle, vehicles.to(torch.device("cpu"), torch.float64).clone())  # without the scenario
         first = prepare(self.scenario.vehicle_at(self._flown))
         self.coefficients = self._native(first)
@@ -118,6 +122,7 @@ class Simulator(ABC):
         if seconds.shape != (self.count,) or not (seconds.isfinite() & (seconds >= 0)).all():
             raise ValueError(f"delays of the scenario are {seconds}: give {counted(self.count, 'time')} of 0 s or more")
         self._scenario_delay = seconds.to(torch.device("cpu"), torch.float64)
+        self._steady = _NEVER
 
     def _native(self, coefficients: Coefficients) -> Coefficients:
         return Coefficients(*(self.arrays.native(field) for field in coefficients))
@@ -126,7 +131,7 @@ class Simulator(ABC):
         """Work out the coefficients of vehicles that reach a phase of the scenario."""
         flown: Vehicle = self._flown[rows]  # type: ignore[assignment]
         new = prepare(self.scenario.vehicle_at(flown, self._phase_starts[phase]))
-        self._phase[rows] = phase
+        self._phase[rows], self._steady = phase, _NEVER
         self.coefficients.write_rows(self.arrays.index(rows), self._native(new))
         self.terms = self.terms | ActiveTerms.of(new)
         self._remember(new)
@@ -139,12 +144,19 @@ class Simulator(ABC):
 
     def _follow_scenario(self) -> None:
         """Change the vehicles whose time has reached a switching time."""
+        xp = array_namespace(self.state.time)
+        middle = self.state.time + self.control_dt / 2
+        if self._steady[0] <= xp.min(middle) and xp.max(middle) < self._steady[1]:
+            return
         time = torch.as_tensor(self.state.time, dtype=torch.float64, device="cpu")  # phases are counted on the host
         elapsed = time + self.control_dt / 2 - self._scenario_delay
         phase = torch.bucketize(elapsed, torch.tensor(self._phase_starts[1:], dtype=torch.float64), right=True)
         changed = phase != self._phase
         for reached in phase[changed].unique().tolist():
             self._begin_phase((changed & (phase == reached)).nonzero()[:, 0], reached)
+        starts = torch.tensor((*self._phase_starts, math.inf), dtype=torch.float64)
+        begun, ends = starts[phase] + self._scenario_delay, starts[phase + 1] + self._scenario_delay
+        self._steady = float(begun.max()) + _ROUNDING_S, float(ends.min()) - _ROUNDING_S
 
     # place, step, report
 

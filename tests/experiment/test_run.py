@@ -16,9 +16,9 @@ from omegaconf import OmegaConf
 
 from auv_torchrl.agents.config import AGENTS
 from auv_torchrl.command import BadInput
+from auv_torchrl.command.chosen import scenario_name
 from auv_torchrl.evaluation import Metrics, fly
 from auv_torchrl.experiment.run import fit_map, fly_adapted, linear_map, run, source_policy
-from auv_torchrl.experiment.setup import scenario_name
 from auv_torchrl.paths import PROJECT
 from tests.experiment.conftest import TINY
 

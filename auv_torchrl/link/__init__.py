@@ -1,0 +1,1 @@
+"""The vehicle behind a firmware: ArduSub flies the simulator's physics in lock-step."""

@@ -1,0 +1,48 @@
+"""Types of everything in conf/sim.yaml: a misspelt key or a wrong type is an error."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from auv_torchrl.settings import In, Seed
+
+
+@dataclass
+class StartSchema:
+    """Where the vehicle rests before it is flown."""
+
+    north: Annotated[float, In("[-900, 900]", "m")] = MISSING  # a vehicle 1,000 m away counts as diverged
+    east: Annotated[float, In("[-900, 900]", "m")] = MISSING
+    down: Annotated[float, In("[-10, 900]", "m")] = MISSING
+    yaw: Annotated[float, In("[-6.3, 6.3]", "rad")] = MISSING
+
+
+@dataclass
+class ScenarioSchema:
+    """``conf/scenario/*.yaml``; the effects are checked by :func:`auv_torchrl.scenario.read_scenario`."""
+
+    effects: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class SimSchema:
+    """Types of ``conf/sim.yaml``; the comments are there."""
+
+    vehicle: dict[str, Any] = MISSING
+    scenario: ScenarioSchema = field(default_factory=ScenarioSchema)
+    bind: str = MISSING
+    elsewhere: bool = MISSING
+    outputs: Any = MISSING
+    start: StartSchema = MISSING
+    seed: Seed = MISSING
+    paced: bool = MISSING
+    until_s: Annotated[float | None, In("(0, inf)", "s")] = MISSING
+    rerun: Any = MISSING
+    output: str | None = MISSING
+
+
+def register() -> None:
+    """Make the schema known to Hydra as ``sim_schema``."""
+    ConfigStore.instance().store("sim_schema", SimSchema)
