@@ -1,4 +1,4 @@
-"""The adaptation in flight around fleets that step apart: side by side, in other processes, in a collector's process."""
+"""The adaptation around fleets that step apart: side by side, in other processes, in the process of a collector."""
 
 from functools import partial
 
