@@ -14,6 +14,7 @@ from auv_torchrl.evaluation import draw_starts
 APART = {"SerialEnv": SerialEnv, "ParallelEnv": partial(ParallelEnv, mp_start_method="fork")}
 ELSEWHERE = {"backend": "process", "num_collectors": 1, "sync": True}  # a collector in a process of its own
 apart = pytest.mark.parametrize("batched", APART.values(), ids=APART)
+PUSHED = "learner.bag.pushed"
 CONFIG = AdapterConfig(seed=3)
 
 
@@ -79,7 +80,7 @@ def test_a_map_that_learns_in_the_process_of_a_collector_comes_back(models, flee
     collector.shutdown()
     torch.testing.assert_close(far, near, rtol=0, atol=0)
     back = make()
-    assert int(here.transform.learner.bag.pushed) > 40 and int(back.transform.learner.bag.pushed) == 0
+    assert here.state_dict()[PUSHED] > 40 and back.state_dict()[PUSHED] == 0
     back.load_state_dict(state)
     for name, value in here.state_dict().items():
         torch.testing.assert_close(back.state_dict()[name], value, rtol=0, atol=0, msg=name, equal_nan=True)
