@@ -9,7 +9,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from auv_torchrl.ddr.actuation import Actuation
-from auv_torchrl.ddr.transform import ACTION, CommandMap
+from auv_torchrl.ddr.transform import CommandMap
 from auv_torchrl.envs.start import BODY, EXPECTED, MEASURED, TIME
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
@@ -75,9 +75,9 @@ class ThrusterTransform(CommandMap):
         self.withheld(wanted, command)
         return torch.from_numpy(command.astype(np.float32)).to(action.device)
 
-    def command(self, tensordict: TensorDictBase) -> Tensor:
+    def command(self, action: Tensor, tensordict: TensorDictBase) -> Tensor:
         """Thruster commands (N, n) for the action."""
-        return self.translate(tensordict.get(ACTION))
+        return self.translate(action)
 
     def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:
         """Hand the thrusts that were commanded to :meth:`learn`."""

@@ -66,7 +66,7 @@ class ClosedForm:
             "alpha": alpha,
             "entropy": entropy,
         }
-        return TensorDict._new_unsafe(losses, torch.Size([]))
+        return TensorDict(losses, [])
 
 
 class _Sampled:

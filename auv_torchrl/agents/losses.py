@@ -30,8 +30,13 @@ class FusedSACLoss(SACLoss):
     no distribution object is made. Needs the networks of :mod:`auv_torchrl.agents.networks`.
     """
 
+    has_closed_form = True  # of its gradients, in :mod:`auv_torchrl.agents.closed_form`
     log_alpha: Tensor
     target_entropy: Tensor  # pyright: ignore[reportIncompatibleMethodOverride]  # a property of SACLoss that gives one
+
+    def __init_subclass__(cls, **options: Any):
+        super().__init_subclass__(**options)
+        cls.has_closed_form = False  # a loss of one's own has gradients of its own, by autograd
 
     def __init__(self, **settings: Any):
         super().__init__(**settings)
@@ -60,7 +65,7 @@ class FusedSACLoss(SACLoss):
             "alpha": self.log_alpha.detach().exp(),
             "entropy": -log_prob.mean(),
         }
-        return TensorDict._new_unsafe(losses, torch.Size([]))
+        return TensorDict(losses, [])
 
     def target(self, following: TensorDictBase, alpha: Tensor, action: Tensor, log_prob: Tensor) -> Tensor:
         """What the critics should say (B, 1), of what follows (B,), an action there and its log-probability."""

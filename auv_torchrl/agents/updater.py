@@ -80,7 +80,7 @@ class SACUpdater(Updater):
         ]
         super().__init__(loss, groups)
         self.target_update = FusedSoftUpdate(loss, tau=tau)
-        self._closed_form = ClosedForm(loss) if type(loss) is FusedSACLoss else None  # a loss of one's own is another
+        self._closed_form = ClosedForm(loss) if isinstance(loss, FusedSACLoss) and loss.has_closed_form else None
 
     def step(self, batch: TensorDictBase, actor: bool = True) -> TensorDictBase:
         """As of every updater."""

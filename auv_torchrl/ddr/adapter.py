@@ -13,7 +13,7 @@ from auv_torchrl.ddr.dither import Dither
 from auv_torchrl.ddr.learner import MapLearner
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.network import NetworkMap
-from auv_torchrl.ddr.transform import ACTION, CommandMap
+from auv_torchrl.ddr.transform import CommandMap
 from auv_torchrl.envs.start import MEASURED
 
 
@@ -71,9 +71,9 @@ class DDRAdapter(CommandMap):
         sane = (action.isfinite().all(-1) & command.isfinite().all(-1))[:, None]
         return torch.where(sane, command, 0.0)
 
-    def command(self, tensordict: TensorDictBase) -> Tensor:
+    def command(self, action: Tensor, tensordict: TensorDictBase) -> Tensor:
         """Commands (N, k) for the action and the measured motion."""
-        return self.translate(self._motion(tensordict), tensordict.get(ACTION))
+        return self.translate(self._motion(tensordict), action)
 
     def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:
         """Learn from the transition."""

@@ -20,9 +20,14 @@ ACTION, APPLIED, OBSERVATION = "action", "applied_action", "observation"
 class CommandMap(Transform):
     """Turns the actions of a policy (N, 4) into commands (N, k), and reports those as ``applied_action``.
 
-    The rollout keeps the policy's action under ``action``. Commands are finite and within [-1, 1] whatever the policy
-    or a measurement says: an action that is not a number becomes no thrust. What a map knows of the vehicle it reads
-    from ``("measured", ...)``; it leaves ``observation`` as it is.
+    The rollout keeps the policy's action under ``action``, or under what ``out_keys_inv`` is set to before the map goes
+    into an environment; the environment takes the commands under ``in_keys_inv``. Commands are finite and within
+    [-1, 1] whatever the policy or a measurement says: an action that is not a number becomes no thrust. What a map
+    knows of the vehicle it reads from ``("measured", ...)``; it leaves ``observation`` as it is.
+
+    Around a ``SerialEnv`` or ``ParallelEnv`` of K fleets the batch is (K, N), and a map has K N vehicles as rows. There
+    it learns in the process of whoever steps the environment. In a worker of its own (a fleet with a map inside, or a
+    collector in another process) it learns there, and comes back by ``state_dict``.
     """
 
     def __init__(self) -> None:
@@ -34,8 +39,8 @@ class CommandMap(Transform):
         """Number of commands k."""
 
     @abstractmethod
-    def command(self, tensordict: TensorDictBase) -> Tensor:
-        """Commands (N, k) for the ``action`` and the measurement in ``tensordict``."""
+    def command(self, action: Tensor, tensordict: TensorDictBase) -> Tensor:
+        """Commands (N, k) for actions (N, 4) of the policy and the measurement in ``tensordict``."""
 
     def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
         """Called when episodes begin in some rows, (r,); may write to ``tensordict``; does nothing."""
@@ -44,33 +49,39 @@ class CommandMap(Transform):
         """Called after every step with the commands (N, k) that were executed; may write to ``after``; does nothing."""
 
     def _inv_call(self, tensordict: TensorDictBase) -> TensorDictBase:
+        rows, (executed,), (wanted,) = _rows(tensordict), self.in_keys_inv, self.out_keys_inv
         with torch.no_grad():
-            return tensordict.set(ACTION, self.command(tensordict))
+            command = self.command(rows.get(wanted), rows)
+        return tensordict.set(executed, command.reshape(*tensordict.batch_size, -1))
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        command = tensordict.get(ACTION)  # what _inv_call made of it
+        before, after = _rows(tensordict), _rows(next_tensordict)
+        command = before.get(self.in_keys_inv[0])  # what _inv_call made of it
         with torch.no_grad():
-            self.after_step(command, tensordict, next_tensordict)
-        return next_tensordict.set(APPLIED, command)
+            self.after_step(command, before, after)
+        return _as_batch(after.set(APPLIED, command), next_tensordict)
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
-        observation = tensordict_reset.get(OBSERVATION)
+        reset = _rows(tensordict_reset)
+        observation = reset.get(OBSERVATION)
         mask = None if tensordict is None else tensordict.get("_reset", None)
         rows = torch.arange(len(observation)) if mask is None else mask.reshape(-1).cpu().nonzero()[:, 0]
-        self.begin(rows, tensordict_reset)
-        return tensordict_reset.set(APPLIED, observation.new_zeros((*observation.shape[:-1], self.outputs)))
+        self.begin(rows, reset)
+        return _as_batch(reset.set(APPLIED, observation.new_zeros(len(observation), self.outputs)), tensordict_reset)
 
     def transform_action_spec(self, action_spec: TensorSpec) -> TensorSpec:
         """The policy acts in the four channels, whatever the vehicle takes."""
-        executed = cast(Composite, action_spec)[ACTION]
+        spec, (key,), (wanted,) = cast(Composite, action_spec), self.in_keys_inv, self.out_keys_inv
+        executed = spec[key]
         if executed.shape[-1] != self.outputs:
             raise ValueError(
                 f"{type(self).__name__}: it gives {counted(self.outputs, 'command')}, the environment takes "
                 f"{executed.shape[-1]}: a map to the thrusters needs a task with "
                 "thruster_commands=True, a map to the channels one without"
             )
-        cast(Composite, action_spec)[ACTION] = _commands(executed, len(CONTROLLED))
-        return action_spec
+        del spec[key]
+        spec[wanted] = _commands(executed, len(CONTROLLED))
+        return spec
 
     def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
         """Declare ``applied_action``."""
@@ -109,6 +120,16 @@ def observing(adapter: CommandMap, task: Task) -> Compose:
     """A map that predicts, and behind it the observation of what it expects, for a policy."""
     parts: list[Transform] = [adapter, Observe(task)]
     return Compose(parts)
+
+
+def _rows(tensordict: TensorDictBase) -> TensorDictBase:
+    """Every vehicle of a batch as a row."""
+    return tensordict if tensordict.batch_dims == 1 else tensordict.reshape(-1)
+
+
+def _as_batch(rows: TensorDictBase, tensordict: TensorDictBase) -> TensorDictBase:
+    """The ``tensordict`` of which these are the rows, with what has been written to them."""
+    return tensordict if rows is tensordict else tensordict.update(rows.reshape(tensordict.batch_size))
 
 
 def _commands(like: TensorSpec, size: int) -> Bounded:

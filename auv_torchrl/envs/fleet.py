@@ -216,8 +216,8 @@ class FleetEnv(EnvBase):
         return action.where(~unusable[:, None], 0.0), unusable
 
     def _together(self, entries: dict[str, Any]) -> TensorDict:
-        """Tensors of the fleet's batch and device, which nothing checks anew at every step."""
-        return TensorDict._new_unsafe(entries, self.batch_size, device=self.device)
+        """Tensors of the fleet's batch and device."""
+        return TensorDict(entries, self.batch_size, device=self.device)
 
     def _report(self, along: Array) -> dict[str, Tensor | TensorDict]:
         state, dtype = self._state, self.state_dtype

@@ -8,6 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from tensordict.nn import TensorDictModule
 from torchrl.envs import TransformedEnv
 from torchrl.envs.utils import check_env_specs
 
@@ -39,6 +40,22 @@ def test_the_rollout_keeps_the_action_of_the_policy_beside_the_executed_one(mode
     slow = (flight["action"].abs().sum(-1) < 0.9) & (flight["action"].abs().sum(-1) > 0.1)
     torch.testing.assert_close(applied[slow], -flight["action"][slow], atol=1e-3, rtol=0)
     assert (env.reset()["applied_action"] == 0).all()
+
+
+def test_a_policy_may_write_another_entry(models, fleet, policy, scenario):
+    """With ``out_keys_inv`` changed, the policy acts there, and the vehicle and the map do what they do without it."""
+    flights, adapters = [], [DDRAdapter(models, AdapterConfig(seed=3)) for _ in range(2)]
+    adapters[1].out_keys_inv = ["channels"]
+    renamed = TensorDictModule(policy.module, in_keys=["observation"], out_keys=["channels"])
+    for adapter, acting in zip(adapters, (policy, renamed), strict=True):
+        env = TransformedEnv(fleet(2, scenario("reversed")), adapter)
+        check_env_specs(env)  # of random actions nothing is to be learnt
+        assert env.action_keys == list(adapter.out_keys_inv)
+        adapter.learning = True
+        env.set_seed(5)
+        flights.append(env.rollout(20, acting, break_when_any_done=False))
+    assert "action" not in flights[1] and torch.equal(flights[1]["channels"], flights[0]["action"])
+    torch.testing.assert_close(flights[1]["next", "applied_action"], flights[0]["next", "applied_action"])
 
 
 def test_without_a_fault_the_adapter_changes_nothing(models, fleet):
