@@ -104,7 +104,5 @@ def _found_effect(
     if len(knob_members := {k.members for k in explanation.knobs if k.effect == name}) == 1:
         (members,) = knob_members
         if len(members) > 1:
-            p = declared[members[0]]
-            template = p.sentence.replace("thruster {which}", "every thruster")
-            sentences = [template.format(value=parameters[members[0]].value, which="all directions")]
+            sentences = [declared[members[0]].said_of_all(parameters[members[0]].value)]
     return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))

@@ -71,12 +71,19 @@ class Parameter:
 
     def said(self, member: str, value: float) -> str:
         """The sentence of a report about a member that has a value."""
-        return self.sentence.format(
+        return self._sentence(self.sentence, value, words(member.removeprefix(f"{self.name}_")))
+
+    def said_of_all(self, value: float) -> str:
+        """The same about all members of a family that have one value."""
+        return self._sentence(self.sentence.replace("thruster {which}", "every thruster"), value, "all directions")
+
+    def _sentence(self, template: str, value: float, which: str) -> str:
+        return template.format(
             value=value,
             share=percent(value),
             quantity=quantity(value, self.unit, _DIGITS),
             signed=quantity(value, self.unit, _DIGITS, sign=True),
-            which=words(member.removeprefix(f"{self.name}_")),
+            which=which,
         )
 
     def loose_in(self, channels: Collection[str]) -> float:

@@ -99,7 +99,7 @@ def read_outputs(given: Any, thrusters: int) -> tuple[int, ...]:
     right = isinstance(given, Sequence) and not isinstance(given, str) and len(given) == thrusters
     if not right or not all(type(n) is int and 1 <= n <= OUTPUTS for n in given) or len(set(given)) < thrusters:
         raise ValueError(
-            f"outputs is {given!r}: give {thrusters} different numbers from 1 to {OUTPUTS}, the output "
+            f"outputs is {given!r}: give a list of length {thrusters}, from 1 to {OUTPUTS} and none twice, the output "
             "(SERVOn_FUNCTION 33 for motor 1) of each thruster"
         )
     return tuple(given)

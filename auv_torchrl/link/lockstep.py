@@ -63,7 +63,9 @@ class Lockstep:
         servos = parse(packet)
         if servos is None:
             self.counts["garbage"] += 1
-            self._say_once("garbage", f"{sender} sent {len(packet)} bytes that are no servo packet: left unanswered")
+            self._say_once(
+                "garbage", f"{sender} sent something that is no servo packet, of length {len(packet)}: left unanswered"
+            )
             return None
         now = self._clock()
         if sender != self._peer:
@@ -118,7 +120,7 @@ class Lockstep:
 def _undriven(outputs: Sequence[int], came: int) -> str:
     thruster = next(n for n, output in enumerate(outputs, start=1) if output > came)
     return (
-        f"{came} outputs come, and thruster {thruster} is driven by output {outputs[thruster - 1]}: it stands still; "
+        f"outputs come up to number {came}, and thruster {thruster} is driven by output {outputs[thruster - 1]}: it stands still; "
         "set SERVO_32_ENABLE to 1, or give other outputs="
     )
 

@@ -33,7 +33,7 @@ def test_a_file_may_say_it():
     """As a share in each degree of freedom; one of 1 or more is refused."""
     content = dict(read_vehicle_file("paper")) | {"drag_asymmetry": [0.2, 0, -0.3, 0, 0, 0]}
     assert load_vehicle(content).drag_asymmetry.tolist() == [0.2, 0, -0.3, 0, 0, 0]
-    with pytest.raises(ValueError, match="drag_asymmetry is .*: give a share below 1"):
+    with pytest.raises(ValueError, match="drag_asymmetry is .*: give values above -1 and below 1"):
         load_vehicle(content | {"drag_asymmetry": [1.5, 0, 0, 0, 0, 0]})
 
 

@@ -47,7 +47,7 @@ def test_a_diagnosis_goes_into_the_controller_and_the_report_has_both_gaps(exper
 def test_one_command_logs_diagnoses_and_closes(experiment, swap, tmp_path, monkeypatch):
     """The log that was diagnosed and the diagnosis lie in the folder of the run."""
     seen = []
-    monkeypatch.setattr(closing, "diagnose", lambda log, vehicle, vehicle_name: (seen.append(log), swap)[1])
+    monkeypatch.setattr(closing, "diagnose", lambda log, vehicle, progress, vehicle_name: (seen.append(log), swap)[1])
     ready = experiment(
         "swap", "diagnose=true", "backend=mujoco", "flight.fly=false", "excitation.episodes=2", "excitation.episode_s=5"
     )

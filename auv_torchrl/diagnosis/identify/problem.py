@@ -159,7 +159,12 @@ class Problem:
 
 
 def _freedoms() -> Latest[Freedom]:
-    return Latest(FREEDOMS_KEPT, FREEDOMS_BYTES, lambda freedom: freedom.size)
+    return Latest(FREEDOMS_KEPT, FREEDOMS_BYTES, _size_of)
+
+
+def _size_of(freedom: Freedom) -> int:
+    """Bytes; a function of the module, so that a problem can be sent to another process."""
+    return freedom.size
 
 
 def believed_noise(known: Known | None, noisier: dict[str, float], measured: dict[str, float]) -> dict[str, float]:
