@@ -87,8 +87,8 @@ def test_it_ends_after_the_time_that_is_set(plant):
 LINES = {
     "bind=0.0.0.0:9002": "elsewhere=true",
     "bind=here": "give one like bind=127.0.0.1:9002",
-    "outputs=[1,2]": "give 8 different numbers from 1 to 32",
-    "outputs=[1,2,3,4,5,6,7,7]": "give 8 different numbers",
+    "outputs=[1,2]": "give a list of length 8, from 1 to 32",
+    "outputs=[1,2,3,4,5,6,7,7]": "give a list of length 8",
     "vehicle=submarine": "no vehicle named 'submarine'",
     "+scenario=sunshine": "no scenario named 'sunshine'",
     "start.down=1e9": "start.down is",
