@@ -63,9 +63,7 @@ class Lockstep:
         servos = parse(packet)
         if servos is None:
             self.counts["garbage"] += 1
-            self._say_once(
-                "garbage", f"{sender} sent what is no servo packet, of length {len(packet)}: no answer"
-            )
+            self._say_once("garbage", f"{sender} sent what is no servo packet, of length {len(packet)}: no answer")
             return None
         now = self._clock()
         if sender != self._peer:
@@ -120,8 +118,8 @@ class Lockstep:
 def _undriven(outputs: Sequence[int], came: int) -> str:
     thruster = next(n for n, output in enumerate(outputs, start=1) if output > came)
     return (
-        f"outputs come up to number {came}, and thruster {thruster} is driven by output {outputs[thruster - 1]}: it stands "
-        "still; set SERVO_32_ENABLE to 1, or give other outputs="
+        f"outputs come up to number {came}, and thruster {thruster} is driven by output {outputs[thruster - 1]}: "
+        "it stands still; set SERVO_32_ENABLE to 1, or give other outputs="
     )
 
 

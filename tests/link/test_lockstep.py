@@ -108,7 +108,7 @@ def test_an_output_that_does_not_come_stands_still_and_is_named(vehicle, caplog)
     for frame in range(2):
         link.send(frame, (1900,) * 16)
     assert link.lockstep.plant.moment.thrust[0, 7] == 0 < link.lockstep.plant.moment.thrust[0, 6]
-    assert [record.message[:56] for record in caplog.records if record.levelname == "WARNING"] == [
+    assert [record.message[:69] for record in caplog.records if record.levelname == "WARNING"] == [
         "outputs come up to number 16, and thruster 8 is driven by output 20: "
     ]
 
