@@ -18,8 +18,8 @@ from benchmarks.rows import Rows
 DOCS = PROJECT / "docs"
 Age = Callable[[str, Iterable[str]], int | None]  # of a commit, in commits that touched some paths; None: not there
 
-# How many commits may touch what a table measures before it is flown anew: a busy day, of which most commits change words
-# and shapes.
+# How many commits may touch what a table measures before it is flown anew: a busy day, whose commits mostly change
+# words and shapes.
 QUICK = 90  # flown in minutes
 LONG = 200  # half an hour of all methods, of which one is the diagnosis: three days
 # The diagnosis changes by 50 to 80 commits a day, and a sealed run takes up to an hour: two days.
