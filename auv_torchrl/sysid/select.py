@@ -222,12 +222,11 @@ class _Search:
 
     def _fit(self, hypothesis: Hypothesis, values: Floats, near: Path) -> Fit:
         """The hypothesis fitted from values (P,), its windows where the measured motion begins, without disturbance."""
-        found = fit(self._problem, self._with(hypothesis), values, replace(near, bins=self._problem.calm()))
+        found = fit(
+            self._problem, replace(self._prior, hypothesis=hypothesis), values, replace(near, bins=self._problem.calm())
+        )
         self._fits.append(found)
         return found
-
-    def _with(self, hypothesis: Hypothesis) -> Prior:
-        return Prior(self._prior.model, hypothesis, self._prior.mean, self._prior.covariance)
 
     def _total(self, hypothesis: Hypothesis, log_evidence: float) -> float:
         return log_evidence + log_prior(hypothesis, self._candidates)

@@ -82,12 +82,6 @@ class Windows:
         """(W, m) s from the start of its window to each sample."""
         return (self.index + self.fraction) * self.dt
 
-    def subset(self, chosen: np.ndarray | slice) -> "Windows":
-        """Some of the windows."""
-        names = ["inputs", "index", "fraction", "measured", "trust", "record"]
-        names += [] if self.whitening is None else ["whitening"]
-        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
-
     def at_samples(self, on_grid: Floats) -> Floats:
         """Values (W, R, m, C) at the times of the samples, of values (W, R, S + 1, C) on the grid."""
         at = self.index[:, None, :, None]
