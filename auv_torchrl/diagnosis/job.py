@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input
 from auv_torchrl.diagnosis.pipeline import diagnose
-from auv_torchrl.diagnosis.report import named_files, summary_table, write_files
+from auv_torchrl.diagnosis.report import decision_table, named_files, summary_table, write_files
 from auv_torchrl.diagnosis.request import read_request
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.progress import Progress
@@ -34,5 +34,7 @@ def answer(config: DictConfig) -> None:
         )
     folder = Path(HydraConfig.get().runtime.output_dir)
     log.info("\n%s\n", summary_table(diagnosis, request.said))  # before the files, so that a full disk does not keep it
+    if config.explain:
+        log.info("%s\n", decision_table(diagnosis))
     written = write_files(diagnosis, request.vehicle, folder, replace=True)  # of an unfinished run; others are refused
     log.info("%s are in %s", named_files(written), folder)

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from auv_torchrl.diagnosis.calibrate.draft import draft
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_free, work_out
 from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
@@ -17,18 +15,16 @@ from auv_torchrl.diagnosis.identify.attitude import (
     is_hidden,
     level_enough,
 )
-from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likelihood
+from auv_torchrl.diagnosis.identify.judged import Judged, log_likelihood
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
-from auv_torchrl.diagnosis.identify.refine import Progress, explains
-from auv_torchrl.diagnosis.identify.search import search, tidied
+from auv_torchrl.diagnosis.identify.search import Progress, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, NEAR, POLISHED, TILTS_MATTER
+from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, SIMULATED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
@@ -67,8 +63,7 @@ def look(
     problem = Problem.of(
         cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known
     )
-    hints, others, below = (hints_of(seen.found), *_worth_flying(seen)) if seen else ((), Others.ALL, np.inf)
-    rival = log_likelihood(seen.found.problem, seen.found.best) if seen else -np.inf
+    begin = hints_of(seen.found) if seen else []
     problem, follow = follow_agreeing(problem)
     if known is not None and known is left:
         problem = under_own_floor(problem, follow)
@@ -77,16 +72,13 @@ def look(
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is not None:
         behind, its_follow = follow_agreeing(Problem.of(problem.windows.subset(onset.behind), own, settings, known))
-        found = search(behind, its_follow, report, hints, others, below)
-        found = found if seen else tidied(found)  # a value that is not needed may be what was not there before
+        found = search(behind, its_follow, report, begin)
         if seen or is_absent(problem, onset, found.best.explanation, own, settings):
-            return Looked(tidied(_search_along(behind, found, report), rival), sound, onset)
-        hints, others, below, promise = _each_once(found.polished)[:POLISHED], Others.NONE, np.inf, found.promise
-        whole = search(problem, follow, report, hints, others, below)
-        whole = tidied(_search_along(problem, whole, report))
-        return Looked(replace(whole, promise=promise), sound)
-    found = search(problem, follow, report, hints, others, below)
-    return Looked(tidied(_search_along(problem, found, report), rival), sound)
+            return Looked(_search_along(behind, found, report), sound, onset)
+        whole = search(problem, follow, report, _each_once(found.fits)[:SIMULATED], further=False)
+        return Looked(_search_along(problem, whole, report), sound)
+    found = search(problem, follow, report, begin)
+    return Looked(_search_along(problem, found, report), sound)
 
 
 def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
@@ -98,9 +90,9 @@ def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
     best = replace(found.best.explanation, slack={})
     if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
         return found
-    hints = _each_once([found.best, *found.polished])[:POLISHED]
-    again = search(*follow_windows(problem, best), report, hints, Others.NONE)
-    return replace(again, promise=found.promise) if again.excess < found.excess else found
+    hints = _each_once([found.best, *found.fits])[:SIMULATED]
+    again = search(*follow_windows(problem, best), report, hints, further=False)
+    return again if again.excess < found.excess else found
 
 
 def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:
@@ -173,7 +165,7 @@ def _fault_of(
 
 def hints_of(found: Found) -> list[Explanation]:
     """The best explanation and the likeliest one by one other effect, without their slack."""
-    return _each_once([found.best, *(j for j in found.polished if len(j.explanation.effects) == 1)])[:HINTS]
+    return _each_once([found.best, *(j for j in found.fits if len(j.explanation.effects) == 1)])[:HINTS]
 
 
 def _each_once(ranked: Sequence[Judged]) -> list[Explanation]:
@@ -183,15 +175,6 @@ def _each_once(ranked: Sequence[Judged]) -> list[Explanation]:
         if judged.explanation.effects:
             once.setdefault(tuple(sorted(judged.explanation.effects)), replace(judged.explanation, slack={}))
     return list(once.values())
-
-
-def _worth_flying(level: Looked) -> tuple[Others, float]:
-    """What to look for on a vehicle free to tilt, and the chi-square per number that it must promise to leave."""
-    if explains(level.found.problem, level.found.best):
-        return Others.SINGLE, NEAR  # two effects would hardly look like others that fit
-    if not leaves_much(level.found.problem, level.found.best):
-        return Others.ALL, np.inf
-    return Others.ALL, max(NEAR, 1 + TILTS_MATTER * (level.found.promise - 1))
 
 
 def judge(found: Found, corrected: bool = False) -> Verdict:

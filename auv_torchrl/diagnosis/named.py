@@ -55,7 +55,7 @@ def leave_one_out(found: Found) -> dict[str, float]:
     shares = {}
     for name in best.explanation.effects:
         rest = set(best.explanation.effects) - {name}
-        others = [j.chi2 for j in found.polished if set(j.explanation.effects) == rest]
+        others = [j.chi2 for j in found.fits if set(j.explanation.effects) == rest]
         worse = min(others, default=nothing)
         shares[name] = float(np.clip((worse - best.chi2) / (nothing - best.chi2), 0.0, 1.0))
     return shares

@@ -63,7 +63,7 @@ def rivals(problem: Problem, found: Found) -> list[tuple[str, str, Explanation]]
     best = found.best
     close = [
         (_called(best.explanation), _called(judged.explanation), judged.explanation)
-        for judged in found.polished
+        for judged in found.fits
         if judged.explanation.effects != best.explanation.effects and judged.evidence > best.evidence - OPEN
     ]
     return [*close, *alternatives(problem, found)]

@@ -14,13 +14,14 @@ from auv_torchrl.diagnosis.calibrate.healthy import noise_findings
 from auv_torchrl.diagnosis.calibrate.kept import Kept
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.configured import configured, said_too
+from auv_torchrl.diagnosis.decision import decide
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
 from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
-from auv_torchrl.diagnosis.identify.refine import Progress
+from auv_torchrl.diagnosis.identify.search import Progress
 from auv_torchrl.diagnosis.lengths import check_lengths, split, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
@@ -111,7 +112,7 @@ def diagnose(
     outcome = Verdict.PARTLY_EXPLAINED if short else verdict  # where the log is right
     verdict = limited(outcome, doubted)
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
-    probability = bounded(effect_probabilities(problem, found, 1.0 if vetoed or short else unknown), doubted)
+    probability = bounded(effect_probabilities(found, 1.0 if vetoed or short else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
     effects = tuple(effect for effect in (*corrected.effects, *effects) if effect.departs)
     findings = (*configured(log, healthy, verdict, effects), *findings)
@@ -138,6 +139,7 @@ def diagnose(
         detectable_with=with_more_flights(found.field, hidden) if verdict is Verdict.NO_GAP else {},
         cannot_tell=cannot_tell(problem, found, hidden),
         findings=findings,
+        decision=decide(found, refuted=bool(vetoed)),
         windows=held_out_windows(predictions, testing),
     )
 

@@ -30,6 +30,7 @@ class DiagnoseSchema(LogsSchema):
     test: Any = MISSING
     dives: bool = MISSING
     alike: bool = MISSING
+    explain: bool = MISSING
     reference: int = MISSING
     each: str = MISSING
     dives_per_false_alarm: float = MISSING

@@ -147,8 +147,14 @@ GROWN = (6, 1)  # explanations by one and by two effects that are grown
 CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close
 
 # What is simulated
-POLISHED = 4  # candidates that are simulated
-TURNED_ROUND = 2.0  # times the chi-square of the best sketch: what simulation may turn round
+SIMULATED = 4  # neighbours that are simulated in a round
+FITTED_FROM = 3  # places at most, from which one explanation is fitted, where each promises more than the fits before,
+SETTLED = 1.0  # by this log evidence
+# Log evidence by which the linear prediction of an explanation may be too low, and share of the log likelihood that is
+# missing: where much is left, slopes hold less far.
+DOUBTED, DOUBTED_SHARE = 5.0, 0.1
+LOOKED_ALONG = 8  # of which values are fitted along the measured motion first
+FAR_BEHIND = 2.0  # times the least chi-square of a search: a fit that is beyond it after a round is left at that
 BROKEN_PROMISE = 10.0  # times what was promised: a fit that ends there began at wrong values
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
 FITTED_ON = 3  # times at most, of rivals, while each gains ...

@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.thresholds import LIKELY, SURE
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding
 from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.sysid.trace import Outcome
 
 NO_MARK = "would leave no mark on this log"  # of an effect, in Diagnosis.cannot_tell
 
@@ -121,6 +122,53 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class Hypothesis:
+    """A set of effects that was looked at; the trace of a diagnosis holds all of them, in order."""
+
+    effects: tuple[str, ...]
+    parameters: dict[str, float]  # by effect.parameter
+    log_evidence: float | None  # natural logarithm; None where its simulation diverges
+    log_prior: float
+    misfit: float | None  # chi-square per measured number, 1 is noise alone; None likewise
+    proposed: str  # by what
+    outcome: Outcome  # what became of it
+
+    @property
+    def called(self) -> str:
+        """Its effects, or "no effect"."""
+        return " + ".join(self.effects) or "no effect"
+
+    @property
+    def log_posterior(self) -> float:
+        """Log posterior probability, up to what all share."""
+        return -math.inf if self.log_evidence is None else self.log_evidence + self.log_prior
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it was fitted by full simulation."""
+        return self.outcome is not Outcome.PREDICTED
+
+
+@dataclass(frozen=True)
+class Decision:
+    """How a verdict was reached."""
+
+    trace: tuple[Hypothesis, ...] = ()
+    reasons: dict[str, str] = field(default_factory=dict)  # by effect of the library, why it is named or is not
+    next_best: str = ""  # the simulated hypothesis with the next highest posterior
+    apart: dict[str, float] = field(default_factory=dict)  # by channel, share of what tells it from the best one
+
+    @property
+    def best(self) -> Hypothesis | None:
+        """The hypothesis that was kept; None without a trace."""
+        return next((one for one in self.trace if one.outcome is Outcome.KEPT), None)
+
+    def behind(self, one: Hypothesis) -> float:
+        """Log units by which a hypothesis is less probable than the best one."""
+        return 0.0 if self.best is None else self.best.log_posterior - one.log_posterior
+
+
+@dataclass(frozen=True)
 class NextExperiment:
     """A manoeuvre that would separate what this log leaves open."""
 
@@ -211,4 +259,5 @@ class Diagnosis:
     detectable_with: dict[int, dict[str, Estimate]] = field(default_factory=dict)  # by number of healthy flights
     cannot_tell: tuple[str, ...] = ()  # sentences: axes not measured, thrusters not excited, parameters at a bound
     findings: tuple[Finding, ...] = ()  # about the log
+    decision: Decision = Decision()  # how this was decided
     windows: tuple[Window, ...] = field(default=(), compare=False)  # not in diagnosis.json but in predictions.parquet

@@ -7,7 +7,7 @@ from scipy.stats import chi2 as chi_square
 
 from auv_torchrl.sysid.fit import Fit
 from auv_torchrl.sysid.model import Parameter
-from auv_torchrl.sysid.select import Selection
+from auv_torchrl.sysid.trace import SearchTrace
 
 Z95 = 1.96  # standard deviations: half of an interval that holds 95 % of a normal distribution
 NEAR = 3.0  # log units between hypotheses that a log does not tell apart: odds of 20 to 1
@@ -38,23 +38,25 @@ class Interval:
         return f"{self.parameter.name} {self.value:.3g} ({self.low:.3g} to {self.high:.3g}){unit}"
 
 
-def probabilities(selection: Selection) -> dict[str, float]:
+def probabilities(trace: SearchTrace, tempering: float = 1.0, nothing: str | None = None) -> dict[str, float]:
     """Posterior probability of each candidate that was looked at: the sum over the hypotheses that hold it.
+
+    Args:
+        trace: of a search.
+        tempering: of the log posterior; 1 where noise and model are exact.
+        nothing: what the hypothesis without a candidate is called; without a name it is left out.
 
     Hypotheses that were not simulated count by their linear prediction. A hypothesis that was looked at from several
     values counts once, by the best.
     """
-    best: dict[tuple[str, ...], float] = {}
-    for record in selection.trace.records:
-        if np.isfinite(record.log_posterior):
-            best[record.names] = max(record.log_posterior, best.get(record.names, -np.inf))
-    weights = np.array(list(best.values()))
+    best = trace.best_of_each
+    weights = tempering * np.array(list(best.values()))
     share = np.exp(weights - weights.max())
     share /= share.sum()
-    found = {name: 0.0 for record in selection.trace.records for name in record.names}
+    found = {name: 0.0 for record in trace.records for name in record.names}
     for names, part in zip(best, share, strict=True):
-        for name in names:
-            found[name] += float(part)
+        for name in names or ((nothing,) if nothing else ()):
+            found[name] = found.get(name, 0.0) + float(part)
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
@@ -72,12 +74,10 @@ def intervals(fit: Fit) -> list[Interval]:
     return found
 
 
-def indistinguishable(selection: Selection) -> list[tuple[str, ...]]:
+def indistinguishable(trace: SearchTrace) -> list[tuple[str, ...]]:
     """Hypotheses that are nearly as probable as the best, most probable first, the best among them."""
-    best: dict[tuple[str, ...], float] = {}
-    for record in selection.trace.records:
-        if record.simulated:
-            best[record.names] = max(record.log_posterior, best.get(record.names, -np.inf))
+    simulated = SearchTrace(tuple(record for record in trace.records if record.simulated))
+    best = simulated.best_of_each
     top = max(best.values())
     near = [names for names, value in best.items() if top - value < NEAR]
     return sorted(near, key=lambda names: -best[names])

@@ -1,8 +1,7 @@
-"""Which changes of a model a log asks for: forward selection, backward elimination, and the trace of both."""
+"""Which changes of a model a log asks for: forward selection and backward elimination, by linear prediction and fit."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 
@@ -11,94 +10,14 @@ from auv_torchrl.sysid.linear import Linearised, reduced_quadratic, sensitivitie
 from auv_torchrl.sysid.model import Floats
 from auv_torchrl.sysid.path import Path, Problem
 from auv_torchrl.sysid.prior import Candidate, Hypothesis, Prior, log_prior
+from auv_torchrl.sysid.search import Proposal, Search, Way
 from auv_torchrl.sysid.smooth import follow
+from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
 
 FITTED_EACH_ROUND = 4  # candidates that are simulated in a round of forward selection, the best by linear prediction
 DOUBTED = 1.0  # log units by which the linear prediction of a small change may be too low,
 DOUBTED_SHARE = 0.1  # and share of the log likelihood that is missing: where much is left, slopes hold less far
 MOST_AT_ONCE = 6  # candidates of a hypothesis: more than that is a file that is wrong, not faults
-
-
-class Outcome(Enum):
-    """What became of a hypothesis; the value is the phrase that a person reads."""
-
-    KEPT = "kept: no other hypothesis has a higher posterior"
-    STEP = "kept on the way: a later one has more"
-    NO_GAIN = "dropped: the log does not pay for what it adds"
-    BEATEN = "dropped: another candidate of the same round has more"
-    ELIMINATED = "tried without this candidate, and put back: the log pays for it"
-    LEANER = "kept on the way: the log does not pay for what was taken away"
-    PREDICTED = "not simulated: the linear prediction promises too little"
-
-
-@dataclass(frozen=True)
-class Record:
-    """A hypothesis that was looked at."""
-
-    names: tuple[str, ...]
-    values: dict[str, float]  # of the parameters that its candidates set
-    log_evidence: float  # of the fit, or of the linear prediction where nothing was simulated
-    log_prior: float
-    misfit: float  # reduced chi-square
-    proposed: str  # by what
-    outcome: Outcome
-
-    @property
-    def log_posterior(self) -> float:
-        """Log posterior probability, up to what all hypotheses share."""
-        return self.log_evidence + self.log_prior
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the hypothesis was fitted by full simulation."""
-        return self.outcome is not Outcome.PREDICTED
-
-
-@dataclass(frozen=True)
-class SearchTrace:
-    """Every hypothesis that was looked at, in order."""
-
-    records: tuple[Record, ...]
-
-    @property
-    def best(self) -> Record:
-        """The hypothesis that was kept."""
-        return next(record for record in self.records if record.outcome is Outcome.KEPT)
-
-    @property
-    def runner_up(self) -> Record | None:
-        """The simulated hypothesis with the next highest posterior; None where there is no other."""
-        others = [record for record in self.records if record.simulated and record.names != self.best.names]
-        return max(others, key=lambda record: record.log_posterior, default=None)
-
-    def why(self, name: str) -> str:
-        """Why a candidate is part of the best hypothesis, or is not.
-
-        Raises:
-            KeyError: for a name that no hypothesis has.
-        """
-        having = [record for record in self.records if name in record.names]
-        if not having:
-            raise KeyError(f"no candidate {name!r} was looked at")
-        best = self.best
-        if name in best.names:
-            without = [record for record in self.records if record.simulated and name not in record.names]
-            other = max(without, key=lambda record: record.log_posterior)
-            gain = best.log_posterior - other.log_posterior
-            return f"{name}: kept; the best hypothesis without it ({_called(other)}) is {gain:.1f} log units behind"
-        nearest = max(having, key=lambda record: record.log_posterior)
-        behind = best.log_posterior - nearest.log_posterior
-        how = "simulated" if nearest.simulated else "predicted linearly"
-        return f"{name}: {_called(nearest)}, {how}, is {behind:.1f} log units behind; {nearest.outcome.value}"
-
-    def table(self) -> list[str]:
-        """Lines for people: the simulated hypotheses, in order."""
-        lines = [f"{'hypothesis':<36} {'log evidence':>12} {'misfit':>7}  outcome"]
-        for record in self.records:
-            if record.simulated:
-                what = _called(record)
-                lines.append(f"{what:<36} {record.log_evidence:>12.1f} {record.misfit:>7.2f}  {record.outcome.value}")
-        return lines
 
 
 @dataclass(frozen=True)
@@ -130,123 +49,108 @@ def select(
     return _Search(problem, tuple(candidates), prior or Prior(problem.model, Hypothesis()), progress).run(begin)
 
 
-class _Search:
-    """A search on its way: it gathers records and fits."""
+class _Search(Search["Prediction", Fit]):
+    """A search by the reduced quadratic about the motion that was measured."""
 
     def __init__(
         self, problem: Problem, candidates: tuple[Candidate, ...], prior: Prior, progress: Callable[[str], None]
-    ):
+    ) -> None:
+        super().__init__()
         self._problem, self._candidates, self._prior, self._progress = problem, candidates, prior, progress
-        self._records: list[Record] = []
-        self._fits: list[Fit] = []
+        self._measured = follow(problem, prior.center)
 
     def run(self, begin: Fit | None) -> Selection:
         """From nothing, or from a hypothesis, to the best one."""
-        measured = follow(self._problem, self._prior.center)
-        best = self._fit(Hypothesis(), self._prior.center, measured.path)
-        self._note(best, "the beginning", Outcome.STEP)
+        best = self.note(self._fitted(Hypothesis(), self._prior.center), "the beginning")
         if begin is not None and begin.names:
-            measured = follow(self._problem, begin.values)
-            again = self._fit(begin.prior.hypothesis, begin.values, measured.path)
-            self._note(again, "the search under other noise", Outcome.STEP)
-            best = self._backward(max(best, again, key=self._posterior))
-        while len(best.names) < MOST_AT_ONCE:
-            larger = self._forward(best, measured)
-            if larger is None:
-                break
-            best = self._backward(larger)
-            measured = follow(self._problem, best.values, measured.path)
-        kept = [
-            replace(record, outcome=Outcome.KEPT)
-            if record.simulated and record.names == best.names and record.log_evidence == best.log_evidence
-            else record
-            for record in self._records
-        ]
-        return Selection(self._problem, best, tuple(self._fits), SearchTrace(tuple(kept)))
+            self._measured = follow(self._problem, begin.values)
+            again = self._fitted(begin.prior.hypothesis, begin.values)
+            best = max(best, self.note(again, "the search under other noise"), key=self.posterior)
+        best = self.climb(best)
+        return Selection(self._problem, best, tuple(self.fits), self.trace(best))
 
-    def _forward(self, best: Fit, measured: Linearised) -> Fit | None:
-        """The best of the hypotheses with one more candidate; None where none has a higher posterior."""
+    def neighbours(self, way: Way, best: Fit) -> Sequence[Proposal["Prediction"]]:
+        """With one candidate more, or one less."""
+        return self._larger(best) if way is Way.LARGER else self._smaller(best)
+
+    def fit(self, proposal: Proposal["Prediction"], best: Fit) -> Fit:
+        """See :meth:`Search.fit`."""
+        what = proposal.what
+        self._progress(f"trying {proposal.promised.called}")
+        return self._fitted(what.hypothesis, what.values)
+
+    def record(self, fitted: Fit, proposed: str, outcome: Outcome) -> Record:
+        """See :meth:`Search.record`."""
+        hypothesis = fitted.prior.hypothesis
+        return self._worth(hypothesis, fitted.values, fitted.log_evidence, fitted.misfit, proposed, outcome)
+
+    def settled(self, best: Fit) -> Fit:
+        """The fit as it is; the motion is measured again under its values, for the rounds that follow."""
+        self._measured = follow(self._problem, best.values, self._measured.path)
+        return best
+
+    def _larger(self, best: Fit) -> list[Proposal["Prediction"]]:
+        """Hypotheses with one more candidate, a few of which are simulated."""
         hypothesis = best.prior.hypothesis
+        if len(best.names) >= MOST_AT_ONCE:
+            return []
         open_ones = [candidate for candidate in self._candidates if not hypothesis.overlaps(candidate)]
         # Slopes at far values say little about small changes, and the other way round: the better of both counts.
         near = {one.name: one.near(best.values, self._problem.model) for one in open_ones if not one.fixed}.values()
-        promised = self._best_of_each(predict(self._problem, best, measured, [*open_ones, *near]))
-        here = self._total(hypothesis, best.log_evidence)
+        here = self.posterior(best)
         doubt = DOUBTED + DOUBTED_SHARE * max(0.0, best.chi2 - best.numbers) / 2
-        tried: list[tuple[Fit, str]] = []
-        left: list[tuple[Prediction, str]] = []
-        for number, one in enumerate(promised):
-            gain = self._total(one.hypothesis, one.log_evidence) - here
+        promised: dict[tuple[str, ...], tuple[Prediction, Record]] = {}
+        for one in predict(self._problem, best, self._measured, [*open_ones, *near]):
+            record = self._worth(
+                one.hypothesis, one.values, one.log_evidence, one.misfit, "forward selection", Outcome.PREDICTED
+            )
+            if record.names not in promised or record.log_posterior > promised[record.names][1].log_posterior:
+                promised[record.names] = one, record
+        ranked = sorted(promised.values(), key=lambda pair: -pair[1].log_posterior)
+        found = []
+        for number, (one, record) in enumerate(ranked):
+            gain = record.log_posterior - here
             how = f"forward selection; its linear prediction gains {gain:.1f}"
-            if number < FITTED_EACH_ROUND and gain > -doubt:
-                self._progress(f"trying {' + '.join(one.hypothesis.names)}")
-                tried.append((self._fit(one.hypothesis, one.values, measured.path), how))
-            else:
-                left.append((one, how))
-        # Linear predictions of one round are compared with each other: all share what is wrong with their quadratic.
-        kept = max((found.log_evidence for found, _ in tried), default=best.log_evidence)
-        too_high = max((p.log_evidence for p in promised[: len(tried)]), default=best.log_evidence) - kept
-        self._records += [self._predicted(one, max(0.0, too_high), how) for one, how in left]
-        if not tried:
-            return None
-        winner = max((found for found, _ in tried), key=self._posterior)
-        better = self._posterior(winner) > self._posterior(best)
-        for found, how in tried:
-            beaten = Outcome.BEATEN if better else Outcome.NO_GAIN
-            self._note(found, how, Outcome.STEP if better and found is winner else beaten)
-        return winner if better else None
-
-    def _best_of_each(self, promised: list["Prediction"]) -> list["Prediction"]:
-        """By hypothesis the prediction with the highest posterior, the highest first."""
-        best: dict[tuple[str, ...], Prediction] = {}
-        for one in sorted(promised, key=lambda one: -self._total(one.hypothesis, one.log_evidence)):
-            best.setdefault(one.hypothesis.names, one)
-        return list(best.values())
-
-    def _backward(self, best: Fit) -> Fit:
-        """The hypothesis without the candidates that the log does not pay for."""
-        for name in best.names if len(best.names) > 1 else ():
-            smaller = best.prior.hypothesis.without(name)
-            if any(record.simulated and record.names == smaller.names for record in self._records):
-                continue  # its posterior is known, and the search went on from there
-            self._progress(f"trying without {name}")
-            begin = replace(best.prior, hypothesis=smaller).begin()
-            kept = {place for one in smaller.candidates for place in map(self._problem.model.place, one.values)}
-            begin = np.where([place in kept for place in range(len(begin))], best.values, begin)
-            found = self._fit(smaller, begin, best.linear.path)
-            pays = self._posterior(best) > self._posterior(found)
-            self._note(found, f"backward elimination of {name}", Outcome.ELIMINATED if pays else Outcome.LEANER)
-            if not pays:
-                return self._backward(found)
-        return best
-
-    def _fit(self, hypothesis: Hypothesis, values: Floats, near: Path) -> Fit:
-        """The hypothesis fitted from values (P,), its windows where the measured motion begins, without disturbance."""
-        found = fit(
-            self._problem, replace(self._prior, hypothesis=hypothesis), values, replace(near, bins=self._problem.calm())
-        )
-        self._fits.append(found)
+            simulate = number < FITTED_EACH_ROUND and gain > -doubt
+            found.append(Proposal(one, replace(record, proposed=how), simulate))
         return found
 
-    def _total(self, hypothesis: Hypothesis, log_evidence: float) -> float:
-        return log_evidence + log_prior(hypothesis, self._candidates)
+    def _smaller(self, best: Fit) -> list[Proposal["Prediction"]]:
+        """Hypotheses without one of several candidates, but for those that were fitted before."""
+        found = []
+        known = {record.names for record in self.records if record.simulated}
+        for name in best.names if len(best.names) > 1 else ():
+            smaller = best.prior.hypothesis.without(name)
+            if smaller.names in known:
+                continue
+            begin = replace(best.prior, hypothesis=smaller).begin()
+            kept = {place for one in smaller.candidates for place in map(self._problem.model.place, one.values)}
+            values = np.where([place in kept for place in range(len(begin))], best.values, begin)
+            how = f"backward elimination of {name}"
+            one = Prediction(smaller, values, best.log_evidence, best.misfit)
+            record = self._worth(smaller, values, best.log_evidence, best.misfit, how, Outcome.PREDICTED)
+            found.append(Proposal(one, record))
+        return found
 
-    def _posterior(self, found: Fit) -> float:
-        return self._total(found.prior.hypothesis, found.log_evidence)
+    def _fitted(self, hypothesis: Hypothesis, values: Floats) -> Fit:
+        """The hypothesis fitted from values (P,), its windows where the measured motion begins, without disturbance."""
+        near: Path = self._measured.path
+        prior = replace(self._prior, hypothesis=hypothesis)
+        return fit(self._problem, prior, values, replace(near, bins=self._problem.calm()))
 
-    def _note(self, found: Fit, proposed: str, outcome: Outcome) -> None:
-        names = [name for candidate in found.prior.hypothesis.candidates for name in candidate.values]
-        values = {name: float(found.values[self._problem.model.place(name)]) for name in names}
-        weight = log_prior(found.prior.hypothesis, self._candidates)
-        record = Record(found.names, values, found.log_evidence, weight, found.misfit, proposed, outcome)
-        self._records.append(record)
-
-    def _predicted(self, one: "Prediction", too_high: float, proposed: str) -> Record:
-        names = [name for candidate in one.hypothesis.candidates for name in candidate.values]
-        values = {name: float(one.values[self._problem.model.place(name)]) for name in names}
-        weight = log_prior(one.hypothesis, self._candidates)
-        evidence = one.log_evidence - too_high
-        return Record(one.hypothesis.names, values, evidence, weight, one.misfit, proposed, Outcome.PREDICTED)
+    def _worth(
+        self,
+        hypothesis: Hypothesis,
+        values: Floats,
+        log_evidence: float,
+        misfit: float,
+        proposed: str,
+        outcome: Outcome,
+    ) -> Record:
+        names = [name for candidate in hypothesis.candidates for name in candidate.values]
+        set_to = {name: float(values[self._problem.model.place(name)]) for name in names}
+        weight = log_prior(hypothesis, self._candidates)
+        return Record(hypothesis.names, set_to, log_evidence, weight, misfit, proposed, outcome)
 
 
 @dataclass(frozen=True)
@@ -335,7 +239,3 @@ def _promise(prior: Prior, begin: Floats, constant: float, b: Floats, A: Floats)
     values[at] += step * prior.widths[at]
     chi2 = float(constant - 2 * b @ step + step @ A @ step) + prior.cost(values)
     return values, prior.log_evidence(chi2, curvature), chi2
-
-
-def _called(record: Record) -> str:
-    return " + ".join(record.names) or "nothing"

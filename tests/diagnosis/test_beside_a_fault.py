@@ -3,12 +3,11 @@
 import pytest
 
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate
-from auv_torchrl.diagnosis.identify.candidates import Others
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.search import search, tidied
+from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.identify.steps import parted_from_slack
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from tests.diagnosis.flown_logs import fly
@@ -32,7 +31,7 @@ def searched(sound, values, knobs):
     log = fly(apply_values(OWN, {"added_mass": {"scale_yaw": 0.98}}), values, seed=5, episodes=3, seconds=20.0)
     windows = cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
     problem, follow = follow_windows(Problem.of(windows, sound.vehicle, SETTINGS, sound.known))
-    return tidied(search(problem, follow, lambda *_: None, [Explanation(knobs)], Others.NONE))
+    return search(problem, follow, lambda *_: None, [Explanation(knobs)], further=False)
 
 
 def test_what_flights_differ_by_is_not_named_beside_a_fault(sound):

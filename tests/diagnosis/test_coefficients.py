@@ -31,6 +31,7 @@ from auv_torchrl.flightlog import join
 from auv_torchrl.paths import config_names
 from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.scenario import read_scenario
+from auv_torchrl.sysid import Outcome, SearchTrace
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.real.bluerov2 import TEST, TO_BEAT, VEHICLE, figures, read_runs
 
@@ -211,15 +212,17 @@ def test_a_calibration_that_does_not_carry_over_is_vetoed(monkeypatch):
 def test_what_predicts_worse_is_vetoed(monkeypatch):
     """An explanation that predicts held-out flight worse than the vehicle as it was given is not named."""
     module = sys.modules["auv_torchrl.diagnosis.look"]
-    tidied = module.tidied
+    right = module.search
 
     def misled(*how):
-        found = tidied(*how)
+        found = right(*how)
         wrong = Explanation((Knob("buoyancy", ("force",), 20.0),))
         judged = fit_by_simulation(found.problem, wrong, found.follow, rounds=0)
-        return replace(found, best=judged, polished=[judged, *found.polished])
+        record = replace(found.trace.best, names=("buoyancy",))
+        trace = SearchTrace((*(replace(one, outcome=Outcome.STEP) for one in found.trace.records), record))
+        return replace(found, best=judged, fits=(judged, *found.fits), trace=trace)
 
-    monkeypatch.setattr(module, "tidied", misled)
+    monkeypatch.setattr(module, "search", misled)
     log = fly(GIVEN, {}, seed=4, episodes=3, seconds=10.0)
     found = diagnose(log, GIVEN, settings=SETTINGS)
     assert "vetoed" in {finding.code for finding in found.findings}

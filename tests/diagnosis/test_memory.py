@@ -17,8 +17,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import search, tidied
-from auv_torchrl.diagnosis.identify.small import is_minor
+from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion import slopes
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.slopes import Slopes
@@ -112,21 +111,21 @@ def test_slopes_that_were_let_go_come_back_the_same(followed, monkeypatch):
     whole = search(problem, base, lambda *_: None)
     monkeypatch.setattr(slopes, "HELD", 0)
     frugal = search(problem, base, lambda *_: None)
-    held = [judged for judged in frugal.polished if judged.base.state.slopes.is_held]
-    assert len(held) <= 1 < len(frugal.polished)
-    assert [judged.chi2 for judged in frugal.polished] == [judged.chi2 for judged in whole.polished]
+    held = [judged for judged in frugal.fits if judged.base.state.slopes.is_held]
+    assert len(held) <= 1 < len(frugal.fits)
+    assert [judged.chi2 for judged in frugal.fits] == [judged.chi2 for judged in whole.fits]
     np.testing.assert_array_equal(frugal.best.base.state.slope, whole.best.base.state.slope)
 
 
 def test_what_lost_keeps_its_motion_and_no_slopes(followed):
     """Explanations that were simulated and lost can be compared with and begun from, and hold no slopes any more."""
     problem, base = followed
-    found = tidied(search(problem, base, lambda *_: None))
-    lost = [judged for judged in found.polished if judged is not found.best and judged is not found.none]
+    found = search(problem, base, lambda *_: None)
+    lost = [judged for judged in found.fits if judged is not found.best and judged is not found.none]
     assert found.best.base.state.slope.size and found.none.base.state.slope.size
     assert lost
     for judged in lost:
         assert not judged.base.state.slope.size and judged.slack_marks is None
-        assert not is_minor(problem, judged) or judged.base.motion.shape[0] == len(problem.windows)
+        assert judged.base.motion.shape[0] == len(problem.windows)
     again = fit_by_simulation(problem, replace(lost[0].explanation, slack={}), lost[0].base, rounds=0)
     assert again.base.state.slope.shape == found.none.base.state.slope.shape

@@ -24,7 +24,7 @@ def named_effect(monkeypatch):
     knobs = Knob("thruster_gain", everyone, 0.8), Knob("thruster_gain", ("gain_2",), 0.5)
     covariance = np.array([[0.01**2, -0.5e-4], [-0.5e-4, 0.02**2]])
     best = SimpleNamespace(explanation=Explanation(knobs), covariance=covariance, chi2=100.0)
-    found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), polished=[])
+    found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), fits=())
     exact = SimpleNamespace(errors=SampleErrors())
     problem: Any = SimpleNamespace(vehicle=PAPER, known=None, windows=exact)
     monkeypatch.setattr(named, "as_sure", lambda _, judged: (judged.explanation, judged.covariance))

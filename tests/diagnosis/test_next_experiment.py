@@ -35,7 +35,7 @@ def found(marked, *knobs) -> Any:
     """As much of a search's outcome as is looked at: one explanation without rivals."""
     _, field, follow = marked
     judged = SimpleNamespace(explanation=Explanation(knobs), evidence=0.0, chi2=100.0)
-    return SimpleNamespace(best=judged, polished=[judged], field=field, follow=follow)
+    return SimpleNamespace(best=judged, fits=[judged], field=field, follow=follow)
 
 
 def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
@@ -54,7 +54,7 @@ def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
 def test_explanations_of_several_effects_or_none_can_be_told_apart_by_eye(marked):
     """The names of two explanations are quoted, and effects that act together are joined by a plus."""
     both = found(marked, Knob("battery_sag", ("rate",), 0.4), Knob("thruster_gain", ("gain_5",), 0.4))
-    both.polished.append(SimpleNamespace(explanation=Explanation(()), evidence=-1.0))
+    both.fits.append(SimpleNamespace(explanation=Explanation(()), evidence=-1.0))
     plan = choose_experiment(marked[0], both, Verdict.EXPLAINED, Where())
     assert plan is not None
     assert "tells “battery sag + thruster gain” and “no effect” apart, by" in plan.why

@@ -11,11 +11,10 @@ from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.gauge import hold_scale
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, rescued
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, fitted_on, rescued
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likelihood, slack_now
-from auv_torchrl.diagnosis.identify.leaner import until_still
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import MOSTLY_LOST, NEAR
@@ -123,7 +122,7 @@ def follow_flight(windows: Windows, own: Vehicle, settings: Settings, known: Kno
     """
     problem, follow = follow_windows(Problem.of(windows, own, settings, known))
     judged = rescued(problem, fit_by_simulation(problem, Explanation(), follow), follow)
-    return problem, until_still(problem, judged) if leaves_much(problem, judged) else judged
+    return problem, fitted_on(problem, judged) if leaves_much(problem, judged) else judged
 
 
 def _shown(about: Centred, told: Sequence[Told], hides: bool) -> tuple[Centred, tuple[float, ...], float]:

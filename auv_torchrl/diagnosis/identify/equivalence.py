@@ -29,7 +29,7 @@ def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], 
 def _rivals(found: Found) -> list[tuple[str, str]]:
     best = set(found.best.explanation.effects)
     pairs = []
-    for judged in found.polished:
+    for judged in found.fits:
         other = set(judged.explanation.effects)
         mine, theirs = best - other, other - best
         if len(mine) == len(theirs) == 1 and judged.chi2 < found.best.chi2 + NOT_EXCLUDED:

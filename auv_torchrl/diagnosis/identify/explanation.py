@@ -35,6 +35,11 @@ class Explanation:
         return tuple(dict.fromkeys(knob.effect for knob in self.knobs))
 
     @property
+    def alone(self) -> "Explanation":
+        """The effects without slack."""
+        return replace(self, slack={})
+
+    @property
     def fitted(self) -> tuple[Knob, ...]:
         """The knobs with a continuous value."""
         return tuple(knob for knob in self.knobs if not knob.discrete)

@@ -22,7 +22,15 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
 from auv_torchrl.diagnosis.motion.white_noise import sensor_noise
-from auv_torchrl.diagnosis.thresholds import GAINS_AGAIN, NOISE_MATTERS, RELINEARISED, SAME_SKETCH, SKETCHED
+from auv_torchrl.diagnosis.thresholds import (
+    FITTED_ON,
+    GAINS_AGAIN,
+    NOISE_MATTERS,
+    RELINEARISED,
+    SAME_SKETCH,
+    SKETCHED,
+    STILL_GAINS,
+)
 
 SKETCH_STEPS = 6  # at most
 
@@ -74,6 +82,16 @@ def fit_along_motion(problem: Problem, explanation: Explanation, follow: Base, e
         if gained < SKETCHED * trial.chi2 or best.chi2 - 2 * gained > enough:
             break
     return replace(best, slack_marks=None)
+
+
+def fitted_on(problem: Problem, judged: Judged) -> Judged:
+    """An explanation fitted on while that gains something, in units of what it leaves anyway."""
+    for _ in range(FITTED_ON):
+        further = fit_by_simulation(problem, judged.explanation, judged.base)
+        if not further.evidence > judged.evidence + STILL_GAINS * max(1.0, judged.excess):
+            break
+        judged = further
+    return judged
 
 
 def rescued(problem: Problem, judged: Judged, follow: Base, enough: float = np.inf) -> Judged:

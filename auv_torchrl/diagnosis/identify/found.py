@@ -8,21 +8,21 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.fit import reassess
 from auv_torchrl.diagnosis.identify.judged import Base, Judged
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.screen import Field, Screened
+from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.sysid.trace import SearchTrace
 
 
 @dataclass(frozen=True)
 class Found:
-    """The explanations of a log, simulated and screened, the best of them, and what they rest on."""
+    """The explanations of a log that were simulated, the best of them, and what they rest on."""
 
     problem: Problem  # with the sensor noise that was found
     follow: Base  # nominal vehicle, the gap in a free force
     none: Judged
     best: Judged
-    polished: list[Judged]  # all that were simulated, the best first
-    screened: list[Screened]  # every family alone
-    field: Field  # marks of all changes at the nominal vehicle
-    promise: float  # chi-square per number that the best look along the measured motion leaves; infinite without one
+    fits: tuple[Judged, ...]  # all that were simulated, the highest evidence first
+    field: Field  # responses to all changes at the nominal vehicle
+    trace: SearchTrace
 
     @property
     def excess(self) -> float:

@@ -71,6 +71,10 @@ class Judged:
         """Chi-square per number."""
         return self.chi2 / self.quadratic.numbers
 
+    def set_aside(self) -> "Judged":
+        """A fit that lost: what it is worth and the motion under it, without the slopes that fill the memory."""
+        return replace(self, base=self.base.without_slopes(), slack_marks=None)
+
     @property
     def nothing_left(self) -> bool:
         """Whether nothing is left beyond the noise."""

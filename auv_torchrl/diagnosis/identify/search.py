@@ -1,237 +1,347 @@
-"""Find the explanation: screen everything, polish what could be it, refine the best."""
+"""Which effects a log asks for: neighbours of an explanation, promised along the measured motion, fitted by simulation.
 
-from collections.abc import Sequence
-from dataclasses import replace
+The search itself is that of :mod:`auv_torchrl.sysid.search`. A neighbour has one effect, or one value of an effect,
+more; one less; or another effect in place of one. The reduced quadratic along the measured motion promises each
+neighbour a log evidence, and those that promise most are simulated.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
-from auv_torchrl.diagnosis.identify.candidates import Others, candidates_of
-from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess, rescued
-from auv_torchrl.diagnosis.identify.found import Found
-from auv_torchrl.diagnosis.identify.judged import (
-    Base,
-    Judged,
-    leaves_much,
-    log_likelihood,
-    slack_does,
+from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.fit import (
+    fit_along_motion,
+    fit_by_simulation,
+    fitted_on,
+    measure_noise,
+    reassess,
+    rescued,
 )
-from auv_torchrl.diagnosis.identify.leaner import left_to_slack, until_still
+from auv_torchrl.diagnosis.identify.found import Found
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.refine import Progress, explains, from_another, grow, is_worth_a_look
-from auv_torchrl.diagnosis.identify.screen import Field, Screened
-from auv_torchrl.diagnosis.identify.sketches import is_near
-from auv_torchrl.diagnosis.identify.small import is_minor
-from auv_torchrl.diagnosis.identify.tidy import tidy
+from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.identify.steps import bounded_step, change_of_chi2, take_step
 from auv_torchrl.diagnosis.thresholds import (
-    BROKEN_PROMISE,
+    CLOSES,
     CONTENDS,
-    FEW_VALUES,
+    DOUBTED,
+    DOUBTED_SHARE,
+    FAR_BEHIND,
+    FITTED_FROM,
     HOPELESS,
-    LITTLE,
+    LOOKED_ALONG,
     MANY_WINDOWS,
-    POLISHED,
+    MOST_EFFECTS,
+    NEAR,
     REFITTED,
     SEARCHED_WINDOWS,
-    TURNED_ROUND,
+    SETTLED,
+    SIMULATED,
     WORTH_AN_EFFECT,
 )
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.sysid.search import Proposal, Search, Way
+from auv_torchrl.sysid.trace import Outcome, Record
+
+Progress = Callable[[str, float], None]
+Key = tuple[tuple[str, tuple[str, ...], float], ...]
 
 
 def search(
-    problem: Problem,
-    follow: Base,
-    progress: Progress,
-    hints: Sequence[Explanation] = (),
-    others: Others = Others.ALL,
-    below: float = np.inf,
+    problem: Problem, follow: Base, progress: Progress, begin: Sequence[Explanation] = (), further: bool = True
 ) -> Found:
-    """Explain the windows of a problem that ``follow`` has followed, in as many values as it took, see :func:`tidied`.
+    """The explanation with the highest posterior, and all that were looked at on the way to it.
 
-    ``hints`` are simulated first, and ``others`` that the screening finds only where none of the hints explains the log
-    by a few values, and where they promise to leave less than ``below`` of chi-square per number. Of many windows, some
-    are searched, and what is found is fitted to all.
+    What acts shows in a part of a long log: some of its windows are searched, and what is found is fitted to all.
+
+    Args:
+        problem: a log that was followed.
+        follow: its measured motion.
+        progress: called with each step in words and the share of the work behind it.
+        begin: explanations that are simulated first.
+        further: whether effects are added and exchanged, too.
     """
     if len(problem.windows) <= MANY_WINDOWS:
-        return _search(problem, follow, progress, hints, others, below)
+        return _EffectSearch(problem, follow, progress).run(begin, further)
     rows = np.linspace(0, len(problem.windows) - 1, SEARCHED_WINDOWS).astype(int)
     few = Problem.of(problem.given.subset(rows), problem.vehicle, problem.settings, problem.known)
-    found = tidied(_search(*follow_agreeing(few), progress, hints, others, below))
-    return _refit(problem, follow, found, progress)
+    found = _EffectSearch(*follow_agreeing(few), progress).run(begin, further)
+    ranked = [found.best, *(one for one in found.fits if one is not found.best)]
+    chosen = [one.explanation for one in ranked if one.explanation.effects][: 1 + REFITTED]
+    whole = _EffectSearch(problem, follow, progress).run(chosen, further=False)
+    names = whole.trace.best.names
+    if names == found.trace.best.names or not any(one.simulated and one.names == names for one in found.trace.records):
+        return replace(whole, trace=found.trace if names == found.trace.best.names else whole.trace)
+    return replace(whole, trace=found.trace.instead(names, Outcome.STEP))
 
 
-def tidied(found: Found, rival: float = -np.inf) -> Found:
-    """What was found, its best explanation said as simply as the log allows, where it is not far behind a ``rival``.
+@dataclass(frozen=True)
+class Neighbour:
+    """An explanation to fit, and the windows from which its fit begins."""
 
-    The log likelihood of a rival is that of the best explanation of the same log by another vehicle.
+    explanation: Explanation
+    base: Base
+
+    @property
+    def key(self) -> Key:
+        """Which values it sets, whatever they are."""
+        return key_of(self.explanation)
+
+
+class _EffectSearch(Search[Neighbour, Judged]):
+    """A search for effects on its way."""
+
+    def __init__(self, problem: Problem, follow: Base, progress: Progress) -> None:
+        super().__init__()
+        self._problem, self._follow, self._progress = problem, follow, progress
+        self._tried: dict[Key, list[float]] = {}  # log posteriors of the fits of each explanation
+        self._field = Field.of(problem, follow)
+
+    def run(self, begin: Sequence[Explanation], further: bool) -> Found:
+        """From no effect, or the best of those to begin with, to the best explanation."""
+        self._progress("screening effects", 0.4)
+        self.ways = (Way.LARGER, Way.SMALLER, Way.EXCHANGED) if further else (Way.SMALLER,)
+        best = self.note(self._without_effects(), "the beginning")
+        own = [self._follow.explanation] if self._follow.explanation.effects else []
+        for explanation in (*own, *(one for one in begin if one not in own)):
+            given = self._fitted(Neighbour(explanation, self._follow))
+            best = max(best, self.note(given, "given to begin with"), key=self.posterior)
+        if further and best.explanation.effects and leaves_much(self._problem, best):
+            alone = self.better(Way.LARGER, self.fits[0])
+            best = max(best, alone or best, key=self.posterior)
+        best = self._by_plainer_names(self.climb(self.settle(best)))
+        nothing = [one for one in self.fits if not one.explanation.effects]
+        none, trace = max(nothing, key=self.posterior), self.trace(best)
+        self._problem.freedoms.clear()
+        ranked = sorted(self.fits, key=lambda one: -one.evidence)
+        fits = tuple(one if one is best or one is none else one.set_aside() for one in ranked)
+        return Found(self._problem, self._follow, none, best, fits, self._field, trace)
+
+    def neighbours(self, way: Way, best: Judged) -> Sequence[Proposal[Neighbour]]:
+        """See :meth:`Search.neighbours`."""
+        self._progress("comparing explanations", min(0.9, 0.45 + 0.02 * len(self.fits)))
+        for place, one in enumerate(self.fits):  # slopes of what is far behind would fill the memory
+            if one.explanation.effects and self.posterior(one) < self.posterior(best) - CONTENDS:
+                self.fits[place] = one.set_aside()
+        ways = {Way.LARGER: self._larger, Way.SMALLER: self._smaller, Way.EXCHANGED: self._exchanged}
+        return ways[way](best)
+
+    def fit(self, proposal: Proposal[Neighbour], best: Judged) -> Judged:
+        """See :meth:`Search.fit`; what comes near the best is fitted to the end before the two are compared."""
+        fitted = self._fitted(proposal.what)
+        near = self.posterior(best) - CONTENDS < self.posterior(fitted) < self.posterior(best)
+        contends = near and not leaves_much(self._problem, best)
+        return fitted_on(self._problem, fitted) if contends else fitted
+
+    def record(self, fitted: Judged, proposed: str, outcome: Outcome) -> Record:
+        """See :meth:`Search.record`."""
+        return self._record(fitted.explanation, fitted.evidence, fitted.excess, proposed, outcome)
+
+    def settled(self, best: Judged) -> Judged:
+        """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
+
+        The noise is measured again under an explanation that leaves little.
+        """
+        if leaves_much(self._problem, best):
+            return best
+        fitted = fitted_on(self._problem, best)
+        anew = measure_noise(self._problem, fitted)
+        return fitted if anew is self._problem else self._under_other_noise(anew, best, fitted)
+
+    def _without_effects(self) -> Judged:
+        """No effect; where an effect promises far more, the nuisance parameters need not be fitted."""
+        problem, none, numbers = self._problem, self._field.none(), self._field.quadratic.numbers
+        first = max((one.evidence for one in self._field.families()), default=-np.inf)
+        hopeless = none.evidence < first - HOPELESS and none.chi2 > NEAR * numbers
+        fitted = fit_by_simulation(problem, Explanation(), self._follow, rounds=0 if hopeless else 4)
+        return fitted if hopeless else rescued(problem, fitted, self._follow)
+
+    def _fitted(self, what: Neighbour) -> Judged:
+        enough = FAR_BEHIND * min(one.chi2 for one in self.fits)
+        fitted = fit_by_simulation(self._problem, what.explanation, what.base, enough=enough)
+        fitted = rescued(self._problem, fitted, self._follow, enough)
+        self._tried.setdefault(what.key, []).append(self.posterior(fitted))
+        return fitted
+
+    def _is_known(self, proposal: Proposal[Neighbour]) -> bool:
+        """Whether an explanation was fitted before, and promises no more now; fits from elsewhere may end higher."""
+        before = self._tried.get(proposal.what.key, [])
+        return len(before) >= FITTED_FROM or _promised(proposal) < max(before, default=-np.inf) + SETTLED
+
+    def _doubt(self, best: Judged) -> float:
+        """Log evidence that a linear prediction about a fit may be too low by: more where the fit leaves much."""
+        return DOUBTED + DOUBTED_SHARE * max(0.0, best.chi2 - best.quadratic.numbers) / 2
+
+    def _larger(self, best: Judged) -> list[Proposal[Neighbour]]:
+        """With one effect, or one value of an effect, more: as promised about the best fit and the measured motion."""
+        problem, mine = self._problem, set(best.explanation.effects)
+        if len(mine) >= MOST_EFFECTS:
+            return []
+        fields = [(Field.of(problem, best.base), best.base)] if mine else [(self._field, self._follow)]
+        if mine and leaves_much(problem, best):
+            fields.append((Field.of(problem, self._follow, best.explanation), self._follow))
+        promised: dict[Key, Proposal[Neighbour]] = {}
+        for field, base in fields:
+            here = field.none().evidence
+            for one in field.families():
+                what, added = Neighbour(one.explanation, base), set(one.explanation.effects) - mine
+                if self._are_twins(added, mine):
+                    continue
+                how = f"with {_words(added)}" if added else "with more values of what is there"
+                proposal = self._proposal(what, best, one.evidence - here, one.chi2, how)
+                if self._is_known(proposal):
+                    continue
+                if what.key not in promised or _promised(proposal) > _promised(promised[what.key]):
+                    promised[what.key] = proposal
+        ranked = sorted(promised.values(), key=_promised, reverse=True)
+        least = self.posterior(best) - self._doubt(best)
+        likely = [one for one in ranked if _promised(one) > least]
+        if leaves_much(problem, best) and len(likely) > SIMULATED:
+            likely = [*self._looked_along(likely[:LOOKED_ALONG]), *likely[LOOKED_ALONG:]]
+        chosen = [one.what.key for one in likely[:SIMULATED]]
+        rest = [one for one in ranked if one.what.key not in chosen]
+        return [*likely[:SIMULATED], *(replace(one, simulate=False) for one in rest)]
+
+    def _looked_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
+        """Proposals with their values fitted along the measured motion, the likeliest first."""
+        fits = [fit_along_motion(self._problem, one.what.explanation, self._follow) for one in proposals]
+        found = [
+            (fitted.evidence, replace(one, what=replace(one.what, explanation=fitted.explanation.alone)))
+            for fitted, one in zip(fits, proposals, strict=True)
+        ]
+        return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
+
+    def _smaller(self, best: Judged) -> list[Proposal[Neighbour]]:
+        """Without one value or one effect, unless the quadratic of the best fit excludes that."""
+        knobs, here = best.explanation.knobs, self.posterior(best)
+        parts: set[tuple[int, ...]] = {(place,) for place in range(len(knobs))}
+        parts |= {tuple(p for p, knob in enumerate(knobs) if knob.effect == name) for name in best.explanation.effects}
+        found = {places: self._without(best, places) for places in sorted(parts)}
+        together: tuple[int, ...] = ()  # what may go at once, the least needed first
+        for places in sorted(found, key=lambda places: -_promised(found[places])):
+            if _promised(found[places]) > here:
+                more = tuple(sorted({*together, *places}))
+                found[more] = self._without(best, more)
+                together = more if _promised(found[more]) > here else together
+        if len(together) > 1:
+            found = {together: found[together]}
+        likely = [
+            one for one in found.values() if _promised(one) > here - self._doubt(best) and not self._is_known(one)
+        ]
+        return sorted(likely, key=_promised, reverse=True)[:SIMULATED]
+
+    def _without(self, best: Judged, places: tuple[int, ...]) -> Proposal[Neighbour]:
+        """Without the values at some places of the best fit."""
+        knobs, prior = best.explanation.knobs, self._problem.prior
+        explanation, rise = held_at_nominal(self._problem, best, places)
+        gain = prior.structure(explanation) - prior.structure(best.explanation) - 0.5 * rise
+        gone = [f"{knobs[place].effect} {knobs[place].members[0]}" for place in places]
+        how = f"without {_words(gone) if len(gone) < 3 else f'{len(gone)} values'}"
+        return self._proposal(Neighbour(explanation, best.base), best, gain, best.chi2 + rise, how)
+
+    def _exchanged(self, best: Judged) -> list[Proposal[Neighbour]]:
+        """With the likeliest other effect in place of one of several."""
+        effects, found = best.explanation.effects, []
+        for effect in effects if len(effects) > 1 and not leaves_much(self._problem, best) else ():
+            for one in Field.of(self._problem, best.base, best.explanation.without(effect)).families():
+                what, added = Neighbour(one.explanation, best.base), set(one.explanation.effects) - set(effects)
+                if not added or self._are_twins(added, (effect,)):
+                    continue
+                how = f"with {_words(added)} in place of {_words([effect])}"
+                proposal = self._proposal(what, best, one.evidence - best.evidence, one.chi2, how)
+                if not self._is_known(proposal):
+                    likely = _promised(proposal) > self.posterior(best) - self._doubt(best)
+                    found.append(replace(proposal, simulate=likely))
+                break
+        return found
+
+    def _are_twins(self, added: Iterable[str], there: Iterable[str]) -> bool:
+        """Whether an effect does to this log what one that is there does by another name."""
+        return any(frozenset((new, old)) in self._field.twins for new in added for old in there)
+
+    def _proposal(self, what: Neighbour, best: Judged, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
+        misfit = chi2 / best.quadratic.numbers
+        record = self._record(what.explanation, best.evidence + gain, misfit, how, Outcome.PREDICTED)
+        return Proposal(what, record)
+
+    def _record(
+        self, explanation: Explanation, evidence: float, misfit: float, proposed: str, outcome: Outcome
+    ) -> Record:
+        """``evidence`` is that of the explanation with the prior of its structure."""
+        structure = self._problem.prior.structure(explanation)
+        values = explanation.values(self._problem.vehicle, slack=False)
+        flat = {f"{effect}.{name}": value for effect, row in values.items() for name, value in row.items()}
+        # An unknown effect is not to be pieced together from known ones: what is left weighs more, the more there are.
+        left = CLOSES * max(0.0, misfit - 1.0) * self._field.quadratic.numbers / 2
+        weight = structure - (WORTH_AN_EFFECT + left) * len(explanation.effects)
+        names = tuple(sorted(explanation.effects))
+        return Record(names, flat, evidence - structure, weight, misfit, proposed, outcome)
+
+    def _under_other_noise(self, problem: Problem, noted: Judged, best: Judged) -> Judged:
+        """The best explanation under another noise, and with it those that contend; all else changes by as much."""
+        contend = [one for one in self.fits if self.posterior(one) > self.posterior(noted) - CONTENDS]
+        self._problem, again = problem, reassess(problem, best)
+        shift = again.evidence - best.evidence
+        self.records = [replace(record, log_evidence=record.log_evidence + shift) for record in self.records]
+        self._tried = {key: [before + shift for before in fits] for key, fits in self._tried.items()}
+        for one in contend:
+            if one is not noted and one.base.state.slope.size:
+                self.exchange(one, reassess(problem, one))
+        return again
+
+    def _by_plainer_names(self, best: Judged) -> Judged:
+        """The same vehicle where a value of one effect is one of a plainer effect, as no thrust limit is no gain."""
+        tried = {atom.effect for atom in self._problem.atoms}
+
+        def plainer(knob: Knob) -> Knob:
+            same_as = EFFECTS[knob.effect].same_as
+            same = [same_as(best.base.vehicle, member, knob.value) if same_as else None for member in knob.members]
+            known = [one for one in same if one is not None and one[0] in tried]
+            if len(known) < len(same):
+                return knob
+            return Knob(known[0][0], tuple(member for _, member, _ in known), known[0][2])
+
+        knobs = tuple(plainer(knob) for knob in best.explanation.knobs)
+        if knobs == best.explanation.knobs:
+            return best
+        renamed = fit_by_simulation(self._problem, replace(best.explanation, knobs=knobs), best.base)
+        self.exchange(best, renamed)
+        return renamed
+
+
+def held_at_nominal(problem: Problem, judged: Judged, places: Sequence[int]) -> tuple[Explanation, float]:
+    """An explanation without the values at some places, all else moved as fits best, and by how much chi-square rises.
+
+    The rise is that of its quadratic, from its minimum on; discrete values have none, and 0 is returned for them.
     """
-    problem, best, polished = found.problem, found.best, list(found.polished)
-    left = max(1.0, best.excess)
-    if log_likelihood(problem, best) > rival - CONTENDS * left:
-        best = tidy(problem, best, polished)
-    none = _nothing(problem, best)
-    if none is None or not none.evidence > found.none.evidence:
-        none = found.none
-    elif not best.evidence > none.evidence + WORTH_AN_EFFECT:  # what is left of effects does nothing
-        best, polished = none, list(found.polished)
-    polished = [none, *(judged for judged in polished if judged is not found.none and judged is not none)]
-    problem.freedoms.clear()
-    kept = (judged if judged is best or judged is none else _set_aside(judged) for judged in polished)
-    return replace(found, none=none, best=best, polished=sorted(kept, key=lambda judged: -judged.evidence))
+    knobs = judged.explanation.knobs
+    if any(knobs[place].discrete for place in places) or not np.isfinite(judged.chi2):
+        kept = tuple(knob for place, knob in enumerate(knobs) if place not in places)
+        return replace(judged.explanation, knobs=kept), 0.0
+    order = {place: i for i, place in enumerate(p for p, knob in enumerate(knobs) if not knob.discrete)}
+    nominal = {p: declared(knobs[p].effect, problem.vehicle).nominal[knobs[p].members[0]] for p in places}
+    first = len(problem.slack)
+    held = {first + order[p]: (nominal[p] - knobs[p].value) / judged.steps[order[p]] for p in places}
+    step = bounded_step(problem, judged, held)
+    rise = change_of_chi2(problem, judged, *step) - change_of_chi2(problem, judged, *bounded_step(problem, judged))
+    moved = take_step(problem, judged.explanation, *step)
+    kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
+    return Explanation(kept, moved.slack), rise
 
 
-def _refit(problem: Problem, follow: Base, found: Found, progress: Progress) -> Found:
-    """What was ``found`` among some windows, fitted to all of them; effects are added where these show more."""
-    field = Field.of(problem, follow)
-    hopeless = _is_hopeless(found.none, found.none.quadratic.numbers, found.best.evidence)
-    polished = [fit_by_simulation(problem, found.none.explanation, follow, rounds=0 if hopeless else 4)]
-    problem = replace(problem, slack_suffices=slack_does(problem, polished[0]))
-    others = [judged for judged in found.polished if judged.explanation.effects and judged is not found.best]
-    chosen = [found.best, *others] if found.best.explanation.effects else others
-    polished += [fit_by_simulation(problem, judged.explanation, follow) for judged in chosen[: 1 + REFITTED]]
-    few_left_much = leaves_much(found.problem, found.best)
-    return _finish(problem, follow, field, field.families(), polished, found.promise, few_left_much, progress)
+def key_of(explanation: Explanation) -> Key:
+    """Which values an explanation sets, whatever they are; those of discrete parameters count."""
+    return tuple(sorted((*knob.key, knob.value if knob.discrete else 0.0) for knob in explanation.knobs))
 
 
-def _is_hopeless(none: Screened | Judged, numbers: int, best: float) -> bool:
-    """Whether "no gap" is so far behind the evidence of the ``best``, and leaves so much, that no slack helps it."""
-    return none.evidence < best - HOPELESS and not is_near(none.chi2, numbers)
+def _promised(proposal: Proposal[Neighbour]) -> float:
+    return proposal.promised.log_posterior
 
 
-def _search(
-    problem: Problem,
-    follow: Base,
-    progress: Progress,
-    hints: Sequence[Explanation],
-    others: Others,
-    below: float,
-) -> Found:
-    field = Field.of(problem, follow)
-    families = field.families()
-    progress("screening effects", 0.4)
-    hopeless = bool(families) and _is_hopeless(field.none(), field.quadratic.numbers, families[0].evidence)
-    polished = [fit_by_simulation(problem, Explanation(), follow, rounds=0 if hopeless else 4)]  # then with effects
-    if not hopeless:
-        polished = [rescued(problem, polished[0], follow)]
-    problem = replace(problem, slack_suffices=slack_does(problem, polished[0]))
-    promise = np.inf
-    followed = [follow.explanation] if follow.explanation.effects and follow.explanation not in hints else []
-    for explanation in (*followed, *hints):
-        polished.append(rescued(problem, fit_by_simulation(problem, explanation, follow), follow))
-        few = len(explanation.knobs) <= FEW_VALUES or polished[-1].nothing_left
-        if others is not Others.NONE and few and explains(problem, polished[-1]):
-            break
-    else:
-        candidates: Sequence[Screened | Judged] = ()
-        if others is not Others.NONE:
-            one_does = any(len(j.explanation.effects) == 1 and explains(problem, j) for j in polished[1:])
-            others, below = (Others.SINGLE, np.inf) if one_does else (others, below)
-            candidates, promise = candidates_of(problem, follow, field, families, others)
-            candidates = [shown for shown in candidates if not any(_adds_to(hint, shown) for hint in hints)]
-        for shown in candidates if promise < below else ():
-            enough = TURNED_ROUND * min(judged.chi2 for judged in polished)
-            polished.append(_simulated(problem, shown, follow, families, enough))
-            progress("fitting candidates", min(0.7, 0.4 + 0.3 * len(polished) / POLISHED))
-    return _finish(problem, follow, field, families, polished, promise, below <= promise < np.inf, progress)
-
-
-def _finish(
-    problem: Problem,
-    follow: Base,
-    field: Field,
-    families: list[Screened],
-    polished: list[Judged],
-    promise: float,
-    given_up: bool,
-    progress: Progress,
-) -> Found:
-    """The best of what was simulated, with effects added, unless that is ``given_up``."""
-    best = _best(problem, polished)
-    if (anew := measure_noise(problem, best)) is not problem:
-        problem = anew
-        polished = [reassess(problem, judged) if np.isfinite(judged.chi2) else judged for judged in polished]
-        best = _best(problem, polished)
-    if problem.layout.felt.any():  # much of the motion is free: until nothing moves, a quadratic says little
-        still = until_still(problem, best)
-        best, polished = still, [still if judged is best else judged for judged in polished]
-    problem, polished = _without_effects(problem, best, polished)
-    best = _best(problem, polished)
-    if not leaves_much(problem, best):
-        polished = _fitted_on(problem, best, polished, field.twins)
-        best = _best(problem, polished)
-    if not given_up and is_worth_a_look(problem, best):
-        best = grow(problem, best, polished, field.twins, progress)
-    ranked = sorted(polished, key=lambda judged: -judged.evidence)
-    return Found(problem, follow, polished[0], best, ranked, families, field, promise)
-
-
-def _set_aside(judged: Judged) -> Judged:
-    """An explanation that lost: what it was worth and the motion under it, without the slopes that fill the memory."""
-    return replace(judged, base=judged.base.without_slopes(), slack_marks=None)
-
-
-def _adds_to(hint: Explanation, shown: Screened | Judged) -> bool:
-    """Whether a candidate has several effects that were simulated already, and more, which is added if it pays."""
-    return len(hint.effects) > 1 and set(hint.effects) < set(shown.explanation.effects)
-
-
-def _simulated(
-    problem: Problem, shown: Screened | Judged, follow: Base, families: list[Screened], enough: float
-) -> Judged:
-    """A candidate fitted; several effects that end far from what they promised, also from what each would be alone."""
-    judged = fit_by_simulation(problem, shown.explanation, follow, enough=enough)
-    judged = rescued(problem, judged, follow, enough)
-    if len(shown.explanation.effects) == 1 or not judged.chi2 > BROKEN_PROMISE * shown.chi2:
-        return judged
-    again = fit_by_simulation(problem, _each_alone(shown.explanation, families), follow, enough=enough)
-    return max(judged, again, key=lambda judged: judged.evidence)
-
-
-def _each_alone(explanation: Explanation, families: list[Screened]) -> Explanation:
-    """The same effects, each with the values that it would have alone."""
-    alone = [s.explanation for s in families if set(s.explanation.effects) <= set(explanation.effects)]
-    return Explanation(tuple(knob for single in alone for knob in single.knobs))
-
-
-def _fitted_on(problem: Problem, best: Judged, polished: list[Judged], twins: set[frozenset[str]]) -> list[Judged]:
-    """What may still win is fitted until nothing moves: a fit that leaves nothing is good, but not yet the best.
-
-    "No effect" may, however far behind it is, where slack suffices to explain the log.
-    """
-
-    def contends(judged: Judged) -> bool:
-        if judged is polished[0] and problem.slack_suffices:
-            return True
-        own, its = set(best.explanation.effects), set(judged.explanation.effects)
-        if own < its and best.nothing_left:  # no effect more is needed
-            return False
-        return own != its and frozenset(own ^ its) not in twins and judged.evidence > best.evidence - CONTENDS
-
-    rivals = [judged for judged in polished if contends(judged)]
-    if not rivals or not best.explanation.effects:
-        return polished
-    fitted = {id(best): until_still(problem, best)}
-    for rival in rivals:
-        fitted[id(rival)] = until_still(problem, from_another(problem, rival, fitted[id(best)]))
-    return [fitted.get(id(judged), judged) for judged in polished]
-
-
-def _without_effects(problem: Problem, best: Judged, polished: list[Judged]) -> tuple[Problem, list[Judged]]:
-    """What was simulated, "no effect" first, fitted anew where it may do as well as the best."""
-    nothing = _nothing(problem, best)
-    if nothing is None or not nothing.evidence > polished[0].evidence:
-        return problem, polished
-    return replace(problem, slack_suffices=slack_does(problem, nothing)), [nothing, *polished[1:]]
-
-
-def _nothing(problem: Problem, best: Judged) -> Judged | None:
-    """No effect, fitted from where the best explanation is; None where that has none, or the log forbids it."""
-    knobs = best.explanation.knobs
-    return left_to_slack(problem, best, range(len(knobs)), LITTLE) if knobs else None
-
-
-def _best(problem: Problem, polished: list[Judged]) -> Judged:
-    none = polished[0].evidence
-    pays = [j for j in polished[1:] if j.evidence > none + WORTH_AN_EFFECT and not is_minor(problem, j)]
-    return max(pays, key=lambda judged: judged.evidence, default=polished[0])
+def _words(names: Iterable[str]) -> str:
+    return " and ".join(sorted(names)).replace("_", " ")

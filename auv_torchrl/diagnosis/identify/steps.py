@@ -74,6 +74,15 @@ def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_st
     return replace(explanation.moved(amounts), slack=slack)
 
 
+def change_of_chi2(problem: Problem, judged: Judged, step: Floats, slack_step: Floats) -> float:
+    """What a step of the fitted knobs and of slack adds to chi-square, by the quadratic of an explanation."""
+    q, at = judged.quadratic, slack_now(problem, judged.explanation)
+    x = np.concatenate([slack_step, step / judged.steps])
+    moved = at + slack_step
+    prior = moved @ problem.slack_precision @ moved - at @ problem.slack_precision @ at
+    return float(x @ q.A @ x - 2 * q.b @ x + prior)
+
+
 def parted_from_slack(problem: Problem, explanation: Explanation) -> Explanation:
     """The same vehicle, with that slack of what a fitted value changes too which the rest of the slack lets expect.
 

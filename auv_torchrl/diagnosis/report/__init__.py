@@ -2,6 +2,6 @@
 
 from auv_torchrl.diagnosis.report.files import named_files, write_files
 from auv_torchrl.diagnosis.report.page import report_page
-from auv_torchrl.diagnosis.report.table import summary_table
+from auv_torchrl.diagnosis.report.table import decision_table, summary_table
 
-__all__ = ["named_files", "report_page", "summary_table", "write_files"]
+__all__ = ["named_files", "report_page", "decision_table", "summary_table", "write_files"]

@@ -12,7 +12,7 @@ from auv_torchrl import __version__
 from auv_torchrl.diagnosis.configured import set_wrong, to_change
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
-from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, shown
+from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, next_best, sentence, shown
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
@@ -115,6 +115,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         set_wrong=set_wrong(diagnosis.findings, diagnosis.effects),
         to_change=to_change(diagnosis),
         leads=_leads(diagnosis),
+        next_best=next_best(diagnosis.decision),
         after=_after(diagnosis),
         diverged=diverged(diagnosis),
         figures=_figures(diagnosis.windows),

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable
 
-from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, sentence, shown, to_do
+from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, next_best, sentence, shown, to_do
 from auv_torchrl.diagnosis.verdict import NO_MARK, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
 from auv_torchrl.quantities import number, percent, words
@@ -39,6 +39,23 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
         if told:
             lines += ["", title, *(f"  {line}" for line in told)]
     return "\n".join(lines)
+
+
+def decision_table(diagnosis: Diagnosis) -> str:
+    """How the verdict was reached: the explanations that were simulated, the runner-up, and why no other effect."""
+    decision = diagnosis.decision
+    lines = ["how this was decided", f"  {'explanation':<44} {'behind':>9} {'misfit':>8}  what became of it"]
+    for one in decision.trace:
+        if one.simulated:
+            behind = "diverges" if one.log_evidence is None else number(decision.behind(one), 3)
+            misfit = "–" if one.misfit is None else number(one.misfit, 3)
+            lines.append(f"  {words(one.called):<44} {behind:>9} {misfit:>8}  {one.outcome.value}")
+    lines += ["  behind: log units by which it is less probable; misfit: chi-square per number, 1 is noise alone"]
+    if decision.next_best:
+        lines.append(f"  {next_best(decision)}")
+    lines += ["", "why each effect is named, or is not"]
+    width = max(map(len, decision.reasons), default=0)
+    return "\n".join(lines + [f"  {words(name):<{width}}  {why}" for name, why in decision.reasons.items()])
 
 
 def _warnings(diagnosis: Diagnosis, said: Collection[str]) -> list[str]:

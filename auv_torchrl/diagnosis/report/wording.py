@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 
 from auv_torchrl.diagnosis.configured import set_wrong
-from auv_torchrl.diagnosis.verdict import Confirmation, Diagnosis, Errors, Estimate, Gap
+from auv_torchrl.diagnosis.verdict import Confirmation, Decision, Diagnosis, Errors, Estimate, Gap
 from auv_torchrl.effects import EFFECTS
-from auv_torchrl.quantities import between, estimated, number, scale, with_unit, words
+from auv_torchrl.quantities import between, estimated, number, percent, scale, with_unit, words
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,15 @@ def diverged(diagnosis: Diagnosis) -> str:
         return ""
     without = "the effects" if diagnosis.effects else "calibration"
     return f"without {without} the simulator diverges{''.join(told)}"
+
+
+def next_best(decision: Decision) -> str:
+    """Which explanation comes next, and what tells it from the best one."""
+    if not decision.next_best:
+        return ""
+    channels = ", ".join(f"{name} ({percent(share)})" for name, share in decision.apart.items())
+    told = f"; what tells it apart: {channels}" if channels else ""
+    return f"The next best explanation is {words(decision.next_best)}{told}."
 
 
 def to_do(diagnosis: Diagnosis) -> list[str]:

@@ -1,0 +1,137 @@
+"""The search for the best hypothesis: from one to its best neighbour, until no neighbour is better.
+
+A neighbour has one change more (forward selection), one less (backward elimination), or another change in place of one.
+Whoever searches says which neighbours there are, and fits them; this module compares them and keeps the trace.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Generic, TypeVar
+
+from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
+
+ROUNDS = 40  # comparisons with neighbours at most; six are usual
+
+What = TypeVar("What")  # a hypothesis that may be fitted
+Fitted = TypeVar("Fitted")
+
+
+class Way(Enum):
+    """How a neighbour differs; the value is what becomes of one that is not better."""
+
+    LARGER = Outcome.NO_GAIN
+    SMALLER = Outcome.NEEDED
+    EXCHANGED = Outcome.BEATEN
+
+
+@dataclass(frozen=True)
+class Proposal(Generic[What]):
+    """A neighbour, and why it may be worth a simulation."""
+
+    what: What
+    promised: Record  # the same by linear prediction
+    simulate: bool = True  # whether it promises enough
+
+
+class Search(ABC, Generic[What, Fitted]):
+    """A search on its way: it gathers records and fits."""
+
+    ways: Sequence[Way] = (Way.LARGER, Way.SMALLER)
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+        self.fits: list[Fitted] = []
+
+    @abstractmethod
+    def neighbours(self, way: Way, best: Fitted) -> Sequence[Proposal[What]]:
+        """Neighbours of a hypothesis, the most promising first."""
+
+    @abstractmethod
+    def fit(self, proposal: Proposal[What], best: Fitted) -> Fitted:
+        """A neighbour of ``best`` fitted by full simulation."""
+
+    @abstractmethod
+    def record(self, fitted: Fitted, proposed: str, outcome: Outcome) -> Record:
+        """What a fit is worth."""
+
+    def settled(self, best: Fitted) -> Fitted:
+        """A fit that is the best so far, fitted to the end."""
+        return best
+
+    def climb(self, best: Fitted) -> Fitted:
+        """From one hypothesis to the best that is reached by better and better neighbours.
+
+        A way that led on is taken again, then the next; the search ends where all of them lead nowhere.
+        """
+        in_vain, turn = 0, 0
+        for _ in range(ROUNDS):
+            better = self.better(self.ways[turn], best)
+            if better is not None:
+                best, in_vain = self.settle(better), 0
+                continue
+            in_vain, turn = in_vain + 1, (turn + 1) % len(self.ways)
+            if in_vain == len(self.ways):
+                break
+        return best
+
+    def note(self, fitted: Fitted, proposed: str, outcome: Outcome = Outcome.STEP) -> Fitted:
+        """Keep a fit and its record."""
+        self.fits.append(fitted)
+        self.records.append(self.record(fitted, proposed, outcome))
+        return fitted
+
+    def posterior(self, fitted: Fitted) -> float:
+        """Log posterior probability of a fit, up to what all share."""
+        return self.record(fitted, "", Outcome.STEP).log_posterior
+
+    def trace(self, best: Fitted) -> SearchTrace:
+        """All records, that of the best marked as kept."""
+        place = next(place for place, fitted in enumerate(self._fits_of_records()) if fitted is best)
+        kept = replace(self.records[place], outcome=Outcome.KEPT)
+        return SearchTrace((*self.records[:place], kept, *self.records[place + 1 :]))
+
+    def better(self, way: Way, best: Fitted) -> Fitted | None:
+        """The best neighbour of one way; None where none has a higher posterior."""
+        proposals = self.neighbours(way, best)
+        fitted = [(self.fit(one, best), one) for one in proposals if one.simulate]
+        # Linear predictions of one round are compared with each other: all share what is wrong with their quadratic.
+        found = [self.record(one, "", Outcome.STEP).log_evidence for one, _ in fitted]
+        promised = [one.promised.log_evidence for one in proposals if one.simulate]
+        too_high = max(0.0, max(promised, default=0.0) - max(found, default=0.0)) if fitted else 0.0
+        self._note_predicted([one.promised for one in proposals if not one.simulate], too_high)
+        if not fitted:
+            return None
+        winner = max((one for one, _ in fitted), key=self.posterior)
+        is_better = self.posterior(winner) > self.posterior(best)
+        for one, proposal in fitted:
+            if is_better and one is winner:
+                outcome = Outcome.LEANER if way is Way.SMALLER else Outcome.STEP
+            else:
+                outcome = Outcome.BEATEN if is_better else way.value
+            self.note(one, proposal.promised.proposed, outcome)
+        return winner if is_better else None
+
+    def settle(self, best: Fitted) -> Fitted:
+        """The best so far fitted to the end, in place of what it was."""
+        settled = self.settled(best)
+        if settled is not best:
+            self.exchange(best, settled)
+        return settled
+
+    def exchange(self, old: Fitted, new: Fitted) -> None:
+        """Keep a better fit of the same hypothesis in place of one that was noted."""
+        rows = [place for place, record in enumerate(self.records) if record.simulated]
+        for place, row in enumerate(rows):
+            if self.fits[place] is old:
+                before = self.records[row]
+                self.fits[place] = new
+                self.records[row] = self.record(new, before.proposed, before.outcome)
+
+    def _note_predicted(self, records: Sequence[Record], too_high: float) -> None:
+        self.records += [replace(one, log_evidence=one.log_evidence - too_high) for one in records]
+
+    def _fits_of_records(self) -> list[Fitted | None]:
+        fits = iter(self.fits)
+        return [next(fits) if record.simulated else None for record in self.records]
