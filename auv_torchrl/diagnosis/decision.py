@@ -12,6 +12,7 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import words
 from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
 
+FLEW_OFF = 1e3  # standard deviations, beyond which a window says nothing but that its simulation flew off
 TELLS = 0.1  # of what tells two explanations apart, above which a channel is worth a word
 
 
@@ -37,9 +38,9 @@ def told_apart(found: Found, one: Judged, other: Judged) -> dict[str, float]:
     """By channel, the share of the samples' chi-square that speaks for one fit against another, most first."""
     windows, sigma = found.problem.windows, found.problem.sigma
     noise = noise_per_sample(windows, sigma)
-    squares = [((fit.base.state.residual / noise) ** 2).reshape(windows.measured.shape) for fit in (one, other)]
-    finite = np.isfinite(squares[0] + squares[1]).all((1, 2))
-    speaks = np.maximum((squares[1] - squares[0])[finite].sum((0, 1)), 0.0)
+    far = [(fit.base.state.residual / noise).reshape(windows.measured.shape) for fit in (one, other)]
+    flown = np.maximum(*np.abs(far)).max((1, 2)) < FLEW_OFF  # NaN, too, where a window diverged
+    speaks = np.maximum((far[1][flown] ** 2 - far[0][flown] ** 2).sum((0, 1)), 0.0)
     if not speaks.sum() > 0:
         return {}
     shares = dict(zip(windows.channels, (speaks / speaks.sum()).tolist(), strict=True))

@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_setting
 from auv_torchrl.diagnosis.identify.judged import slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import held_at_nominal, search
+from auv_torchrl.diagnosis.identify.search import held_at, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.thresholds import SLACK_LIMIT
@@ -325,12 +325,13 @@ def test_slack_is_asked_before_a_value_is_believed():
     problem, follow = follow_windows(problem_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4))
     off = Explanation((Knob("added_mass", ("scale_heave",), 1.04),))
     judged = fit_by_simulation(problem, off, follow)
-    nothing, rise = held_at_nominal(problem, judged, [0])
-    assert nothing.knobs == () and rise < 10
-    assert fit_by_simulation(problem, nothing, judged.base).evidence > judged.evidence
+    moved, rise = held_at(problem, judged, {0: 1.0})
+    assert rise < 10
+    nothing = fit_by_simulation(problem, Explanation(slack=moved.slack), judged.base)
+    assert nothing.evidence > judged.evidence
     problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_2": 0.5}}, seed=4))
     judged = fit_by_simulation(problem, Explanation((Knob("thruster_gain", ("gain_2",), 0.6),)), follow)
-    assert held_at_nominal(problem, judged, [0])[1] > 100
+    assert held_at(problem, judged, {0: 1.0})[1] > 100
 
 
 def test_what_a_fit_would_still_gain_does_not_speak_for_fewer_values():
@@ -338,7 +339,7 @@ def test_what_a_fit_would_still_gain_does_not_speak_for_fewer_values():
     vehicle = with_slack(HELD, np.random.default_rng(1))
     problem, follow = follow_windows(problem_of(vehicle, {"buoyancy": {"force": 1.0}}, seed=4))
     stopped = fit_by_simulation(problem, Explanation((Knob("buoyancy", ("force",), 1.0),)), follow, rounds=0)
-    assert held_at_nominal(problem, stopped, [0])[1] > 30
+    assert held_at(problem, stopped, {0: 0.0})[1] > 30
 
 
 @pytest.mark.thorough

@@ -5,7 +5,7 @@ more; one less; or another effect in place of one. The reduced quadratic along t
 neighbour a log evidence, and those that promise most are simulated.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from auv_torchrl.diagnosis.identify.fit import (
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.identify.screen import Field, moves_all
 from auv_torchrl.diagnosis.identify.steps import bounded_step, change_of_chi2, take_step
 from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
@@ -221,27 +221,47 @@ class _EffectSearch(Search[Neighbour, Judged]):
         knobs, here = best.explanation.knobs, self.posterior(best)
         parts: set[tuple[int, ...]] = {(place,) for place in range(len(knobs))}
         parts |= {tuple(p for p, knob in enumerate(knobs) if knob.effect == name) for name in best.explanation.effects}
-        found = {places: self._without(best, places) for places in sorted(parts)}
+        found: dict[tuple[int, ...], Proposal[Neighbour]] = {one: self._without(best, one) for one in sorted(parts)}
         together: tuple[int, ...] = ()  # what may go at once, the least needed first
         for places in sorted(found, key=lambda places: -_promised(found[places])):
             if _promised(found[places]) > here:
-                more = tuple(sorted({*together, *places}))
+                more: tuple[int, ...] = tuple(sorted({*together, *places}))
                 found[more] = self._without(best, more)
                 together = more if _promised(found[more]) > here else together
-        if len(together) > 1:
-            found = {together: found[together]}
-        likely = [
-            one for one in found.values() if _promised(one) > here - self._doubt(best) and not self._is_known(one)
-        ]
+        proposals = [found[together]] if len(together) > 1 else list(found.values())
+        proposals += self._merged(best)
+        least = here - self._doubt(best)
+        likely = [one for one in proposals if _promised(one) > least and not self._is_known(one)]
         return sorted(likely, key=_promised, reverse=True)[:SIMULATED]
 
     def _without(self, best: Judged, places: tuple[int, ...]) -> Proposal[Neighbour]:
         """Without the values at some places of the best fit."""
-        knobs, prior = best.explanation.knobs, self._problem.prior
-        explanation, rise = held_at_nominal(self._problem, best, places)
-        gain = prior.structure(explanation) - prior.structure(best.explanation) - 0.5 * rise
+        knobs = best.explanation.knobs
+        nominal = [declared(knob.effect, self._problem.vehicle).nominal[knob.members[0]] for knob in knobs]
+        moved, rise = held_at(self._problem, best, {place: nominal[place] for place in places})
+        kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
         gone = [f"{knobs[place].effect} {knobs[place].members[0]}" for place in places]
         how = f"without {_words(gone) if len(gone) < 3 else f'{len(gone)} values'}"
+        return self._fewer(best, Explanation(kept, moved.slack), rise, how)
+
+    def _merged(self, best: Judged) -> list[Proposal[Neighbour]]:
+        """With one value for all members of a family of which most have a value of their own."""
+        found, knobs = [], best.explanation.knobs
+        whole = [atom for atom in self._problem.atoms if moves_all(self._problem, atom)]
+        for effect, members in dict.fromkeys((atom.effect, tuple(atom.values)) for atom in whole):
+            own = [p for p, knob in enumerate(knobs) if knob.effect == effect and set(knob.members) < set(members)]
+            if 2 * len(own) <= len(members):
+                continue
+            shared = float(np.median([knobs[place].value for place in own]))
+            moved, rise = held_at(self._problem, best, dict.fromkeys(own, shared))
+            others = tuple(knob for place, knob in enumerate(moved.knobs) if place not in own)
+            one = Explanation((*others, Knob(effect, members, shared)), moved.slack)
+            found.append(self._fewer(best, one, rise, f"with one value for all of {_words([effect])}"))
+        return found
+
+    def _fewer(self, best: Judged, explanation: Explanation, rise: float, how: str) -> Proposal[Neighbour]:
+        prior = self._problem.prior
+        gain = prior.structure(explanation) - prior.structure(best.explanation) - 0.5 * rise
         return self._proposal(Neighbour(explanation, best.base), best, gain, best.chi2 + rise, how)
 
     def _exchanged(self, best: Judged) -> list[Proposal[Neighbour]]:
@@ -314,24 +334,20 @@ class _EffectSearch(Search[Neighbour, Judged]):
         return renamed
 
 
-def held_at_nominal(problem: Problem, judged: Judged, places: Sequence[int]) -> tuple[Explanation, float]:
-    """An explanation without the values at some places, all else moved as fits best, and by how much chi-square rises.
+def held_at(problem: Problem, judged: Judged, values: Mapping[int, float]) -> tuple[Explanation, float]:
+    """An explanation with values, by place, held, all else moved as fits best, and by how much chi-square rises.
 
-    The rise is that of its quadratic, from its minimum on; discrete values have none, and 0 is returned for them.
+    The rise is that of its quadratic, from its minimum on; where a discrete value is among them, 0 is returned.
     """
     knobs = judged.explanation.knobs
-    if any(knobs[place].discrete for place in places) or not np.isfinite(judged.chi2):
-        kept = tuple(knob for place, knob in enumerate(knobs) if place not in places)
-        return replace(judged.explanation, knobs=kept), 0.0
+    if any(knobs[place].discrete for place in values) or not np.isfinite(judged.chi2):
+        return judged.explanation, 0.0
     order = {place: i for i, place in enumerate(p for p, knob in enumerate(knobs) if not knob.discrete)}
-    nominal = {p: declared(knobs[p].effect, problem.vehicle).nominal[knobs[p].members[0]] for p in places}
     first = len(problem.slack)
-    held = {first + order[p]: (nominal[p] - knobs[p].value) / judged.steps[order[p]] for p in places}
+    held = {first + order[p]: (value - knobs[p].value) / judged.steps[order[p]] for p, value in values.items()}
     step = bounded_step(problem, judged, held)
     rise = change_of_chi2(problem, judged, *step) - change_of_chi2(problem, judged, *bounded_step(problem, judged))
-    moved = take_step(problem, judged.explanation, *step)
-    kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
-    return Explanation(kept, moved.slack), rise
+    return take_step(problem, judged.explanation, *step), rise
 
 
 def key_of(explanation: Explanation) -> Key:
