@@ -15,7 +15,7 @@ from auv_torchrl.paths import PROJECT
 from benchmarks import provenance, replace_between, rows
 from benchmarks.rows import Rows
 
-DOCS = PROJECT / "docs"
+RESULTS = PROJECT / "docs" / "results"  # the documents
 Age = Callable[[str, Iterable[str]], int | None]  # of a commit, in commits that touched some paths; None: not there
 
 # How many commits may touch what a table measures before it is flown anew: a busy day, whose commits mostly change
@@ -104,10 +104,6 @@ COPIED = {  # tables of README, by the first cells of their heads: the sections 
     "method | target data": ("benchmarks.md", "comparison"),
 }
 BY_ROW = {"table2"}  # whose rows have the same names there and in README; of others all figures count
-EXPLAINING = (  # the first cells of the heads of tables without results
-    "what the log shows | finding",
-    "verdict | meaning",
-)
 
 
 def publish(document: Path, name: str, text: str, command: str, commit: str) -> None:
@@ -136,8 +132,7 @@ def problems(document: str, text: str, sections: Mapping[tuple[str, str], Sectio
         yield from _of_section(mine[name], own, age)
     for head, *_ in tables(rest):
         start = " | ".join(head[:2])
-        if not start.startswith(EXPLAINING):
-            yield f"{document}: the table '{start} ...' is in no section of benchmarks/published.py: add one"
+        yield f"{document}: the table '{start} ...' is in no section of benchmarks/published.py: add one"
 
 
 def copied(readme: str, documents: Mapping[str, str]) -> Iterator[str]:
@@ -147,15 +142,16 @@ def copied(readme: str, documents: Mapping[str, str]) -> Iterator[str]:
         if source is None:
             continue
         section = SECTIONS[source]
-        there = _between(documents[source[0]], *section.marks) or ""
-        rows_there = [cells for _, *body in tables(there) for cells in body]
+        published = _between(documents[source[0]], *section.marks) or ""
+        rows_there = [cells for _, *body in tables(published) for cells in body]
         for cells in lines:
             label = cells[0].strip("`")
             mine = [own for own in rows_there if own[0] == label or section.name not in BY_ROW]
             known = {figure for own in mine for cell in own[1:] for figure in figures(cell)}
             given = {figure for cell in cells[2:] for figure in figures(cell) if "." in figure}
             if odd := given - known:
-                yield f"README: {label} has {', '.join(sorted(odd))}, unlike docs/{source[0]}: copy its row anew"
+                there = f"docs/results/{source[0]}"
+                yield f"README: {label} has {', '.join(sorted(odd))}, unlike {there}: copy its row anew"
 
 
 def tables(text: str) -> Iterator[list[list[str]]]:

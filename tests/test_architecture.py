@@ -1,4 +1,4 @@
-"""The picture of docs/architecture.md is that of the imports."""
+"""The picture of docs/explanation/architecture.md is that of the imports."""
 
 import ast
 import re
@@ -22,7 +22,7 @@ def imports():
 
 def test_imports_go_down_and_never_round():
     """Every part stands in the picture, imports its own row and rows below, and no circle is among them."""
-    picture = re.findall(r"```\n(.*?)```", (PROJECT / "docs" / "architecture.md").read_text(), re.S)[0]
+    picture = re.findall(r"```\n(.*?)```", (PROJECT / "docs" / "explanation" / "architecture.md").read_text(), re.S)[0]
     rows = [re.split(r"\s{3,}", line)[0].split() for line in reversed(picture.splitlines())]
     height = {part: row for row, parts in enumerate(rows) for part in parts}
     found = imports()

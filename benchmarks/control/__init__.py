@@ -1,4 +1,4 @@
-"""What docs/benchmarks.md is measured with."""
+"""What docs/results/benchmarks.md is measured with."""
 
 import os
 

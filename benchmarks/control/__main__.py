@@ -1,8 +1,8 @@
-"""Measure the figures of docs/benchmarks.md, all of them or some: python -m benchmarks.control [NAME ...].
+"""Measure the figures of docs/results/benchmarks.md, all of them or some: python -m benchmarks.control [NAME ...].
 
 Each part is a module of this folder that prints Markdown; its output replaces the section of the same name in
-docs/benchmarks.md, with the commit, the versions and the machine it was measured on. Parts that fail leave their
-section alone. A module of its own, ``python -m benchmarks.control.NAME``, prints and writes nothing.
+docs/results/benchmarks.md, with the commit, the versions and the machine it was measured on. Parts that fail leave
+their section alone. A module of its own, ``python -m benchmarks.control.NAME``, prints and writes nothing.
 """
 
 import argparse
@@ -16,10 +16,11 @@ from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from auv_torchrl.paths import PROJECT
 from benchmarks import provenance
 from benchmarks.published import SECTIONS, publish
 
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
+DOCUMENT = PROJECT / "docs" / "results" / "benchmarks.md"
 PARTS = {  # module: what it measures
     "env_steps": "Control steps per second of the fleets",
     "sac_updates": "SAC updates per second",
@@ -60,7 +61,7 @@ def measure(name: str) -> str | None:
     print(f"## {PARTS[name]} (benchmarks/control/{name}.py)", flush=True)
     lines = []
     command = [sys.executable, "-u", "-m", f"benchmarks.control.{name}"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=DOCUMENT.parents[1]) as part:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=PROJECT) as part:
         assert part.stdout is not None
         for line in part.stdout:
             print(line, end="", flush=True)
@@ -77,7 +78,7 @@ def measure(name: str) -> str | None:
 def main() -> int:
     """Measure the parts that were asked for; the exit code is the number of those that failed."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.control", description="Measure the figures of docs/benchmarks.md."
+        prog="python -m benchmarks.control", description="Measure the figures of docs/results/benchmarks.md."
     )
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"parts to measure, of {', '.join(PARTS)}; default all"

@@ -23,7 +23,7 @@ from benchmarks.control.methods import METHODS, Bench
 from benchmarks.control.source import STORE, ranges, shipped_scenario, source_policy
 
 CELLS = PROJECT / "outputs" / "comparison"
-PICTURE = PROJECT / "docs" / "comparison.png"
+PICTURE = PROJECT / "docs" / "results" / "comparison.png"
 
 
 def cell(bench: Bench, method: str, folder: Path, fresh: bool) -> Cell:

@@ -24,7 +24,7 @@ SCENARIOS = ("swap", "thruster_gain", "reversed", "reversed_and_dead", "cycle", 
 CASES = [("paper", 1.0, name) for name in SCENARIOS] + [("paper", 2.0, name) for name in SCENARIOS]
 CASES += [("bluerov2", 10.0, "reversed_and_dead")]
 NEAR_M = 2.0  # the paper vehicle needs longer than 10 s from farther away, so nothing farther chooses its best policy
-PICTURE = PROJECT / "docs" / "table2.png"
+PICTURE = PROJECT / "docs" / "results" / "table2.png"
 
 
 def measure(vehicle: str, box_m: float, scenario: str, seed: int, policies: Path) -> Results:

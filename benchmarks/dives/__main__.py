@@ -2,7 +2,7 @@
 
 Vehicles whose files are a few per cent wrong fly dives of 90 s, with another trim, current and voltage each time. Of
 some a thruster fades by 1 % a dive from the fourth dive on; others stay as they are. Prints Markdown tables and, with
-``--publish``, writes them into docs/dives.md. Another ``--seed`` draws other vehicles, pilots and days.
+``--publish``, writes them into docs/results/dives.md. Another ``--seed`` draws other vehicles, pilots and days.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from benchmarks.dives.fly import Series, fly_series
 from benchmarks.scoring import NEAR, Named, Score, score
 
 log = logging.getLogger(__name__)
-PAGE, SECTION = PROJECT / "docs" / "dives.md", "dives"
+PAGE, SECTION = PROJECT / "docs" / "results" / "dives.md", "dives"
 VEHICLE = "paper"
 REFERENCE, FADES_OVER, FADE = 3, 20, 0.01
 DIVES_PER_FALSE_ALARM = 1000.0

@@ -1,9 +1,9 @@
 """``python -m benchmarks.real`` (``make real``): real vehicles and firmware, as far as their logs are at hand.
 
-Prints Markdown, section by section as they come; ``--publish`` writes it to ``docs/real.md`` instead. Each measurement
-is kept under ``outputs/real`` as soon as it is there, by a digest of the code: a killed run goes on when its command is
-given again, and no other version takes what it has left. Logs are looked for in the folder that ``AUV_TORCHRL_DATA``
-names, else in ``../shared/data``; what is absent is named.
+Prints Markdown, section by section as they come; ``--publish`` writes it to ``docs/results/real.md`` instead. Each
+measurement is kept under ``outputs/real`` as soon as it is there, by a digest of the code: a killed run goes on when
+its command is given again, and no other version takes what it has left. Logs are looked for in the folder that
+``AUV_TORCHRL_DATA`` names, else in ``../shared/data``; what is absent is named.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from benchmarks.real.page import PARTS, SECTIONS, Result, Section, measure
 from benchmarks.scoring import Score
 
 log = logging.getLogger(__name__)
-PAGE = PROJECT / "docs" / "real.md"
+PAGE = PROJECT / "docs" / "results" / "real.md"
 KEPT = PROJECT / "outputs" / "real"
 COMMAND = "python -m benchmarks.real --publish"
 PACKAGES = ("numpy", "scipy", "torch", "llvmlite")
@@ -47,7 +47,7 @@ def head(commit: str) -> str:
 # Real vehicles and firmware
 
 `make real` measures all of this page at one commit and writes it; nothing here is written by hand. How the diagnosis
-works, and why some cases fail, stands in [diagnosis.md](diagnosis.md).
+works stands in [the diagnosis in ten sentences](../explanation/diagnosis.md).
 
 Commit `{commit}`, {today}, Python {platform.python_version()}, {versions}, {platform.machine()}.
 

@@ -2,7 +2,7 @@
 
 The third run is simulated from its commands alone, from its first sample to its last, with the published vehicle and
 with what was found added. Prints Markdown; ``--folds`` lets every run be the third one once. Where to get the runs:
-``docs/diagnosis.md``.
+``docs/how-to/run-the-benchmarks.md``.
 """
 
 import argparse
@@ -114,7 +114,8 @@ def check_runs(folder: Path) -> None:
     """
     if missing := [name for name in RUNS if not (folder / f"{name}.csv").is_file()]:
         raise FileNotFoundError(
-            f"{folder} lacks {', '.join(f'{name}.csv' for name in missing)}: docs/diagnosis.md says where to get them"
+            f"{folder} lacks {', '.join(f'{name}.csv' for name in missing)}: "
+            "docs/how-to/run-the-benchmarks.md says where to get them"
         )
 
 

@@ -2,7 +2,7 @@
 
 Every run is one step of four equal commands. Labels are used to choose the normal runs and to score, nowhere else: of
 each class a fifth is set aside by ``--seed``, the normal runs that are left are the sound ones, and what is aside is
-diagnosed, each run by itself and in groups of eight. ``docs/real.md`` says where to get the file.
+diagnosed, each run by itself and in groups of eight. ``docs/how-to/run-the-benchmarks.md`` says where to get the file.
 """
 
 import argparse
@@ -210,7 +210,7 @@ def main() -> None:
     parser.add_argument("--none", type=float, help="prior probability that a run is sound, in place of the settings'")
     options = parser.parse_args()
     if not (options.data / FILE).is_file():
-        parser.error(f"{options.data} lacks {FILE}: docs/real.md says where to get it")
+        parser.error(f"{options.data} lacks {FILE}: docs/how-to/run-the-benchmarks.md says where to get it")
     torch.set_num_threads(1)
     settings = load_settings()
     settings = replace(settings, prior_none=options.none) if options.none else settings

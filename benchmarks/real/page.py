@@ -1,4 +1,4 @@
-"""What ``docs/real.md`` holds: sections of measurements, each of which is made, and kept, by itself."""
+"""What ``docs/results/real.md`` holds: sections of measurements, each of which is made, and kept, by itself."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -110,10 +110,10 @@ SECTIONS: Sequence[Section] = (
         (
             "A BlueROV2 Heavy in a tank with motion capture (von Benzon, KTH): two runs are diagnosed, each third "
             "one is predicted from its commands alone, from its first sample to its last, in m/s. "
-            "[diagnosis.md](diagnosis.md#a-real-vehicle) says where to get the runs. Nobody knows what such a "
-            "vehicle has; so nothing is called right or wrong, and what counts is the prediction. Run_12_09_45 is "
-            "flown at commands of 0.625, and what it is predicted from was learnt at 0.25, where gain and "
-            "exponent of the thrust curve can hardly be told apart."
+            "[Run the benchmarks](../how-to/run-the-benchmarks.md#the-bluerov2-runs) says where to get the runs. "
+            "Nobody knows what such a vehicle has; so nothing is called right or wrong, and what counts is the "
+            "prediction. Run_12_09_45 is flown at commands of 0.625, and what it is predicted from was learnt at "
+            "0.25, where gain and exponent of the thrust curve can hardly be told apart."
         ),
         "python -m benchmarks.real.bluerov2 FOLDER --folds",
         bluerov2.RUNS,

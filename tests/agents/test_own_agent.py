@@ -1,4 +1,4 @@
-"""An agent of one's own, as docs/architecture.md shows it."""
+"""An agent of one's own, as docs/how-to/add-an-agent-or-task.md shows it."""
 
 import re
 from dataclasses import asdict
@@ -19,7 +19,7 @@ from auv_torchrl.paths import CONF, OWN, PROJECT
 @pytest.fixture
 def gentle(tmp_path, monkeypatch):
     """The agent of the document, in a folder of one's own that is in use."""
-    document = (PROJECT / "docs" / "architecture.md").read_text()
+    document = (PROJECT / "docs" / "how-to" / "add-an-agent-or-task.md").read_text()
     code = next(block for block in re.findall(r"```python\n(.*?)```", document, re.S) if "AGENTS =" in block)
     settings = (CONF / "agent" / "sac.yaml").read_text()
     for folder in ("agents", "agent"):

@@ -1,4 +1,4 @@
-"""What docs/diagnosis.md shows works."""
+"""What the documents show works: the effect that one adds, the number of effects that the benchmark flies."""
 
 import re
 from dataclasses import replace
@@ -18,13 +18,14 @@ from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.outside import OUTSIDE
 from tests.flightlog.simulate import simulated_logs
 
-DOCUMENT = PROJECT / "docs" / "diagnosis.md"
+DOCS = PROJECT / "docs"
 
 
 @pytest.fixture
 def effect(tmp_path, monkeypatch) -> Effect:
     """The effect that the document adds, as a file of one's own."""
-    code = next(block for block in re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), re.S) if "Effect(" in block)
+    document = (DOCS / "how-to" / "add-an-effect.md").read_text()
+    code = next(block for block in re.findall(r"```python\n(.*?)```", document, re.S) if "Effect(" in block)
     (tmp_path / "effects").mkdir()
     (tmp_path / "effects" / "sound_speed.py").write_text(code)
     monkeypatch.setenv(OWN, str(tmp_path))
@@ -57,5 +58,5 @@ def test_the_example_effect_is_diagnosed(effect):
 
 def test_the_document_counts_what_is_flown():
     """The number of effects outside the library is the one that is flown."""
-    text = DOCUMENT.read_text()
+    text = (DOCS / "results" / "diagnosis.md").read_text()
     assert {11: "eleven"}[len(OUTSIDE)] in text

@@ -7,7 +7,7 @@ import pytest
 
 from auv_torchrl.paths import PROJECT
 from benchmarks import provenance
-from benchmarks.published import DOCS, SECTIONS, copied, problems, publish
+from benchmarks.published import RESULTS, SECTIONS, copied, problems, publish
 
 HISTORY = pytest.mark.skipif(
     not provenance.has_history(), reason="ages are counted in commits: no repository here, or a shallow one"
@@ -31,7 +31,7 @@ def said(text, age: int | None = 0, sections=None):
 
 
 def read(name):
-    return (DOCS / name).read_text(encoding="utf-8")
+    return (RESULTS / name).read_text(encoding="utf-8")
 
 
 @HISTORY

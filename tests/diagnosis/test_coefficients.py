@@ -35,7 +35,7 @@ from auv_torchrl.sysid import Outcome, SearchTrace
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.real.bluerov2 import TEST, TO_BEAT, VEHICLE, figures, read_runs
 
-REAL = os.environ.get("AUV_TORCHRL_BLUEROV2", "")  # folder of the runs of docs/diagnosis.md
+REAL = os.environ.get("AUV_TORCHRL_BLUEROV2", "")  # folder of the runs of docs/how-to/run-the-benchmarks.md
 GIVEN = hold(load_vehicle("paper"))
 TRUTH = {  # 30 to 100 % off
     "hull": {
@@ -315,7 +315,9 @@ def test_a_wrong_uncertainty_is_refused(section, message):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not REAL, reason="AUV_TORCHRL_BLUEROV2 is not set: docs/diagnosis.md says how to get the runs")
+@pytest.mark.skipif(
+    not REAL, reason="AUV_TORCHRL_BLUEROV2 is not set: docs/how-to/run-the-benchmarks.md says how to get the runs"
+)
 def test_a_real_vehicle_is_predicted_better_than_published():
     """Calibrated on two runs of a real vehicle, the third is predicted better than by any published model."""
     flights = read_runs(Path(REAL))

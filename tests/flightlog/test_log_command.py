@@ -159,8 +159,8 @@ def test_parameters_are_read_as_ground_stations_save_them(tmp_path, text):
 
 
 def test_every_reader_stands_in_the_documents_and_takes_other_files_for_none():
-    """docs/logs.md names the suffixes; no reader recognizes a table or nothing at all."""
-    page = (PROJECT / "docs" / "logs.md").read_text()
+    """docs/reference/log-formats.md names the suffixes; no reader recognizes a table or nothing at all."""
+    page = (PROJECT / "docs" / "reference" / "log-formats.md").read_text()
     table = Path(EXAMPLE_LOG).read_bytes()[:4096]
     for reader in READERS.values():
         assert all(f"`{suffix}`" in page for suffix in reader.suffixes if suffix != ".bin"), reader.name
