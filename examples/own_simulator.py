@@ -90,11 +90,10 @@ def main() -> None:
     found = sysid.identify(arm, windows, sysid.Disturbance(np.array([0.02, 0.02])), tried, progress=print)
     print("\nFound", ", ".join(map(str, sysid.intervals(found.best))) or "nothing")
     print("Something else acts besides:", "no" if sysid.is_explained(found.best) else "yes")
-    print(
-        "Probabilities:", ", ".join(f"{name} {share:.1%}" for name, share in sysid.probabilities(found.trace).items())
-    )
-    print("\nHow this was decided", *found.trace.table(), sep="\n")
-    print("\nWhy not the others?", *(f"{one.name}: {found.trace.why(one.name)}" for one in tried), sep="\n")
+    chances = sysid.probabilities(found.trace)
+    print("Probabilities:", ", ".join(f"{name} {share:.1%}" for name, share in chances.items()))
+    print("How this was decided", *found.trace.table(), sep="\n")
+    print("Why?", *(f"{one.name}: {found.trace.why(one.name)}" for one in tried), sep="\n")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2 as chi_square
+from scipy.special import chdtrc
 
 from auv_torchrl.sysid.fit import Fit
 from auv_torchrl.sysid.model import Parameter
@@ -85,7 +85,7 @@ def indistinguishable(trace: SearchTrace) -> list[tuple[str, ...]]:
 
 def chance(fit: Fit) -> float:
     """Probability that noise and disturbance alone leave as much as a fit does."""
-    return float(chi_square.sf(fit.chi2, fit.numbers))
+    return float(chdtrc(fit.numbers, fit.chi2))
 
 
 def is_explained(fit: Fit, tolerated: float = 1.1) -> bool:

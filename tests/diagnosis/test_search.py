@@ -16,9 +16,10 @@ from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulati
 from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, rebase
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.judged import slack_now
+from auv_torchrl.diagnosis.identify.neighbours import held_at
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import held_at, search
+from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.thresholds import SLACK_LIMIT

@@ -1,0 +1,228 @@
+"""Neighbours of an explanation: which there are, and what the reduced quadratic promises of each.
+
+A neighbour has one effect, or some values of an effect, more; some values or an effect less, or one value for a family;
+or another effect in place of one.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.fit import fit_along_motion
+from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.screen import Field, moves_all
+from auv_torchrl.diagnosis.identify.steps import bounded_step, change_of_chi2, take_step
+from auv_torchrl.diagnosis.thresholds import (
+    CLOSES,
+    DOUBTED,
+    DOUBTED_SHARE,
+    LOOKED_ALONG,
+    MOST_EFFECTS,
+    SIMULATED,
+    WORTH_AN_EFFECT,
+)
+from auv_torchrl.sysid.search import Proposal
+from auv_torchrl.sysid.trace import Outcome, Record
+
+Key = tuple[tuple[str, tuple[str, ...], float], ...]
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """An explanation to fit, and the windows from which its fit begins."""
+
+    explanation: Explanation
+    base: Base
+
+    @property
+    def key(self) -> Key:
+        """Which values it sets, whatever they are; those of discrete parameters count."""
+        knobs = self.explanation.knobs
+        return tuple(sorted((*knob.key, knob.value if knob.discrete else 0.0) for knob in knobs))
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """The neighbours of the best fit so far."""
+
+    problem: Problem
+    follow: Base  # the measured motion
+    field: Field  # responses to all changes along it, without an effect
+    best: Judged
+    is_known: Callable[[Proposal[Neighbour]], bool]  # whether a proposal was fitted before, and promises no more
+
+    @cached_property
+    def here(self) -> float:
+        """Log posterior of the best fit."""
+        numbers = self.field.quadratic.numbers
+        return weighed(
+            self.problem, self.best.explanation, self.best.evidence, self.best.excess, numbers, "", Outcome.STEP
+        ).log_posterior
+
+    @property
+    def doubt(self) -> float:
+        """Log evidence that a linear prediction may be too low by: more where the best fit leaves much."""
+        return DOUBTED + DOUBTED_SHARE * max(0.0, self.best.chi2 - self.best.quadratic.numbers) / 2
+
+    def larger(self) -> list[Proposal[Neighbour]]:
+        """With one effect, or one value of an effect, more: as promised about the best fit and the measured motion."""
+        problem, mine = self.problem, set(self.best.explanation.effects)
+        if len(mine) >= MOST_EFFECTS:
+            return []
+        fields = [(Field.of(problem, self.best.base), self.best.base)] if mine else [(self.field, self.follow)]
+        if mine and leaves_much(problem, self.best):
+            fields.append((Field.of(problem, self.follow, self.best.explanation), self.follow))
+        promised: dict[Key, Proposal[Neighbour]] = {}
+        for field, base in fields:
+            here = field.none().evidence
+            for one in field.families():
+                what, added = Neighbour(one.explanation, base), set(one.explanation.effects) - mine
+                if self._are_twins(added, mine):
+                    continue
+                how = f"with {_words(added)}" if added else "with more values of what is there"
+                proposal = self._proposal(what, one.evidence - here, one.chi2, how)
+                if self.is_known(proposal):
+                    continue
+                if what.key not in promised or promise(proposal) > promise(promised[what.key]):
+                    promised[what.key] = proposal
+        ranked = sorted(promised.values(), key=promise, reverse=True)
+        least = self.here - self.doubt
+        likely = [one for one in ranked if promise(one) > least]
+        if leaves_much(problem, self.best) and len(likely) > SIMULATED:
+            likely = [*self._looked_along(likely[:LOOKED_ALONG]), *likely[LOOKED_ALONG:]]
+        chosen = [one.what.key for one in likely[:SIMULATED]]
+        rest = [one for one in ranked if one.what.key not in chosen]
+        return [*likely[:SIMULATED], *(replace(one, simulate=False) for one in rest)]
+
+    def _looked_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
+        """Proposals with their values fitted along the measured motion, the likeliest first."""
+        fits = [fit_along_motion(self.problem, one.what.explanation, self.follow) for one in proposals]
+        found = [
+            (fitted.evidence, replace(one, what=replace(one.what, explanation=fitted.explanation.alone)))
+            for fitted, one in zip(fits, proposals, strict=True)
+        ]
+        return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
+
+    def smaller(self) -> list[Proposal[Neighbour]]:
+        """Without one value or one effect, unless the quadratic of the best fit excludes that."""
+        knobs, here = self.best.explanation.knobs, self.here
+        parts: set[tuple[int, ...]] = {(place,) for place in range(len(knobs))}
+        effects = self.best.explanation.effects
+        parts |= {tuple(p for p, knob in enumerate(knobs) if knob.effect == name) for name in effects}
+        found: dict[tuple[int, ...], Proposal[Neighbour]] = {one: self._without(one) for one in sorted(parts)}
+        together: tuple[int, ...] = ()  # what may go at once, the least needed first
+        for places in sorted(found, key=lambda places: -promise(found[places])):
+            if promise(found[places]) > here:
+                more: tuple[int, ...] = tuple(sorted({*together, *places}))
+                found[more] = self._without(more)
+                together = more if promise(found[more]) > here else together
+        proposals = [found[together]] if len(together) > 1 else list(found.values())
+        proposals += self._merged()
+        least = here - self.doubt
+        likely = [one for one in proposals if promise(one) > least and not self.is_known(one)]
+        return sorted(likely, key=promise, reverse=True)[:SIMULATED]
+
+    def _without(self, places: tuple[int, ...]) -> Proposal[Neighbour]:
+        """Without the values at some places of the best fit."""
+        knobs = self.best.explanation.knobs
+        nominal = [declared(knob.effect, self.problem.vehicle).nominal[knob.members[0]] for knob in knobs]
+        moved, rise = held_at(self.problem, self.best, {place: nominal[place] for place in places})
+        kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
+        gone = [f"{knobs[place].effect} {knobs[place].members[0]}" for place in places]
+        how = f"without {_words(gone) if len(gone) < 3 else f'{len(gone)} values'}"
+        return self._fewer(Explanation(kept, moved.slack), rise, how)
+
+    def _merged(self) -> list[Proposal[Neighbour]]:
+        """With one value for all members of a family of which most have a value of their own."""
+        found, knobs = [], self.best.explanation.knobs
+        whole = [atom for atom in self.problem.atoms if moves_all(self.problem, atom)]
+        for effect, members in dict.fromkeys((atom.effect, tuple(atom.values)) for atom in whole):
+            own = [p for p, knob in enumerate(knobs) if knob.effect == effect and set(knob.members) < set(members)]
+            if 2 * len(own) <= len(members):
+                continue
+            shared = float(np.median([knobs[place].value for place in own]))
+            moved, rise = held_at(self.problem, self.best, dict.fromkeys(own, shared))
+            others = tuple(knob for place, knob in enumerate(moved.knobs) if place not in own)
+            one = Explanation((*others, Knob(effect, members, shared)), moved.slack)
+            found.append(self._fewer(one, rise, f"with one value for all of {_words([effect])}"))
+        return found
+
+    def _fewer(self, explanation: Explanation, rise: float, how: str) -> Proposal[Neighbour]:
+        prior = self.problem.prior
+        gain = prior.structure(explanation) - prior.structure(self.best.explanation) - 0.5 * rise
+        return self._proposal(Neighbour(explanation, self.best.base), gain, self.best.chi2 + rise, how)
+
+    def exchanged(self) -> list[Proposal[Neighbour]]:
+        """With the likeliest other effect in place of one of several."""
+        effects, found = self.best.explanation.effects, []
+        for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
+            for one in Field.of(self.problem, self.best.base, self.best.explanation.without(effect)).families():
+                what, added = Neighbour(one.explanation, self.best.base), set(one.explanation.effects) - set(effects)
+                if not added or self._are_twins(added, (effect,)):
+                    continue
+                how = f"with {_words(added)} in place of {_words([effect])}"
+                proposal = self._proposal(what, one.evidence - self.best.evidence, one.chi2, how)
+                if not self.is_known(proposal):
+                    likely = promise(proposal) > self.here - self.doubt
+                    found.append(replace(proposal, simulate=likely))
+                break
+        return found
+
+    def _are_twins(self, added: Iterable[str], there: Iterable[str]) -> bool:
+        """Whether an effect does to this log what one that is there does by another name."""
+        return any(frozenset((new, old)) in self.field.twins for new in added for old in there)
+
+    def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
+        numbers, evidence = self.field.quadratic.numbers, self.best.evidence + gain
+        record = weighed(self.problem, what.explanation, evidence, chi2 / numbers, numbers, how, Outcome.PREDICTED)
+        return Proposal(what, record)
+
+
+def weighed(
+    problem: Problem,
+    explanation: Explanation,
+    evidence: float,
+    misfit: float,
+    numbers: int,
+    proposed: str,
+    outcome: Outcome,
+) -> Record:
+    """What an explanation is worth; ``evidence`` is its log evidence with the prior of its structure."""
+    structure = problem.prior.structure(explanation)
+    values = explanation.values(problem.vehicle, slack=False)
+    flat = {f"{effect}.{name}": value for effect, row in values.items() for name, value in row.items()}
+    # An unknown effect is not to be pieced together from known ones: what is left weighs more, the more there are.
+    left = CLOSES * max(0.0, misfit - 1.0) * numbers / 2
+    weight = structure - (WORTH_AN_EFFECT + left) * len(explanation.effects)
+    names = tuple(sorted(explanation.effects))
+    return Record(names, flat, evidence - structure, weight, misfit, proposed, outcome)
+
+
+def held_at(problem: Problem, judged: Judged, values: Mapping[int, float]) -> tuple[Explanation, float]:
+    """An explanation with values, by place, held, all else moved as fits best, and by how much chi-square rises.
+
+    The rise is that of its quadratic, from its minimum on; where a discrete value is among them, 0 is returned.
+    """
+    knobs = judged.explanation.knobs
+    if any(knobs[place].discrete for place in values) or not np.isfinite(judged.chi2):
+        return judged.explanation, 0.0
+    order = {place: i for i, place in enumerate(p for p, knob in enumerate(knobs) if not knob.discrete)}
+    first = len(problem.slack)
+    held = {first + order[p]: (value - knobs[p].value) / judged.steps[order[p]] for p, value in values.items()}
+    step = bounded_step(problem, judged, held)
+    rise = change_of_chi2(problem, judged, *step) - change_of_chi2(problem, judged, *bounded_step(problem, judged))
+    return take_step(problem, judged.explanation, *step), rise
+
+
+def promise(proposal: Proposal[Neighbour]) -> float:
+    """Log posterior that a neighbour is promised."""
+    return proposal.promised.log_posterior
+
+
+def _words(names: Iterable[str]) -> str:
+    return " and ".join(sorted(names)).replace("_", " ")
