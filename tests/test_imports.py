@@ -15,7 +15,7 @@ from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
 TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM = (
-    f"auv_torchrl.{part}.command" for part in ("experiment", "diagnosis", "diagnosis.calibrate", "flightlog", "link")
+    f"auv_torchrl.{part}.command" for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link")
 )
 CALL = """
 import json, sys
@@ -123,7 +123,7 @@ def test_a_dive_that_is_diagnosed_by_itself_brings_no_window_system():
 import json, sys
 from auv_torchrl.importing import importing_without_compiler
 with importing_without_compiler():
-    from auv_torchrl.diagnosis.dives.work import _diagnose_one
+    from auv_torchrl.monitoring.dive_work import _diagnose_one
 try:
     _diagnose_one(())
 except ValueError:  # no dive
