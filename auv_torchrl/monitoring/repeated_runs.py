@@ -152,8 +152,8 @@ def run_reports(
         none = float(evidence.probability[g, 0])
         verdict = Verdict.NO_GAP if none > 0.5 else Verdict.EXPLAINED
         if evidence.strange[g] < STRANGE:  # a line in a spectrum stands beside the unknown
-            shakes = evidence.names[int(evidence.probability[g].argmax())] == VIBRATION
-            verdict = Verdict.PARTLY_EXPLAINED if shakes else Verdict.UNEXPLAINED
+            vibrates = evidence.names[int(evidence.probability[g].argmax())] == VIBRATION
+            verdict = Verdict.PARTLY_EXPLAINED if vibrates else Verdict.UNEXPLAINED
         named = verdict in (Verdict.EXPLAINED, Verdict.PARTLY_EXPLAINED)
         causes = _causes(evidence, g, sensitivities, vehicle) if named else ()
         own = tuple(str(names[row]) for row in rows.tolist())

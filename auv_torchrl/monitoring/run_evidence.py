@@ -1,4 +1,4 @@
-"""How likely every effect is in one run, or in several that were flown alike."""
+"""How likely every effect is in one run, or in several runs of one manoeuvre."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -47,10 +47,10 @@ class SpectralLine:
 
 def learn_spectrum(runs: Runs) -> HealthySpectrum | None:
     """The spectra of healthy runs; None where no rate is measured fast enough."""
-    kept = np.flatnonzero(np.isfinite(runs.power).all((1, 2)))
-    if not len(band_centres(runs.power.shape[-1])) or not runs.gyro_axes or len(kept) < 2:
+    usable = np.flatnonzero(np.isfinite(runs.power).all((1, 2)))
+    if not len(band_centres(runs.power.shape[-1])) or not runs.gyro_axes or len(usable) < 2:
         return None
-    power, session = runs.power[kept], runs.session[kept]
+    power, session = runs.power[usable], runs.session[usable]
     level = power.mean(0)
     over = _contrast(power - level)
     scatter = over.std(0, ddof=1)
