@@ -4,7 +4,7 @@
 command ``auv-diagnose`` is the same.
 """
 
-from auv_torchrl.diagnosis.command import main
+from auv_torchrl.monitoring.command import main
 
 if __name__ == "__main__":
     main()

@@ -1,8 +1,8 @@
 """Numbers of a vehicle file that cannot be, or hardly can: which they are, and which unit they look like.
 
-A number of its own has bounds in :data:`auv_torchrl.vehicle_fields.FIELDS`. Here stand the ratios of several: what is
-large for one vehicle is small for another, so that sizes are told from the volume of displaced water. Where numbers are
-out of bounds, each is converted from the units that people mistake; the one that puts things right is named.
+A number by itself has bounds in :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS`. Here stand the ratios of several:
+what is large for one vehicle is small for another, so that sizes are told from the volume of displaced water. Where
+numbers are out of bounds, each is converted from the units that people mistake; the one that mends them is named.
 """
 
 from collections.abc import Callable, Iterator, Mapping

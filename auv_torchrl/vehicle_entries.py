@@ -12,14 +12,37 @@ from auv_torchrl.vehicle_checks import looks_like
 from auv_torchrl.vehicle_fields import BY_LABEL
 
 
-def drag_matrix(value: Any) -> Tensor:
-    """Six numbers of the diagonal, or six rows of six where one degree of freedom drags on another."""
-    if isinstance(value, list | tuple) and len(value) == 6 and all(isinstance(row, list | tuple) for row in value):
-        return matrix("linear_drag", value, 6)
-    return torch.diag(numbers("linear_drag", value, (6,), "6 numbers, or 6 rows of 6"))
+def read_entry(label: str, value: Any, position: Any) -> Tensor:
+    """The value of an entry as a tensor, within what is possible; one per thruster or one for all where a file may.
+
+    Args:
+        label: of the entry.
+        value: in the file.
+        position: places of the thrusters in the file, a row for each.
+
+    Raises:
+        ValueError: for anything else, naming the entry.
+    """
+    kind = BY_LABEL[label]
+    if kind.rows:
+        tensor = matrix(label, value, kind.length)
+    elif kind.each and isinstance(value, list | tuple):
+        tensor = _each_thruster(label, value, position)
+    elif kind.square:
+        tensor = _square(label, value, kind.length)
+    else:
+        tensor = numbers(label, value, (kind.length,) if kind.length else ())
+    return bounded(label, value, tensor)
 
 
-def each_thruster(label: str, values: Any, position: Any) -> Tensor:
+def _square(label: str, value: Any, size: int) -> Tensor:
+    """The numbers of the diagonal, or all rows of a matrix."""
+    if isinstance(value, list | tuple) and len(value) == size and all(isinstance(row, list | tuple) for row in value):
+        return matrix(label, value, size)
+    return torch.diag(numbers(label, value, (size,), f"{size} numbers, or {size} rows of {size}"))
+
+
+def _each_thruster(label: str, values: Any, position: Any) -> Tensor:
     """One number for each row of the thrusters' ``position``."""
     n = len(matrix("thrusters.position", position, 3))
     return numbers(label, values, (n,), f"one number, or {n}, one per thruster")
@@ -32,7 +55,7 @@ def bounded(label: str, value: Any, tensor: Tensor) -> Tensor:
         ValueError: for others, with the unit that they look like.
     """
     given = BY_LABEL[label].given
-    found = tensor.diagonal() if label == "linear_drag" else tensor  # beside it, signs are free
+    found = tensor.diagonal() if BY_LABEL[label].square else tensor  # beside the diagonal, signs are free
     if not all(number in given for number in found.flatten().tolist()):
         looks = looks_like(label, found.numpy())
         raise ValueError(f"{label} is {short(value)}: give values {given}{looks}")

@@ -1,12 +1,13 @@
-"""Every number of a vehicle file: its unit, what it may be, what is usual, and the units that people mistake it in.
+"""Every parameter of a vehicle in one table: its shape, unit and meaning, and its entry in vehicle files.
 
-The reader of vehicle files, its checks, the writer of vehicle files and the command line all read this table. It loads
-neither torch nor numpy, because the command line asks it what may be left out.
+The class of vehicles, the reader, the writer and the checks of vehicle files, the coefficients of the equations of
+motion and the command line all read :data:`VEHICLE_FIELDS`: a new parameter is one entry there. The table loads neither
+torch nor numpy, because the command line asks it which entries may be left out.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from types import EllipsisType
 
 from auv_torchrl.settings import In
 
@@ -16,123 +17,236 @@ GRAVITY = 9.81  # m/s^2, standard gravity to the precision of the published weig
 WATER_DENSITY = 1000.0  # kg/m^3, fresh; salt changes the side of a cube by 1 %
 POUND = 0.45359237  # kg, by definition
 INCH = 0.0254  # m, by definition
+DEGREE = 0.017453292519943295  # rad
 
 Factor = float | tuple[float, ...]  # by which a number in a mistaken unit becomes SI; one per entry of a vector
 _ANY, _POSITIVE, _NOT_NEGATIVE = In("(-inf, inf)"), In("(0, inf)"), In("[0, inf)")
 _SHARE, _WAIT = In("(-1, 1)"), In("[0, 60]", "s")  # beyond a minute nothing that answers is a thruster or a sensor
+_SCALE = In("[0.2, 5]")
 _LENGTH = {"mm": 1e-3, "cm": 1e-2}
 _UP = {"m with z pointing up": (1.0, 1.0, -1.0)}  # the body frame is front, right, down
 _TIME = {"ms": 1e-3}
 _FORCE = {"kgf": GRAVITY, "gf": GRAVITY / 1e3, "kN": 1e3}
 _PERCENT = {"%": 1e-2}
+_ANGLE = {"degrees": DEGREE}
+
+N = "n"  # in a shape: the number of thrusters
+_NUMBER, _VECTOR, _SIX, _EACH = (), (3,), (6,), (N,)
 
 
 @dataclass(frozen=True)
 class Field:
-    """One entry of a vehicle file."""
+    """One parameter of a vehicle, and its entry in vehicle files where it has one."""
 
+    shape: tuple[int | str, ...]  # behind the batch
     unit: str
-    length: int = 0  # of a vector; 0 for a number
+    meaning: str
+    section: str | None = None  # of vehicle files, "" for an entry outside of sections; None: files have no entry
+    entry: str = ""  # name in the section, where it is another than that of the field
+    default: float | EllipsisType = ...  # of a nominal vehicle without an entry, in every place, or on the diagonal of
+    # a square matrix; ... where the file must have the entry
     given: In = _ANY  # what is possible
     usual: In = _ANY  # what is plausible for a vehicle of any size; :mod:`vehicle_checks` has what depends on the size
     mistaken: Mapping[str, Factor] = field(default_factory=dict)  # units, and their factors to SI
-    default: Any = ...  # what leaving the entry out means; ... where it must be there
-    each: bool = False  # one number for all thrusters, or a list with one each
-    rows: bool = False  # one vector for each thruster
     note: str = ""  # behind the unit, where a file is written
+    brief: bool = False  # a written file leaves the entry out where it is 0
+    later: bool = False  # so do the contents of hashes under which results are kept, so that older ones are found
+    copied: bool = True  # into the coefficients of the equations of motion and sensors; else worked into others
+    true: float | None = None  # of a sensor: the value at which it reports the motion as it is
+
+    def shape_of(self, thrusters: int) -> tuple[int, ...]:
+        """Behind the batch, for a number of thrusters."""
+        return tuple(size if isinstance(size, int) else thrusters for size in self.shape)
+
+    @property
+    def length(self) -> int:
+        """Of a vector, or of each row; 0 for a number, or one number per thruster."""
+        last = self.shape[-1] if self.shape else 0
+        return last if isinstance(last, int) else 0
+
+    @property
+    def each(self) -> bool:
+        """Whether a file has one number for all thrusters, or a list with one each."""
+        return self.shape == _EACH
+
+    @property
+    def rows(self) -> bool:
+        """Whether a file has one vector for each thruster."""
+        return len(self.shape) == 2 and self.shape[0] == N
+
+    @property
+    def square(self) -> bool:
+        """Whether a file has a vector, the diagonal, or all rows of a matrix."""
+        return len(self.shape) == 2 and self.shape[0] == self.shape[1]
+
+    @property
+    def left_out(self) -> float | tuple[float, ...] | None:
+        """What an entry that is left out of a file stands for; None where it must be there."""
+        if isinstance(self.default, EllipsisType):
+            return None
+        return (self.default,) * self.length if self.length else self.default
 
 
-_PLACE = Field("m", 3, mistaken=_LENGTH, default=(0.0,) * 3)
-FIELDS: dict[str, dict[str, Field]] = {  # section -> entry; "" holds what stands in no section
-    "rigid_body": {
-        "mass": Field(
-            "kg", given=_POSITIVE, usual=In("[0.1, 1e5]", "kg"),
-            mistaken={"g": 1e-3, "lb": POUND, "N": 1 / GRAVITY, "t": 1e3},
-        ),
-        "inertia": Field(
-            "kg m^2", 3, given=_POSITIVE,
-            mistaken={"kg cm^2": 1e-4, "kg mm^2": 1e-6, "g cm^2": 1e-7, "lb in^2": POUND * INCH**2},
-        ),
-        "centre_of_mass": Field("m", 3, mistaken=_LENGTH | _UP),
-        "centre_of_buoyancy": Field("m", 3, mistaken=_LENGTH | _UP),
-        "buoyancy": Field(
-            "N", given=_POSITIVE, mistaken={"kg": GRAVITY, "lb": POUND * GRAVITY, "g": GRAVITY / 1e3, "kN": 1e3}
-        ),
-        "hull_height": Field(
-            "m", given=_NOT_NEGATIVE, mistaken=_LENGTH, default=0.0, note=", over which it leaves the water"
-        ),
-    },
-    "": {
-        "added_mass": Field(
-            "kg, kg m^2", 6, given=_NOT_NEGATIVE,
-            mistaken={"g, g m^2": 1e-3, "kg, kg cm^2": (1.0,) * 3 + (1e-4,) * 3},
-        ),
-        "mass_scale": Field(
-            "", 6, given=_POSITIVE, usual=In("[0.1, 10]"), mistaken=_PERCENT, default=(1.0,) * 6,
-            note="on the total of rigid body and added mass",
-        ),
-        "linear_drag": Field(
-            "kg/s, kg m^2/s", 6, given=_NOT_NEGATIVE, mistaken={"g/s, g m^2/s": 1e-3},
-            note="; rows of 6: drag in each degree of freedom by speed in all",
-        ),
-        "quadratic_drag": Field("kg/m, kg m^2", 6, mistaken={"g/m, g m^2": 1e-3}, given=_NOT_NEGATIVE),
-        "drag_asymmetry": Field(
-            "", 6, given=_SHARE, mistaken=_PERCENT, default=(0.0,) * 6,
-            note="share by which it is larger ahead, to starboard or down",
-        ),
-        "coriolis": Field("", given=_NOT_NEGATIVE, usual=In("[0, 2]"), mistaken=_PERCENT, note="0 none, 1 all"),
-        "surface": Field(
-            "m", usual=In("[-1000, 1000]", "m"), mistaken={"mm": 1e-3}, default=0.0,
-            note=", z of the surface of the water",
-        ),
-        "air": Field("", given=In("[0, 1]"), mistaken=_PERCENT, default=0.0, note="above it: 0 water, 1 air"),
-    },
-    "thrusters": {
-        "position": Field("m", 3, mistaken=_LENGTH | {"in": INCH}, rows=True),
-        "direction": Field("", 3, given=In("[-10, 10]"), rows=True),
-        "full_thrust": Field("N", given=_POSITIVE, mistaken=_FORCE, each=True, note=" at command +1"),
-        "asymmetry": Field(
-            "", given=_SHARE, mistaken=_PERCENT, each=True, note="reverse thrust is weaker by this share"
-        ),
-        "exponent": Field(
-            "", given=_POSITIVE, usual=In("[0.3, 4]"), each=True, note="thrust = full x sign(c) |c|^exponent"
-        ),
-        "dead_band": Field("N", given=_NOT_NEGATIVE, mistaken={"gf": GRAVITY / 1e3, "mN": 1e-3}, each=True),
-        "limit": Field("N", given=_POSITIVE, mistaken=_FORCE, each=True),
-        "lag": Field("s", given=_WAIT, usual=In("[0, 2]", "s"), mistaken=_TIME, each=True),
-        "delay": Field("s", given=_WAIT, usual=In("[0, 2]", "s"), mistaken=_TIME),
-        "reaction": Field(
-            "m", mistaken=_LENGTH, each=True, default=0.0, note=", moment about its direction per newton of thrust"
-        ),
-        "volts": Field(
-            "V", given=_NOT_NEGATIVE, usual=In("[0, 1000]", "V"), mistaken={"mV": 1e-3}, default=0.0,
-            note=" at which full_thrust holds",
-        ),
-    },
-    "sensors": {  # what a vehicle's own sensors are off by, where that is known; those of a nominal one are true
-        "heading_bias": Field(
-            "rad", usual=In("[-0.8, 0.8]", "rad"), mistaken={"degrees": 0.017453292519943295}, default=0.0
-        ),
-        "pose_delay": Field("s", given=_WAIT, usual=In("[0, 2]", "s"), mistaken=_TIME, default=0.0),
-        "position_scale": Field("", given=_POSITIVE, usual=In("[0.2, 5]"), mistaken=_PERCENT, default=1.0),
-        "depth_scale": Field("", given=_POSITIVE, usual=In("[0.2, 5]"), mistaken=_PERCENT, default=1.0),
-        "depth_bias": Field("m", usual=In("[-20, 20]", "m"), mistaken={"mm": 1e-3}, default=0.0),
-        "velocity_scale": Field("", given=_POSITIVE, usual=In("[0.2, 5]"), mistaken=_PERCENT, default=1.0),
-        "dvl_position": _PLACE,
-        "dvl_turn": Field(
-            "rad", usual=In("[-3.2, 3.2]", "rad"), mistaken={"degrees": 0.017453292519943295}, default=0.0,
-            note=" about body z, from the axes of the body to those of the Doppler log",
-        ),
-        "accelerometer_position": _PLACE,
-        "accelerometer_bias": Field(
-            "m/s^2", 3, usual=In("[-2, 2]", "m/s^2"), mistaken={"mg": GRAVITY / 1e3}, default=(0.0,) * 3
-        ),
-    },
+VEHICLE_FIELDS: dict[str, Field] = {  # in the order of the class, which hashes of kept results have, too
+    # rigid body
+    "mass": Field(
+        _NUMBER, "kg", "mass", "rigid_body", given=_POSITIVE, usual=In("[0.1, 1e5]", "kg"),
+        mistaken={"g": 1e-3, "lb": POUND, "N": 1 / GRAVITY, "t": 1e3}, copied=False,
+    ),
+    "inertia": Field(
+        _VECTOR, "kg m^2", "principal moments about the centre of mass", "rigid_body", given=_POSITIVE,
+        mistaken={"kg cm^2": 1e-4, "kg mm^2": 1e-6, "g cm^2": 1e-7, "lb in^2": POUND * INCH**2}, copied=False,
+    ),
+    "centre_of_mass": Field(
+        _VECTOR, "m", "place of the centre of mass", "rigid_body", mistaken=_LENGTH | _UP, copied=False
+    ),
+    "centre_of_buoyancy": Field(_VECTOR, "m", "place of the centre of buoyancy", "rigid_body", mistaken=_LENGTH | _UP),
+    "buoyancy": Field(
+        _NUMBER, "N", "buoyancy, all of it in the water", "rigid_body", given=_POSITIVE,
+        mistaken={"kg": GRAVITY, "lb": POUND * GRAVITY, "g": GRAVITY / 1e3, "kN": 1e3},
+    ),
+    "hull_height": Field(
+        _NUMBER, "m", "height over which it leaves the water, about that centre; 0 that of a cube of its volume",
+        "rigid_body", default=0.0, given=_NOT_NEGATIVE, mistaken=_LENGTH, note=", over which it leaves the water",
+        brief=True, later=True, copied=False,
+    ),
+    "free": Field(_SIX, "", "1 where a degree of freedom moves, 0 where it is held", default=1.0, copied=False),
+    "payload_mass": Field(_NUMBER, "kg", "mass that is carried rigidly", default=0.0, copied=False),
+    "payload_weight": Field(_NUMBER, "N", "its weight in water, down positive", default=0.0, copied=False),
+    "payload_position": Field(_VECTOR, "m", "its place", default=0.0, copied=False),
+    "vertical_force": Field(_NUMBER, "N", "force along earth z, down positive", default=0.0, copied=False),
+    # water
+    "added_mass": Field(
+        _SIX, "kg, kg m^2", "added mass, positive", "", given=_NOT_NEGATIVE,
+        mistaken={"g, g m^2": 1e-3, "kg, kg cm^2": (1.0,) * 3 + (1e-4,) * 3}, copied=False,
+    ),
+    "mass_scale": Field(
+        _SIX, "", "on the total of rigid body and added mass", "", default=1.0, given=_POSITIVE,
+        usual=In("[0.1, 10]"), mistaken=_PERCENT, note="on the total of rigid body and added mass", copied=False,
+    ),
+    "linear_drag": Field(
+        (6, 6), "kg/s, kg m^2/s", "linear drag", "", given=_NOT_NEGATIVE, mistaken={"g/s, g m^2/s": 1e-3},
+        note="; rows of 6: drag in each degree of freedom by speed in all",
+    ),
+    "quadratic_drag": Field(
+        _SIX, "kg/m, kg m^2", "quadratic drag", "", given=_NOT_NEGATIVE, mistaken={"g/m, g m^2": 1e-3}
+    ),
+    "drag_asymmetry": Field(
+        _SIX, "", "quadratic drag is 1 + this times that ahead, to starboard or down, and 1 - this the other way", "",
+        default=0.0, given=_SHARE, mistaken=_PERCENT, note="share by which it is larger ahead, to starboard or down",
+        brief=True, later=True,
+    ),
+    "current": Field(_VECTOR, "m/s", "velocity of the water, north, east, down", default=0.0),
+    "tether_anchor": Field(_VECTOR, "m", "in earth axes", default=0.0),
+    "tether_stiffness": Field(_NUMBER, "N/m", "beyond its slack", default=0.0),
+    "tether_slack": Field(_NUMBER, "m", "length up to which it does not pull", default=0.0),
+    "surface": Field(
+        _NUMBER, "m", "z of the surface of the water", "", default=0.0, usual=In("[-1000, 1000]", "m"),
+        mistaken={"mm": 1e-3}, note=", z of the surface of the water", brief=True, later=True,
+    ),
+    "air": Field(
+        _NUMBER, "", "share of the water's density that is missing above it: 0 water everywhere, 1 air", "",
+        default=0.0, given=In("[0, 1]"), mistaken=_PERCENT, note="above it: 0 water, 1 air", brief=True, later=True,
+    ),
+    "coriolis": Field(
+        _NUMBER, "", "0 none, 1 the full rigid-body and added-mass Coriolis terms", "", given=_NOT_NEGATIVE,
+        usual=In("[0, 2]"), mistaken=_PERCENT, note="0 none, 1 all",
+    ),
+    # thrusters
+    "thruster_position": Field(
+        (N, 3), "m", "place", "thrusters", "position", mistaken=_LENGTH | {"in": INCH}
+    ),
+    "thruster_direction": Field(
+        (N, 3), "", "unit vector of the force at a positive command", "thrusters", "direction", given=In("[-10, 10]"),
+        copied=False,
+    ),
+    "mixer": Field(
+        (N, 6), "", "commands per unit demand in each degree of freedom", "", usual=In("[-2, 2]"), mistaken=_PERCENT,
+        note="columns surge, sway, heave, roll, pitch, yaw; rows thrusters", copied=False,
+    ),
+    "routing": Field((N, N), "", "which command reaches which thruster", default=1.0),
+    "full_thrust": Field(
+        _EACH, "N", "thrust at command +1", "thrusters", given=_POSITIVE, mistaken=_FORCE, note=" at command +1"
+    ),
+    "asymmetry": Field(
+        _EACH, "", "reverse thrust is weaker by this share, stronger where it is below 0", "thrusters", given=_SHARE,
+        mistaken=_PERCENT, note="reverse thrust is weaker by this share",
+    ),
+    "exponent": Field(
+        _EACH, "", "of the thrust curve", "thrusters", given=_POSITIVE, usual=In("[0.3, 4]"),
+        note="thrust = full x sign(c) |c|^exponent",
+    ),
+    "dead_band": Field(
+        _EACH, "N", "thrust below which there is none", "thrusters", given=_NOT_NEGATIVE,
+        mistaken={"gf": GRAVITY / 1e3, "mN": 1e-3},
+    ),
+    "limit": Field(_EACH, "N", "largest thrust", "thrusters", given=_POSITIVE, mistaken=_FORCE),
+    "gain": Field(_EACH, "", "on the thrust, after the limit", default=1.0),
+    "lag": Field(
+        _EACH, "s", "time constant of first order", "thrusters", given=_WAIT, usual=In("[0, 2]", "s"), mistaken=_TIME
+    ),
+    "reaction": Field(
+        _EACH, "m", "moment about its direction per newton of its thrust: the propeller turns the other way",
+        "thrusters", default=0.0, mistaken=_LENGTH, note=", moment about its direction per newton of thrust",
+        brief=True, copied=False,
+    ),
+    "volts": Field(
+        _NUMBER, "V", "at which full_thrust holds and from which thrust follows logged volts; 0 where it does not",
+        "thrusters", default=0.0, given=_NOT_NEGATIVE, usual=In("[0, 1000]", "V"), mistaken={"mV": 1e-3},
+        note=" at which full_thrust holds", brief=True,
+    ),
+    "delay": Field(
+        _NUMBER, "s", "from command to thruster", "thrusters", given=_WAIT, usual=In("[0, 2]", "s"), mistaken=_TIME
+    ),
+    "battery_sag": Field(_NUMBER, "1/min", "share of the thrust lost per minute", default=0.0),
+    # sensors: what a vehicle's own sensors are off by, where that is known; those of a nominal vehicle are true
+    "heading_bias": Field(
+        _NUMBER, "rad", "measured yaw minus true yaw", "sensors", default=0.0, usual=In("[-0.8, 0.8]", "rad"),
+        mistaken=_ANGLE, true=0.0,
+    ),
+    "pose_delay": Field(
+        _NUMBER, "s", "age of a reported pose", "sensors", default=0.0, given=_WAIT, usual=In("[0, 2]", "s"),
+        mistaken=_TIME, true=0.0,
+    ),
+    "position_scale": Field(
+        _NUMBER, "", "reported positions are the true ones times this", "sensors", default=1.0, given=_POSITIVE,
+        usual=_SCALE, mistaken=_PERCENT, true=1.0,
+    ),
+    "depth_scale": Field(
+        _NUMBER, "", "and depths times this, too", "sensors", default=1.0, given=_POSITIVE, usual=_SCALE,
+        mistaken=_PERCENT, true=1.0,
+    ),
+    "depth_bias": Field(
+        _NUMBER, "m", "reported depth minus true depth", "sensors", default=0.0, usual=In("[-20, 20]", "m"),
+        mistaken={"mm": 1e-3}, true=0.0,
+    ),
+    "velocity_scale": Field(
+        _NUMBER, "", "reported linear velocities are the true ones times this", "sensors", default=1.0,
+        given=_POSITIVE, usual=_SCALE, mistaken=_PERCENT, true=1.0,
+    ),
+    "dvl_position": Field(
+        _VECTOR, "m", "place of the Doppler log", "sensors", default=0.0, mistaken=_LENGTH, brief=True, later=True,
+        true=0.0,
+    ),
+    "dvl_turn": Field(
+        _NUMBER, "rad", "about body z, from the axes of the body to those of the Doppler log", "sensors", default=0.0,
+        usual=In("[-3.2, 3.2]", "rad"), mistaken=_ANGLE,
+        note=" about body z, from the axes of the body to those of the Doppler log", brief=True, later=True, true=0.0,
+    ),
+    "gyro_bias": Field(_VECTOR, "rad/s", "reported angular rates minus true ones", default=0.0, true=0.0),
+    "accelerometer_bias": Field(
+        _VECTOR, "m/s^2", "reported specific force minus the true one", "sensors", default=0.0,
+        usual=In("[-2, 2]", "m/s^2"), mistaken={"mg": GRAVITY / 1e3}, brief=True, later=True,
+    ),
+    "accelerometer_position": Field(
+        _VECTOR, "m", "place of the accelerometer", "sensors", default=0.0, mistaken=_LENGTH, brief=True, later=True
+    ),
+    "compass_per_load": Field(
+        _NUMBER, "rad", "turn of the measured yaw while all thrusters give their full thrust", default=0.0, true=0.0
+    ),
+    "position_noise": Field(_NUMBER, "m", "standard deviation per axis", default=0.0),
+    "attitude_noise": Field(_NUMBER, "rad", "standard deviation per axis", default=0.0),
 }  # fmt: skip
-MIXER = Field(
-    "", 6, usual=In("[-2, 2]"), mistaken=_PERCENT, rows=True,
-    note="columns surge, sway, heave, roll, pitch, yaw; rows thrusters",
-)  # fmt: skip
 
 
 def label(section: str, entry: str) -> str:
@@ -140,10 +254,12 @@ def label(section: str, entry: str) -> str:
     return f"{section}.{entry}" if section else entry
 
 
-BY_LABEL = {
-    **{label(section, entry): kind for section, entries in FIELDS.items() for entry, kind in entries.items()},
-    "mixer": MIXER,
-}
+SECTIONS: dict[str, dict[str, str]] = {}  # section -> entry -> field; "" holds what stands in no section
+for _name, _field in VEHICLE_FIELDS.items():
+    if _field.section is not None:
+        SECTIONS.setdefault(_field.section, {})[_field.entry or _name] = _name
+FIELD_OF = {label(section, entry): name for section, names in SECTIONS.items() for entry, name in names.items()}
+BY_LABEL = {entry: VEHICLE_FIELDS[name] for entry, name in FIELD_OF.items()}
 COMMENTS = {name.rpartition(".")[2]: kind.unit + kind.note for name, kind in BY_LABEL.items() if kind.unit + kind.note}
 
 

@@ -8,19 +8,10 @@ import yaml
 from torch import Tensor
 
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from auv_torchrl.vehicle_fields import COMMENTS
+from auv_torchrl.vehicle_fields import COMMENTS, VEHICLE_FIELDS, Field
 
 DIGITS = 8  # significant, of each number that is written
 SAME = 1e-6  # relative, of what was calibrated and what the file says after rounding
-_RIGID_BODY = ("mass", "inertia", "centre_of_mass", "centre_of_buoyancy", "buoyancy")
-_PER_THRUSTER = ("full_thrust", "asymmetry", "exponent", "dead_band", "limit", "lag")
-_WHERE_TOLD = ("reaction", "volts")  # left out where they are 0
-_HULL_LATER = ("hull_height",)
-_WATER_LATER = ("drag_asymmetry", "surface", "air")
-_SENSORS = ("heading_bias", "pose_delay", "position_scale", "depth_scale", "depth_bias", "velocity_scale")
-# left out where 0: files say what they said, and what hashes keep is found
-_SENSORS_LATER = ("dvl_position", "dvl_turn", "accelerometer_position", "accelerometer_bias")
-CAME_LATER = (*_HULL_LATER, *_WATER_LATER, *_SENSORS_LATER)
 
 
 def fold(vehicle: Vehicle) -> Vehicle:
@@ -62,43 +53,33 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
     Raises:
         ValueError: for a vehicle with something that no file can say.
     """
-    diagonal = bool((vehicle.linear_drag == vehicle.linear_drag.diagonal().diag()).all())
-    alike = {key: getattr(vehicle, key) for key in (*_PER_THRUSTER, *_told(vehicle, _WHERE_TOLD))}
-
-    def as_they_are(*keys: str) -> dict[str, Any]:
-        return {key: numbers(getattr(vehicle, key)) for key in keys}
-
-    content = {
-        "name": name,
-        "rigid_body": as_they_are(*_RIGID_BODY, *_told(vehicle, _HULL_LATER)),
-        **as_they_are("added_mass", "mass_scale"),
-        "linear_drag": numbers(vehicle.linear_drag.diagonal() if diagonal else vehicle.linear_drag),
-        **as_they_are("quadratic_drag", *_told(vehicle, _WATER_LATER), "coriolis"),
-        "thrusters": {
-            "position": numbers(vehicle.thruster_position),
-            "direction": numbers(vehicle.thruster_direction),
-            **{
-                key: numbers(each.flatten()[0] if (each == each.flatten()[0]).all() else each)
-                for key, each in alike.items()
-            },
-            **as_they_are("delay"),
-        },
-        **as_they_are("mixer"),
-        "sensors": as_they_are(*_SENSORS, *_told(vehicle, _SENSORS_LATER)),
-    }
+    content: dict[str, Any] = {"name": name}
+    for field, kind in VEHICLE_FIELDS.items():
+        if kind.section is None or (kind.brief and _is_zero(vehicle.get(field))):
+            continue
+        block = content.setdefault(kind.section, {}) if kind.section else content
+        block[kind.entry or field] = _entry(kind, vehicle.get(field))
     _refuse_what_is_lost(vehicle, content)
     return content
 
 
-def _told(vehicle: Vehicle, keys: Sequence[str]) -> list[str]:
-    """Those that are not all 0, which is what a file that leaves them out says."""
-    return [key for key in keys if bool((getattr(vehicle, key) != 0).any())]
+def _entry(kind: Field, value: Tensor) -> Any:
+    """Plain numbers: one for all thrusters where they are equal, the diagonal where nothing is beside it."""
+    if kind.each and bool((value == value.flatten()[0]).all()):
+        return numbers(value.flatten()[0])
+    if kind.square and bool((value == value.diagonal().diag()).all()):
+        return numbers(value.diagonal())
+    return numbers(value)
+
+
+def _is_zero(value: Tensor) -> bool:
+    return not bool((value != 0).any())
 
 
 def described(vehicle: Vehicle) -> dict[str, Any]:
     """Every parameter as plain values, as what is kept under hashes has them."""
     return {
-        name: value.tolist() for name, value in vehicle.items() if name not in CAME_LATER or bool((value != 0).any())
+        name: value.tolist() for name, value in vehicle.items() if not VEHICLE_FIELDS[name].later or not _is_zero(value)
     }
 
 

@@ -43,7 +43,8 @@ _DIAGNOSIS = (*_MOTION, "auv_torchrl/diagnosis", "auv_torchrl/sensors", "conf/di
 _LOGS = (*_DIAGNOSIS, "auv_torchrl/flightlog")
 _ALIKE = (
     *_MOTION,
-    "auv_torchrl/diagnosis/alike",
+    "auv_torchrl/diagnosis/alike",  # where they were
+    "auv_torchrl/monitoring",
     "auv_torchrl/sensors",
 )  # runs of one manoeuvre have a way of their own
 
@@ -95,7 +96,7 @@ SECTIONS = {
         *(_real(name, _LOGS) for name in ("ardusub", "ardusub_healthy", "ardusub_wrong_file", "ardusub_altered")),
         _real("ardusub_vectored", _LOGS),
         _real("haizhe", _ALIKE, QUICK),
-        Section("dives.md", "dives", _DIAGNOSIS, SEALED, rows.of_dives),
+        Section("dives.md", "dives", (*_DIAGNOSIS, "auv_torchrl/monitoring"), SEALED, rows.of_dives),
     )
 }
 

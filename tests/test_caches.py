@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from auv_torchrl import files, paths
-from auv_torchrl.diagnosis.dives import store
-from auv_torchrl.diagnosis.dives.told import Dive
+from auv_torchrl.monitoring import dive_work
+from auv_torchrl.monitoring.dive_record import Dive
 
 
 def test_a_user_without_a_home_has_no_cache_folder_but_one_that_is_named(monkeypatch, tmp_path):
@@ -33,11 +33,11 @@ def test_a_full_store_of_dives_is_said_once_and_stops_nothing(monkeypatch, caplo
         raise OSError(errno.ENOSPC, "No space left on device")
 
     files.say_not_kept.cache_clear()
-    monkeypatch.setattr(store, "write_text", full)
-    monkeypatch.setattr(store, "plain", lambda _: {})
+    monkeypatch.setattr(dive_work, "write_text", full)
+    monkeypatch.setattr(dive_work, "plain", lambda _: {})
     with caplog.at_level(logging.WARNING):
         for key in ("a", "b"):
-            store.keep(tmp_path, key, object.__new__(Dive))
+            dive_work.write_record(tmp_path, key, object.__new__(Dive))
     assert [record.getMessage() for record in caplog.records] == [
         "nothing can be kept for the next start (No space left on device): "
         "what takes long is worked out again each time"

@@ -14,7 +14,7 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import MOTION, read
 from auv_torchrl.sensors.instruments import ages
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_fields import FIELDS
+from auv_torchrl.vehicle_fields import SECTIONS
 
 DOCS = PROJECT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -117,7 +117,7 @@ def test_the_reference_has_every_effect_and_every_entry_of_a_vehicle_file():
     """A new effect or field is looked up there."""
     effects, vehicle = ((DOCS / "reference" / name).read_text() for name in ("effects.md", "vehicle-file.md"))
     assert [name for name in EFFECTS if f"| `{name}` |" not in effects] == []
-    entries = [name for section in FIELDS.values() for name in section]
+    entries = [name for section in SECTIONS.values() for name in section]
     assert [name for name in entries if f"| `{name}` |" not in vehicle] == []
 
 

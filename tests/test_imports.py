@@ -1,5 +1,6 @@
 """What commands import before their work begins, by sys.modules and not by the clock."""
 
+import ast
 import gc
 import json
 import os
@@ -15,7 +16,7 @@ from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
 TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM = (
-    f"auv_torchrl.{part}.command" for part in ("experiment", "diagnosis", "diagnosis.calibrate", "flightlog", "link")
+    f"auv_torchrl.{part}.command" for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link")
 )
 CALL = """
 import json, sys
@@ -123,7 +124,7 @@ def test_a_dive_that_is_diagnosed_by_itself_brings_no_window_system():
 import json, sys
 from auv_torchrl.importing import importing_without_compiler
 with importing_without_compiler():
-    from auv_torchrl.diagnosis.dives.work import _diagnose_one
+    from auv_torchrl.monitoring.dive_work import _diagnose_one
 try:
     _diagnose_one(())
 except ValueError:  # no dive
@@ -131,6 +132,25 @@ except ValueError:  # no dive
 """
     modules = set(printed(code))
     assert "mujoco" in modules and not modules & {"glfw", "OpenGL"}
+
+
+def imported_by(path):
+    """Modules that a file imports, and those that it names in a string of its own, to import them late."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (node.module, *(f"{node.module}.{name.name}" for name in node.names))
+        elif isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def test_nothing_but_the_physics_imports_its_kernel():
+    """Others take what is compiled from the public names of the physics, whatever stands behind them."""
+    kernel, physics = "auv_torchrl.physics.kernel", PROJECT / "auv_torchrl" / "physics"
+    files = [path for part in ("auv_torchrl", "benchmarks", "examples") for path in (PROJECT / part).rglob("*.py")]
+    users = {path for path in files if any(f"{name}.".startswith(f"{kernel}.") for name in imported_by(path))}
+    assert users and all(path.is_relative_to(physics) for path in users), users
 
 
 @pytest.mark.parametrize("logging", ["plain", "console"])

@@ -1,64 +1,43 @@
 """What the equations of motion read at every step, worked out once per vehicle."""
 
+from collections import namedtuple
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from array_api_compat import array_namespace
 from torch import Tensor
 
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_fields import GRAVITY, WATER_DENSITY
+from auv_torchrl.vehicle_fields import GRAVITY, VEHICLE_FIELDS, WATER_DENSITY
 
 Array = Any
 
 
-class Coefficients(NamedTuple):
-    """Arrays ``(batch, ...)``, all numpy or all torch; units as in :class:`auv_torchrl.vehicle.Vehicle`."""
+_WORKED_OUT = {  # of several parameters of a vehicle; shapes behind the batch
+    "mass_inverse": "(6, 6) with zero rows and columns where a degree of freedom is held",
+    "mass_matrix": "(6, 6) rigid body, added mass and payload, for the Coriolis terms",
+    "restoring": "(6, 3) wrench per unit of earth z in the body frame: weight, buoyancy and their arms",
+    "allocation": "(6, n) wrench per newton of thrust, gain included",
+    "hull_height": "() that of a cube where the vehicle has none",
+}
+_COPIED = tuple(name for name, kind in VEHICLE_FIELDS.items() if kind.copied)
+_TRUE = {name: kind.true for name, kind in VEHICLE_FIELDS.items() if kind.true is not None}
 
-    mass_inverse: Array  # (6, 6) with zero rows and columns where a degree of freedom is held
-    mass_matrix: Array  # (6, 6) rigid body, added mass and payload, for the Coriolis terms
-    linear_drag: Array  # (6, 6)
-    quadratic_drag: Array  # (6,)
-    drag_asymmetry: Array  # (6,)
-    restoring: Array  # (6, 3) wrench per unit of earth z in the body frame: weight, buoyancy and their arms
-    coriolis: Array  # ()
-    current: Array  # (3,)
-    tether_anchor: Array  # (3,)
-    tether_stiffness: Array  # ()
-    tether_slack: Array  # ()
-    buoyancy: Array  # ()
-    centre_of_buoyancy: Array  # (3,)
-    hull_height: Array  # ()
-    surface: Array  # ()
-    air: Array  # ()
-    thruster_position: Array  # (n, 3)
-    allocation: Array  # (6, n) wrench per newton of thrust, gain included
-    gain: Array  # (n,) for reports of the thrust; the wrench has it from the allocation
-    routing: Array  # (n, n)
-    full_thrust: Array  # (n,)
-    asymmetry: Array  # (n,)
-    exponent: Array  # (n,)
-    dead_band: Array  # (n,)
-    limit: Array  # (n,)
-    lag: Array  # (n,)
-    delay: Array  # ()
-    battery_sag: Array  # ()
-    volts: Array  # ()
-    heading_bias: Array  # ()
-    pose_delay: Array  # ()
-    position_scale: Array  # ()
-    depth_scale: Array  # ()
-    depth_bias: Array  # ()
-    velocity_scale: Array  # ()
-    dvl_position: Array  # (3,)
-    dvl_turn: Array  # ()
-    gyro_bias: Array  # (3,)
-    accelerometer_bias: Array  # (3,)
-    accelerometer_position: Array  # (3,)
-    compass_per_load: Array  # ()
-    position_noise: Array  # ()
-    attitude_noise: Array  # ()
+
+class Coefficients(namedtuple("Coefficients", (*_WORKED_OUT, *_COPIED))):
+    """Arrays ``(batch, ...)``, all numpy or all torch.
+
+    ``mass_inverse``, ``mass_matrix``, ``restoring``, ``allocation`` and ``hull_height`` are worked out by
+    :func:`prepare`. The others are parameters of :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS` as they are; the
+    wrench has the ``gain`` from the allocation, and reports of the thrust read it.
+    """
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Array: ...
 
     def numpy(self) -> "Coefficients":
         """The same coefficients as numpy arrays; they share memory where the tensors are on the CPU."""
@@ -124,9 +103,7 @@ class ActiveTerms(NamedTuple):
 
 
 def _sensors_are_true(c: Coefficients) -> bool:
-    scales = (c.position_scale, c.depth_scale, c.velocity_scale)
-    offsets = (c.heading_bias, c.pose_delay, c.depth_bias, c.gyro_bias, c.compass_per_load, c.dvl_position, c.dvl_turn)
-    return not any(bool((scale != 1).any()) for scale in scales) and not any(bool((o != 0).any()) for o in offsets)
+    return not any(bool((getattr(c, name) != true).any()) for name, true in _TRUE.items())
 
 
 def prepare(vehicle: Vehicle) -> Coefficients:
@@ -151,7 +128,7 @@ def prepare(vehicle: Vehicle) -> Coefficients:
         "allocation": allocation_matrix(vehicle) * vehicle.gain[..., None, :],
         "hull_height": hull_height(vehicle),
     }
-    copied = {name: getattr(vehicle, name) for name in Coefficients._fields if name not in worked_out}
+    copied = {name: getattr(vehicle, name) for name in _COPIED}
     return Coefficients(**worked_out, **copied)
 
 

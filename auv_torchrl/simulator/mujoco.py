@@ -7,9 +7,8 @@ import mujoco
 import numpy as np
 from torch import Tensor
 
-from auv_torchrl.physics import SUBSTEPS, ActiveTerms, Coefficients, State
+from auv_torchrl.physics import SUBSTEPS, ActiveTerms, ByRow, Coefficients, Forces, RowFunction, State, Targets
 from auv_torchrl.physics.free_body import body_velocity, free_body_force
-from auv_torchrl.physics.kernel import ByRow, Forces, RowFunction, Targets
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix
 from auv_torchrl.physics.step import push, stage_thrusts
 from auv_torchrl.physics.surface import given_in_water

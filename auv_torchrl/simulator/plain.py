@@ -7,8 +7,7 @@ from typing import Unpack
 import torch
 from torch import Tensor
 
-from auv_torchrl.physics import ActiveTerms, Coefficients, State, control_step
-from auv_torchrl.physics.kernel import Advance, Targets
+from auv_torchrl.physics import ActiveTerms, Advance, Coefficients, State, Targets, control_step
 from auv_torchrl.physics.step import runge_kutta_step, runge_kutta_steps
 from auv_torchrl.physics.thrusters import straight_through_targets
 from auv_torchrl.simulator.arrays import Array
@@ -19,7 +18,7 @@ from auv_torchrl.vehicle import Vehicle
 class PlainSimulator(Simulator):
     """Vehicles moved by :func:`auv_torchrl.physics.control_step`; on torch all of it stays on the arrays' device.
 
-    On the CPU the steps are those of :mod:`auv_torchrl.physics.kernel`, unless they are differentiated.
+    On the CPU the steps are compiled (:class:`auv_torchrl.physics.Advance`), unless they are differentiated.
 
     Args:
         vehicles, control_dt, options: of every :class:`Simulator`.

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from auv_torchrl.physics.kernel import ByRow, RowFunction
+from auv_torchrl.physics import ByRow, RowFunction
 from auv_torchrl.tasks.task import Task
 
 Array = Any

@@ -66,7 +66,7 @@ def ablate(cases: Sequence[Case], changes: Mapping[str, Changed], label: str, wo
     """What each change of thresholds moves first of some logs, all of which are answered by the diagnosis as it is."""
     found: Moved = {}
     context = multiprocessing.get_context("forkserver")  # each process reads the thresholds anew, and them alone
-    context.set_forkserver_preload(["auv_torchrl.flightlog", "auv_torchrl.physics.kernel", "auv_torchrl.simulator"])
+    context.set_forkserver_preload(["auv_torchrl.flightlog", "auv_torchrl.simulator.plain"])
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1) as pool:
         jobs = {pool.submit(moved_by, cases, name, changed, label): name for name, changed in changes.items()}
         try:

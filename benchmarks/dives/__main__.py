@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.dives.changes import Judged, judge
-from auv_torchrl.diagnosis.dives.follow import refer, tell
-from auv_torchrl.diagnosis.dives.said import label_of
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.monitoring.changes import ChangeRecord, find_changes
+from auv_torchrl.monitoring.dive_history import label_of
+from auv_torchrl.monitoring.dive_record import follow_dive, learn_reference
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks import provenance, show_progress
@@ -39,41 +39,41 @@ class Outcome:
     """What was found over one series."""
 
     what: str
-    judged: Judged
+    record: ChangeRecord
     seconds: float  # of the processor
-    fading: str | None  # the number that fades, as people call it
+    fading: str | None  # label of the parameter that fades
 
     @property
     def score(self) -> Score:
         """By the rule of all benchmarks: that a thruster fades, which one, from the fourth dive on, by how much."""
-        judged = self.judged
+        record = self.record
         if self.fading is None:
-            return score(not judged.alarms and not judged.changes, (), ())
+            return score(not record.alarms and not record.changes, (), ())
         named = []
-        for change in judged.changes:
-            shift, alone = change.shifts[0], self.labels([change.number]) == self.fading
+        for change in record.changes:
+            shift, alone = change.shifts[0], self.labels([change.row]) == self.fading
             near = shift.is_drift and abs(shift.size + FADE) <= NEAR * FADE
             exact = alone and not change.rivals and near and shift.low <= REFERENCE <= shift.high
-            there = self.fading in [self.labels([row]) for row in (change.number, *change.rivals)]
+            there = self.fading in [self.labels([row]) for row in (change.row, *change.rivals)]
             named.append(Named(change.probability, frozenset((self.fading,) if there else ()), exact))
-        return score(bool(judged.alarms), (self.fading,), named)
+        return score(bool(record.alarms), (self.fading,), named)
 
     def labels(self, rows: Sequence[int]) -> str:
-        """Numbers as people call them."""
-        return ", ".join(label_of(self.judged.series.numbers[row]) for row in rows)
+        """Parameters as people call them."""
+        return ", ".join(label_of(self.record.series.parameters[row]) for row in rows)
 
 
 def run(what: str, vehicle: Vehicle, series: Series, fading: str | None = None) -> Outcome:
     """Fly a series, calibrate on its first dives, follow all of them."""
     begin = time.process_time()
     logs = fly_series(vehicle, series)
-    reference = refer(logs[:REFERENCE], vehicle, load_settings())
+    reference = learn_reference(logs[:REFERENCE], vehicle, load_settings())
     dives = []
     for flight in logs:
-        dives.append(tell(flight, reference))
+        dives.append(follow_dive(flight, reference))
         log.info("%s: %s", what, flight.name)
-    judged = judge(dives, reference.normal, REFERENCE, DIVES_PER_FALSE_ALARM)
-    return Outcome(what, judged, time.process_time() - begin, fading)
+    record = find_changes(dives, reference.baseline, REFERENCE, DIVES_PER_FALSE_ALARM)
+    return Outcome(what, record, time.process_time() - begin, fading)
 
 
 def faded(thruster: int, seed: int, over: int = FADES_OVER) -> Series:
@@ -84,7 +84,7 @@ def faded(thruster: int, seed: int, over: int = FADES_OVER) -> Series:
 
 def lost_at(outcome: Outcome) -> float:
     """The thrust that was lost when an alarm was first raised; all of it where none was."""
-    alarms = outcome.judged.alarms
+    alarms = outcome.record.alarms
     return FADE * (alarms[0].dive - REFERENCE + 1) if alarms else 1.0
 
 
@@ -96,13 +96,13 @@ def fading_table(outcomes: Sequence[Outcome]) -> list[str]:
     )  # fmt: skip
     lines = [f"| {' | '.join(head)} |", "|---|---:|---|---|---|---|---|---|"]
     for outcome in outcomes:
-        judged = outcome.judged
-        alarm = judged.alarms[0] if judged.alarms else None
-        named = outcome.labels([alarm.number, *alarm.rivals]) if alarm else "–"
-        found = [outcome.labels([change.number, *change.rivals]) for change in judged.changes]
+        record = outcome.record
+        alarm = record.alarms[0] if record.alarms else None
+        named = outcome.labels([alarm.row, *alarm.rivals]) if alarm else "–"
+        found = [outcome.labels([change.row, *change.rivals]) for change in record.changes]
         size, since = "–", "–"
-        if judged.changes:
-            shift = judged.changes[0].shifts[0]
+        if record.changes:
+            shift = record.changes[0].shifts[0]
             size = f"{-100 * shift.size:.2f} ± {196 * shift.deviation:.2f} %" if shift.is_drift else "a step"
             since = f"{shift.begin + 1} ({shift.low + 1} to {shift.high + 1})"
         lost = f"{100 * lost_at(outcome):.0f} %" if alarm else "no alarm"
@@ -113,8 +113,8 @@ def fading_table(outcomes: Sequence[Outcome]) -> list[str]:
 
 def sound_line(outcomes: Sequence[Outcome]) -> str:
     """How many false alarms there were."""
-    dives = sum(outcome.judged.series.value.shape[1] - REFERENCE for outcome in outcomes)
-    names = [outcome.labels([alarm.number]) for outcome in outcomes for alarm in outcome.judged.alarms]
+    dives = sum(outcome.record.series.value.shape[1] - REFERENCE for outcome in outcomes)
+    names = [outcome.labels([alarm.row]) for outcome in outcomes for alarm in outcome.record.alarms]
     said = f" ({', '.join(names)})" if names else ""
     right = sum(outcome.score is Score.RIGHT for outcome in outcomes)
     return (
@@ -126,7 +126,7 @@ def sound_line(outcomes: Sequence[Outcome]) -> str:
 def report(fading: Sequence[Outcome], sound: Sequence[Outcome], seed: int) -> list[str]:
     """All that was measured, as Markdown."""
     worst = max((lost_at(outcome) for outcome in fading), default=0.0)
-    count = sum(outcome.judged.series.value.shape[1] for outcome in (*fading, *sound))
+    count = sum(outcome.record.series.value.shape[1] for outcome in (*fading, *sound))
     seconds = sum(outcome.seconds for outcome in (*fading, *sound))
     return [
         *fading_table(fading),

@@ -15,11 +15,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import torch
 
-from auv_torchrl.diagnosis.alike.answer import Answer
-from auv_torchrl.diagnosis.alike.judge import judge_runs, learn_sound
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.monitoring.repeated_runs import RunReport, compare_runs, learn_healthy_runs
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from benchmarks.real import DATA
 from benchmarks.scoring import Named, Score
@@ -83,12 +82,12 @@ def score(classes: Mapping[str, Sequence[FlightLog]], settings: Settings, seed: 
     numbers = {name: _numbers(logs) for name, logs in classes.items()}
     aside = {name: rng.permutation(own)[: len(own) // SET_ASIDE] for name, own in numbers.items()}
     rest = set(numbers[NORMAL]) - set(aside[NORMAL].tolist())
-    sound = learn_sound(_only(classes[NORMAL], rest), vehicle)
+    sound = learn_healthy_runs(_only(classes[NORMAL], rest), vehicle)
     found = []
     for name, chosen in aside.items():
-        single = judge_runs(_only(classes[name], set(chosen.tolist())), sound, vehicle, settings).runs
+        single = compare_runs(_only(classes[name], set(chosen.tolist())), sound, vehicle, settings).runs
         whole = chosen[: len(chosen) // TOGETHER * TOGETHER].reshape(-1, TOGETHER).tolist()
-        groups = [judge_runs(_only(classes[name], set(own)), sound, vehicle, settings).together for own in whole]
+        groups = [compare_runs(_only(classes[name], set(own)), sound, vehicle, settings).together for own in whole]
         scores = tuple(score_of(name, run) for run in single)
         found.append(Scored(name, tuple(map(_said, single)), tuple(map(_said, groups)), scores))
     return found
@@ -143,7 +142,7 @@ def shares(scored: Sequence[Scored]) -> dict[str, float]:
     }
 
 
-def score_of(truth: str, answer: Answer) -> Score:
+def score_of(truth: str, answer: RunReport) -> Score:
     """The score of an answer about one run; no effect of the library is a cut blade, and none knows its size."""
     wanted = {NORMAL: (Verdict.NO_GAP,), LOAD: (Verdict.EXPLAINED,), DEPTH: (Verdict.EXPLAINED,)}
     fits = answer.verdict in wanted[truth] if truth in wanted else answer.verdict is not Verdict.NO_GAP
@@ -160,7 +159,7 @@ def _merged(truth: str) -> str:
     return DAMAGE if truth in DAMAGED else truth
 
 
-def _said(answer: Answer) -> str:
+def _said(answer: RunReport) -> str:
     if answer.verdict is Verdict.NO_GAP:
         return NORMAL
     return MEANS.get(answer.causes[0].name, DAMAGE) if answer.causes else DAMAGE

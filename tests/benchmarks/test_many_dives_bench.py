@@ -42,10 +42,10 @@ def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
     gain = np.append(np.ones(3), 1 - 0.02 * np.arange(1, 7))
     series = Series(9, 5, 40.0, {"thruster_gain": {"gain_2": gain}})
     outcome = bench.run("thruster 2", load_vehicle("paper"), series, "thruster gain 2")
-    first, *_ = outcome.judged.alarms
+    first, *_ = outcome.record.alarms
     assert 0.02 * (first.dive - 2) < 0.08
-    (change,) = outcome.judged.changes
-    assert outcome.labels([change.number]) == "thruster gain 2"
+    (change,) = outcome.record.changes
+    assert outcome.labels([change.row]) == "thruster gain 2"
     assert change.at(np.arange(9))[-1] == pytest.approx(-0.12, abs=0.03)
     page = tmp_path / "dives.md"
     page.write_text(f"# Dives\n{BEGIN}\noutdated\n{END}\nrest\n")
@@ -62,7 +62,7 @@ def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
 def test_what_was_calibrated_can_be_sent_to_another_process():
     """The reference survives being sent, and tells the same of a dive."""
     logs = fly_series(load_vehicle("paper"), Series(2, 3, 30.0))
-    reference = bench.refer(logs[:1], load_vehicle("paper"), load_settings())
+    reference = bench.learn_reference(logs[:1], load_vehicle("paper"), load_settings())
     sent = pickle.loads(pickle.dumps(reference))
-    here, there = (bench.tell(logs[1], one) for one in (reference, sent))
+    here, there = (bench.follow_dive(logs[1], one) for one in (reference, sent))
     np.testing.assert_allclose(here.h, there.h, rtol=1e-9)

@@ -13,8 +13,7 @@ import numpy as np
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.diagnosis.motion.samples import oldest
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
-from auv_torchrl.physics.kernel import Steps
+from auv_torchrl.physics import ActiveTerms, Coefficients, Steps, prepare
 from auv_torchrl.physics.thrusters import (
     CURVE_FIELDS,
     TARGET_FIELDS,

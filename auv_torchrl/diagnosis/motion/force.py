@@ -16,8 +16,7 @@ from auv_torchrl.diagnosis.motion.samples import ahead, felt_samples, oldest
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.physics import Coefficients
-from auv_torchrl.physics.kernel import rates
+from auv_torchrl.physics import Coefficients, rates
 from auv_torchrl.physics.kinematics import least_turn, matvec, normalise
 from auv_torchrl.physics.thrusters import lag_left
 from auv_torchrl.sensors import Inverse, motion_of, read, report_alike

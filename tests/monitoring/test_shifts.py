@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.dives.shifts import candidates, gains, shifts, threshold
+from auv_torchrl.monitoring.shifts import candidates, gains, shifts, threshold
 
 REFERENCE, WIDTH, ODDS = 3, 0.4, 1e-4
 

@@ -1,4 +1,7 @@
-"""The command ``auv-diagnose``, which is ``python diagnose.py`` in a checkout."""
+"""The command ``auv-diagnose``, which is ``python diagnose.py`` in a checkout: one log, dives over time, repeated runs.
+
+The command line decides which of the three is asked for, so it stands here, above the diagnosis of one log.
+"""
 
 from omegaconf import DictConfig
 
@@ -21,9 +24,9 @@ def main(config: DictConfig) -> None:
     keep_freed_memory()
     with importing_without_compiler():  # here, not above: torch takes a second
         if config.alike:
-            from auv_torchrl.diagnosis.alike.job import answer_alike as answer
+            from auv_torchrl.monitoring.repeated_runs import answer_runs as answer
         elif is_series(config):
-            from auv_torchrl.diagnosis.dives.job import answer_dives as answer
+            from auv_torchrl.monitoring.dive_job import answer_dives as answer
         else:
             from auv_torchrl.diagnosis.job import answer
         spare_pandas()

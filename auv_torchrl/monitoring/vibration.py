@@ -1,8 +1,8 @@
-"""Whether runs shake at some frequency as no sound run does: a propeller that is cut, bent or fouled.
+"""Vibration: a line in the spectrum of a gyro that no healthy run has, as of a propeller that is cut, bent or fouled.
 
 What turns out of balance pushes once a turn. That is a line in the spectrum of a gyro, at a frequency that nobody
-knows, for samples alias it. How restless water and vehicle are differs from day to day at all frequencies alike, so
-that a line is judged against what is beside it.
+knows, for samples alias it. How restless water and vehicle are differs from day to day at all frequencies together,
+so that a line is weighed against its neighbours.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,10 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import t as students
 
-from auv_torchrl.diagnosis.alike.normal import between_sessions, one_session
-from auv_torchrl.diagnosis.alike.runs import BIN_S, Runs
-from auv_torchrl.diagnosis.alike.spectrum import GRID_HZ
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import Z95
+from auv_torchrl.monitoring.healthy_runs import between_sessions, one_session
+from auv_torchrl.monitoring.runs import BIN_S, GRID_HZ, Runs
 
 BAND_HZ = 1.0  # of a line: propellers at some 20 turns a second keep theirs within 2 %, and tapers smear as much
 APART_HZ = 0.1  # between a band and what is beside it: where its line has not ended
@@ -26,8 +25,8 @@ AMOUNTS = LOUDER * np.linspace(0.0, 4.0, 81)[1:]  # of which it is summed up
 
 
 @dataclass(frozen=True)
-class Quiet:
-    """How sound runs shake, in A channels and C bands."""
+class HealthySpectrum:
+    """The spectra of healthy runs, in A channels and C bands."""
 
     level: Floats  # (A, F) mean logarithm of their power
     mean: Floats  # (A * C,) logarithm of the power of a band over that beside it
@@ -37,36 +36,38 @@ class Quiet:
 
 
 @dataclass(frozen=True)
-class Line:
+class SpectralLine:
     """The likeliest line in the spectrum of a group of runs."""
 
-    evidence: float  # logarithm of how much likelier what is seen is with a line somewhere than without
+    evidence: float  # logarithm of the ratio of likelihoods, with a line somewhere and without
     channel: str
     frequency: float  # Hz, as samples show it
-    louder: tuple[float, float, float]  # amplitude over that of sound runs, with its 95 % interval
+    louder: tuple[float, float, float]  # amplitude over that of healthy runs, with its 95 % interval
 
 
-def learn_quiet(sound: Runs) -> Quiet | None:
-    """How sound runs shake; None where they measure no rate fast enough."""
-    kept = np.flatnonzero(np.isfinite(sound.power).all((1, 2)))
-    if not len(band_centres(sound.power.shape[-1])) or not sound.shaken or len(kept) < 2:
+def learn_spectrum(runs: Runs) -> HealthySpectrum | None:
+    """The spectra of healthy runs; None where no rate is measured fast enough."""
+    usable = np.flatnonzero(np.isfinite(runs.power).all((1, 2)))
+    if not len(band_centres(runs.power.shape[-1])) or not runs.gyro_axes or len(usable) < 2:
         return None
-    power, session = sound.power[kept], sound.session[kept]
+    power, session = runs.power[usable], runs.session[usable]
     level = power.mean(0)
-    over = _over_what_is_beside(power - level)
+    over = _contrast(power - level)
     scatter = over.std(0, ddof=1)
     if not (scatter > 0).all():
         return None
-    return Quiet(level, over.mean(0), scatter, len(over), between_sessions((over - over.mean(0)) / scatter, session))
+    return HealthySpectrum(
+        level, over.mean(0), scatter, len(over), between_sessions((over - over.mean(0)) / scatter, session)
+    )
 
 
-def find_lines(runs: Runs, quiet: Quiet | None, groups: Sequence[np.ndarray]) -> list[Line | None]:
+def find_lines(runs: Runs, healthy: HealthySpectrum | None, groups: Sequence[np.ndarray]) -> list[SpectralLine | None]:
     """The line of each group of runs; None where nothing can be said."""
-    if quiet is None or runs.power.shape[1:] != quiet.level.shape:
+    if healthy is None or runs.power.shape[1:] != healthy.level.shape:
         return [None] * len(groups)
-    over = _over_what_is_beside(runs.power - quiet.level)
+    over = _contrast(runs.power - healthy.level)
     seen = np.asarray(np.isfinite(over).all(1))
-    return [_line(over[rows[seen[rows]]], runs, quiet, rows[seen[rows]]) for rows in groups]
+    return [_line(over[rows[seen[rows]]], runs, healthy, rows[seen[rows]]) for rows in groups]
 
 
 def band_centres(frequencies: int) -> Floats:
@@ -78,8 +79,8 @@ def band_centres(frequencies: int) -> Floats:
     return np.arange(0.5 / BIN_S + room, frequencies * GRID_HZ - room, BAND_HZ / PLACES)
 
 
-def _over_what_is_beside(power: Floats) -> Floats:
-    """Logarithm (N, A * C) of the power in each band over that on its two sides, from that (N, A, F) of all."""
+def _contrast(power: Floats) -> Floats:
+    """Logarithm (N, A * C) of the power in each band over the power on its two sides, from spectra (N, A, F)."""
     frequency = np.arange(power.shape[-1]) * GRID_HZ
     found = []
     for centre in band_centres(len(frequency)):
@@ -94,14 +95,14 @@ def _over_what_is_beside(power: Floats) -> Floats:
     return np.stack(found, axis=-1).reshape(len(power), -1)
 
 
-def _line(over: Floats, runs: Runs, quiet: Quiet, rows: np.ndarray) -> Line | None:
-    """That of the runs ``rows`` with ``over`` (n, A * C)."""
+def _line(over: Floats, runs: Runs, healthy: HealthySpectrum, rows: np.ndarray) -> SpectralLine | None:
+    """The line of the runs ``rows``, whose contrast is ``over`` (n, A * C)."""
     count = len(over)
     if not count:
         return None
-    share = quiet.session * one_session(runs.session[rows]) if count > 1 else 0.0  # in the scatter, of one run
-    unit = quiet.scatter * np.sqrt(1.0 / count + share + 1.0 / quiet.count)
-    more, freedom = over.mean(0) - quiet.mean, quiet.count - 1
+    share = healthy.session * one_session(runs.session[rows]) if count > 1 else 0.0  # in the scatter, of one run
+    unit = healthy.scatter * np.sqrt(1.0 / count + share + 1.0 / healthy.count)
+    more, freedom = over.mean(0) - healthy.mean, healthy.count - 1
     prior = -0.5 * (AMOUNTS / LOUDER) ** 2
     prior -= logsumexp(prior)
     weight = students.logpdf((more[:, None] - AMOUNTS) / unit[:, None], freedom) + prior
@@ -112,9 +113,9 @@ def _line(over: Floats, runs: Runs, quiet: Quiet, rows: np.ndarray) -> Line | No
     half = Z95 * float(np.sqrt(share_of @ (AMOUNTS - amount) ** 2))
     centres = band_centres(runs.power.shape[-1])
     louder = tuple(float(np.exp(0.5 * max(a, 0.0))) for a in (amount, amount - half, amount + half))
-    return Line(
+    return SpectralLine(
         float(logsumexp(evidence) - np.log(len(evidence))),
-        runs.shaken[best // len(centres)],
+        runs.gyro_axes[best // len(centres)],
         float(centres[best % len(centres)]),
         (louder[0], louder[1], louder[2]),
     )

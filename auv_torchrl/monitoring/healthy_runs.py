@@ -1,12 +1,12 @@
-"""What sound runs look like: their mean beyond the simulator, how they scatter, and how sessions differ."""
+"""The distribution of healthy runs: their mean beyond the simulator, their scatter, and how sessions differ."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.alike.runs import Runs
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.flightlog import FlightLogError
+from auv_torchrl.monitoring.runs import Runs
 from auv_torchrl.quantities import counted
 
 FEWEST = 10  # runs, for a scatter to be measured, and for each number that they are taken to depend on
@@ -14,13 +14,13 @@ ROUNDS = 2  # of the mean, which sessions weigh in, and of how much sessions dif
 
 
 @dataclass(frozen=True)
-class Normal:
+class RunDistribution:
     """Of K numbers per run: N healthy runs, of which H numbers are known before they start."""
 
     line: Floats  # (1 + H, K) of what is seen less what is simulated: mean, and slopes with how a run begins
     flown: Floats  # (K,) mean of what is simulated of their commands
     middle: Floats  # (H,) of how they begin
-    unsure: Floats  # (1 + H, 1 + H) covariance of each column of the line, in variances of a run
+    covariance: Floats  # (1 + H, 1 + H) covariance of each column of the line, in variances of a run
     root: Floats  # (K, K) lower triangle whose product with its transpose is the covariance of runs about the line
     count: int  # N
     freedom: float  # of Student's distribution that a further run follows
@@ -30,19 +30,19 @@ class Normal:
         """(..., K) in standard deviations of a run that are independent of each other."""
         return np.linalg.solve(self.root, numbers[..., None])[..., 0]
 
-    def expected(self, begun: Floats) -> Floats:
-        """What runs (n, K) that begin so (n, H) show beyond the simulator."""
-        return _known(begun, self.middle) @ self.line
+    def expected(self, beginnings: Floats) -> Floats:
+        """What runs with these beginnings (n, H) show beyond the simulator, (n, K)."""
+        return _design(beginnings, self.middle) @ self.line
 
-    def unit(self, begun: Floats, session: np.ndarray) -> float:
-        """Standard deviation of the mean of runs that begin so (n, H) in sessions (n,), in those of one run."""
-        one = _known(begun, self.middle).mean(0)
-        own = 1 / len(session) + self.session * one_session(session) if len(session) > 1 else 1.0  # scatter has it
-        return float(np.sqrt(own + one @ self.unsure @ one))
+    def unit(self, beginnings: Floats, session: np.ndarray) -> float:
+        """Standard deviation of the mean of runs with beginnings (n, H) and sessions (n,), in units of one run."""
+        one = _design(beginnings, self.middle).mean(0)
+        own = 1 / len(session) + self.session * one_session(session) if len(session) > 1 else 1.0  # the scatter has it
+        return float(np.sqrt(own + one @ self.covariance @ one))
 
 
-def learn_normal(healthy: Runs, nominal: Floats) -> Normal:
-    """What is normal, from healthy runs and what is simulated (N, C, B) of them.
+def learn_distribution(healthy: Runs, nominal: Floats) -> RunDistribution:
+    """The distribution of healthy runs, from their tables and what is simulated (N, C, B) of their commands.
 
     Raises:
         FlightLogError: for fewer than :data:`FEWEST` runs.
@@ -52,31 +52,35 @@ def learn_normal(healthy: Runs, nominal: Floats) -> Normal:
         raise FlightLogError(
             f"{counted(count, 'healthy run')}: {FEWEST} at least are needed to tell how sound runs scatter"
         )
-    beyond = (healthy.seen - nominal).reshape(count, -1)
-    begun = healthy.begun if count >= FEWEST * (1 + healthy.begun.shape[1]) else healthy.begun[:, :0]
-    middle = np.nanmean(begun, axis=0)
-    known, same = _known(begun, middle), healthy.session[:, None] == healthy.session
+    beyond = (healthy.medians - nominal).reshape(count, -1)
+    beginnings = (
+        healthy.beginnings if count >= FEWEST * (1 + healthy.beginnings.shape[1]) else healthy.beginnings[:, :0]
+    )
+    middle = np.nanmean(beginnings, axis=0)
+    known, same = _design(beginnings, middle), healthy.session[:, None] == healthy.session
     session, freedom = 0.0, count - known.shape[1]
 
-    def weighed(session: float) -> tuple[Floats, Floats, Floats, Floats]:
+    def least_squares(session: float) -> tuple[Floats, Floats, Floats, Floats]:
         """By generalized least squares: the line, its covariance, what is left, and the root of how runs scatter."""
         own = np.linalg.solve(np.eye(count) + session * same, known)
-        unsure = np.linalg.pinv(known.T @ own, hermitian=True)
-        line = unsure @ own.T @ beyond
+        covariance = np.linalg.pinv(known.T @ own, hermitian=True)
+        line = covariance @ own.T @ beyond
         left = beyond - known @ line
-        return line, unsure, left, np.linalg.cholesky(_shrunk(left - left.mean(0), freedom))
+        return line, covariance, left, np.linalg.cholesky(_shrunk(left - left.mean(0), freedom))
 
-    line, unsure, left, root = weighed(session)
+    line, covariance, left, root = least_squares(session)
     for _ in range(ROUNDS):
         session = between_sessions(np.linalg.solve(root, left.T).T, healthy.session)
-        line, unsure, left, root = weighed(session)
-    return Normal(line, nominal.reshape(count, -1).mean(0), middle, unsure, root, count, float(freedom), session)
+        line, covariance, left, root = least_squares(session)
+    return RunDistribution(
+        line, nominal.reshape(count, -1).mean(0), middle, covariance, root, count, float(freedom), session
+    )
 
 
-def _known(begun: Floats, middle: Floats) -> Floats:
-    """(n, 1 + H) by which the line is multiplied; what is not known of a run is as usual."""
-    away = np.nan_to_num(begun[:, : len(middle)] - middle)
-    return np.concatenate([np.ones((len(begun), 1)), away], axis=1)
+def _design(beginnings: Floats, middle: Floats) -> Floats:
+    """(n, 1 + H) by which the line is multiplied; what is not known of a run counts as usual."""
+    away = np.nan_to_num(beginnings[:, : len(middle)] - middle)
+    return np.concatenate([np.ones((len(beginnings), 1)), away], axis=1)
 
 
 def _shrunk(centred: Floats, freedom: int) -> Floats:

@@ -1,4 +1,4 @@
-"""How likely every effect is in one run, or in several that were flown alike."""
+"""How likely every effect is in one run, or in several runs of one manoeuvre."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,10 +8,6 @@ from scipy.special import logsumexp
 from scipy.stats import f as distribution_of_f
 from scipy.stats import norm
 
-from auv_torchrl.diagnosis.alike.marks import Marks
-from auv_torchrl.diagnosis.alike.normal import Normal
-from auv_torchrl.diagnosis.alike.runs import Runs
-from auv_torchrl.diagnosis.alike.shakes import Line
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import plausible_range
 from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings
@@ -19,118 +15,127 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Origin
+from auv_torchrl.monitoring.healthy_runs import RunDistribution
+from auv_torchrl.monitoring.run_sensitivities import RunSensitivities
+from auv_torchrl.monitoring.runs import Runs
+from auv_torchrl.monitoring.vibration import SpectralLine
 from auv_torchrl.vehicle import Vehicle
 
 NONE = "none"
 VIBRATION = "vibration"  # a line in a spectrum: no effect of the simulator, which turns no propellers
 VISIBLE = 4.0  # chi-square of a plausible amount in one run: two standard deviations
-MARK_ERROR = 0.2  # relative, of the shape of a mark: that of a vehicle whose file is a guess
+SENSITIVITY_ERROR = 0.2  # relative, of the shape of a sensitivity: that of a vehicle whose file is a guess
 IN_ITS_RANGE = 4.0  # standard deviations that the plausible range of a parameter holds
 
 
 @dataclass(frozen=True)
-class Told:
-    """What N runs, and G groups of them, are judged by."""
+class RunData:
+    """What N runs, and G groups of them, are weighed by."""
 
     nominal: Floats  # (N, C, B) what is simulated of their commands
     runs: Runs
-    lines: Sequence[Line | None]  # (G,) in their spectra
+    lines: Sequence[SpectralLine | None]  # (G,) in their spectra
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """What runs say of each of M changes; G groups of one run or more."""
+class RunEvidence:
+    """Evidence of G groups of one run or more, about each of M candidates."""
 
     names: tuple[str, ...]  # "none", effects, "vibration"
     probability: Floats  # (G, E) of these names
     best: np.ndarray  # (G, E) the likeliest change of each effect; -1 for none
     amount: Floats  # (G, M) how much of each change
-    unsure: Floats  # (G, M) standard deviation of that
+    deviation: Floats  # (G, M) standard deviation of that
     share: Floats  # (G, M) of each change in its effect
     hidden: tuple[str, ...]  # effects of which no plausible size would show in these runs
     strange: Floats  # (G,) probability that a run departs as far from the best explanation by chance
-    lines: tuple[Line | None, ...]  # (G,) of "vibration"
+    lines: tuple[SpectralLine | None, ...]  # (G,) of "vibration"
 
 
-def weigh(
-    told: Told, marks: Marks, normal: Normal, vehicle: Vehicle, settings: Settings, groups: Sequence[np.ndarray]
-) -> Weighed:
+def weigh_effects(
+    data: RunData,
+    sensitivities: RunSensitivities,
+    healthy: RunDistribution,
+    vehicle: Vehicle,
+    settings: Settings,
+    groups: Sequence[np.ndarray],
+) -> RunEvidence:
     """Probabilities of the effects in groups of runs.
 
     Args:
-        told: of N runs.
-        marks: of M changes in these runs.
-        normal: from healthy runs.
+        data: of N runs.
+        sensitivities: of M candidates in these runs.
+        healthy: the distribution of healthy runs.
         vehicle: as its file says, empty batch.
         settings: ``prior_none`` is used.
         groups: rows of the runs; runs of a group are taken to have the same effect by the same amount.
     """
-    nominal, seen = (table.reshape(len(told.runs), -1) for table in (told.nominal, told.runs.seen))
-    apart = normal.whitened(seen - nominal - normal.expected(told.runs.begun))  # (N, K)
-    otherwise = normal.whitened(nominal - normal.flown)  # (N, K)
-    columns = normal.whitened(marks.change.reshape(len(marks.atoms), len(apart), -1))  # (M, N, K)
-    centre, width = np.array([_amounts(atom, vehicle) for atom in marks.atoms]).T
+    nominal, seen = (table.reshape(len(data.runs), -1) for table in (data.nominal, data.runs.medians))
+    apart = healthy.whitened(seen - nominal - healthy.expected(data.runs.beginnings))  # (N, K)
+    otherwise = healthy.whitened(nominal - healthy.flown)  # (N, K)
+    columns = healthy.whitened(sensitivities.change.reshape(len(sensitivities.atoms), len(apart), -1))  # (M, N, K)
+    centre, width = np.array([_amounts(atom, vehicle) for atom in sensitivities.atoms]).T
     shows = (centre**2 + width**2) * np.median((columns**2).sum(-1), axis=1) > VISIBLE
-    unit = [normal.unit(told.runs.begun[rows], told.runs.session[rows]) for rows in groups]
+    unit = [healthy.unit(data.runs.beginnings[rows], data.runs.session[rows]) for rows in groups]
     fits = [
-        _fit(apart[rows] / one, otherwise[rows] / one, columns[:, rows] / one, centre, width, normal)
+        _fit(apart[rows] / one, otherwise[rows] / one, columns[:, rows] / one, centre, width, healthy)
         for rows, one in zip(groups, unit, strict=True)
     ]
-    loglik, amount, unsure, left = (np.stack(part) for part in zip(*fits, strict=True))
-    effects = list(dict.fromkeys(atom.effect for atom, seen in zip(marks.atoms, shows, strict=True) if seen))
+    loglik, amount, deviation, left = (np.stack(part) for part in zip(*fits, strict=True))
+    effects = list(dict.fromkeys(atom.effect for atom, seen in zip(sensitivities.atoms, shows, strict=True) if seen))
     score, best, share = loglik[:, :1], np.full((len(groups), 1), -1), np.zeros_like(amount)
     for effect in effects:
-        own = np.array([i for i, atom in enumerate(marks.atoms) if atom.effect == effect and shows[i]])
+        own = np.array([i for i, atom in enumerate(sensitivities.atoms) if atom.effect == effect and shows[i]])
         total = logsumexp(loglik[:, 1 + own], axis=1, keepdims=True)
         share[:, own] = np.exp(loglik[:, 1 + own] - total)
         score = np.append(score, total - np.log(len(own)), axis=1)
         best = np.append(best, own[share[:, own].argmax(1)][:, None], axis=1)
-    score = np.append(score, _shaking(score, effects, told.lines), axis=1)
+    score = np.append(score, _vibration_score(score, effects, data.lines), axis=1)
     best = np.append(best, np.full((len(groups), 1), -1), axis=1)
     score = score + np.log([settings.prior_none, *_prior(effects, settings.prior_none)])
     probability = np.exp(score - logsumexp(score, axis=1, keepdims=True))
     chosen = probability.argmax(1)
     least = left[np.arange(len(groups)), 1 + best[np.arange(len(groups)), chosen]]
     numbers = apart.shape[1]
-    strange = distribution_of_f.sf(least / numbers, numbers, max(normal.freedom - numbers + 1, 1))
-    hidden = [atom.effect for atom in marks.atoms if atom.effect not in effects]
-    hidden += [] if any(told.lines) else [VIBRATION]
+    strange = distribution_of_f.sf(least / numbers, numbers, max(healthy.freedom - numbers + 1, 1))
+    hidden = [atom.effect for atom in sensitivities.atoms if atom.effect not in effects]
+    hidden += [] if any(data.lines) else [VIBRATION]
     names = (NONE, *effects, VIBRATION)
-    return Weighed(
-        names, probability, best, amount, unsure, share, tuple(dict.fromkeys(hidden)), strange, tuple(told.lines)
+    return RunEvidence(
+        names, probability, best, amount, deviation, share, tuple(dict.fromkeys(hidden)), strange, tuple(data.lines)
     )
 
 
-def _shaking(score: Floats, effects: Sequence[str], lines: Sequence[Line | None]) -> Floats:
-    """Log likelihood (G, 1) of a line in the spectrum beside nothing else, or beside what thrusters suffer with it."""
+def _vibration_score(score: Floats, effects: Sequence[str], lines: Sequence[SpectralLine | None]) -> Floats:
+    """Log likelihood (G, 1) of a line in the spectrum, alone or beside an effect of the thrusters."""
     may_be = [0, *(1 + i for i, name in enumerate(effects) if EFFECTS[name].origin is Origin.ACTUATION)]
     evidence = np.array([line.evidence if line else -np.inf for line in lines])
     return (evidence + logsumexp(score[:, may_be], axis=1) - np.log(len(may_be)))[:, None]
 
 
 def _fit(
-    apart: Floats, otherwise: Floats, columns: Floats, centre: Floats, width: Floats, normal: Normal
+    apart: Floats, otherwise: Floats, columns: Floats, centre: Floats, width: Floats, healthy: RunDistribution
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Log likelihood (1 + M,) of nothing and of each change, its amount (M,) with deviation, and what is left (1 + M,).
 
-    Several runs (n, K) are judged by their mean, in whose deviations are what is ``apart`` from sound runs, what is due
-    to commands ``otherwise`` than theirs, and the marks (M, n, K).
+    Several runs (n, K) are weighed by their mean. All arrays are in standard deviations of healthy runs: the difference
+    ``apart`` from healthy runs, the part of it that other commands make (``otherwise``), and sensitivities (M, n, K).
     """
     k = apart.shape[1]
     y, m = apart.mean(0), columns.mean(1)  # (K,), (M, K)
     y_off = y - centre[:, None] * m
     size, along = (m**2).sum(1), (m * y_off).sum(1)
     gain = width**2 / (1 + width**2 * size)
-    amount, unsure = centre + gain * along, np.sqrt(gain)
-    # Variance of what the file has wrong about other commands, and about a mark, over the numbers.
-    other = 1 + MARK_ERROR**2 * (otherwise.mean(0) ** 2).sum() / k
-    wrong = other + MARK_ERROR**2 * amount**2 * size / k
+    amount, deviation = centre + gain * along, np.sqrt(gain)
+    # Variance of what the file has wrong about other commands, and about a sensitivity, over the numbers.
+    other = 1 + SENSITIVITY_ERROR**2 * (otherwise.mean(0) ** 2).sum() / k
+    wrong = other + SENSITIVITY_ERROR**2 * amount**2 * size / k
     left = np.concatenate([[float(y @ y) / other], ((y_off**2).sum(1) - gain * along**2) / wrong])
     spread = np.concatenate([[k * np.log(other)], np.log1p(width**2 * size) + k * np.log(wrong)])
-    loglik = -0.5 * (normal.freedom + k) * np.log1p(left / normal.freedom) - 0.5 * spread
-    # By a negative amount it would be the opposite, which is another change.
-    loglik[1:] += np.asarray(norm.logcdf(amount / unsure)) - np.asarray(norm.logcdf(centre / width))
-    return loglik, amount, unsure * np.sqrt(wrong), left
+    loglik = -0.5 * (healthy.freedom + k) * np.log1p(left / healthy.freedom) - 0.5 * spread
+    # A negative amount is the opposite change, which is another candidate.
+    loglik[1:] += np.asarray(norm.logcdf(amount / deviation)) - np.asarray(norm.logcdf(centre / width))
+    return loglik, amount, deviation * np.sqrt(wrong), left
 
 
 def _amounts(atom: Atom, vehicle: Vehicle) -> tuple[float, float]:

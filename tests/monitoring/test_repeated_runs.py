@@ -11,15 +11,14 @@ from hypothesis.extra import numpy as arrays
 
 from auv_torchrl.command import BAD_INPUT
 from auv_torchrl.diagnosis import Verdict
-from auv_torchrl.diagnosis.alike.beginning import beginning
-from auv_torchrl.diagnosis.alike.evidence import VIBRATION
-from auv_torchrl.diagnosis.alike.judge import judge_runs, learn_sound
-from auv_torchrl.diagnosis.alike.marks import mark_effects
-from auv_torchrl.diagnosis.alike.normal import learn_normal
-from auv_torchrl.diagnosis.alike.runs import Runs, cut_runs
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, batch, load_settings
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError, write_flightlog
+from auv_torchrl.monitoring.healthy_runs import learn_distribution
+from auv_torchrl.monitoring.repeated_runs import compare_runs, learn_healthy_runs
+from auv_torchrl.monitoring.run_evidence import VIBRATION
+from auv_torchrl.monitoring.run_sensitivities import run_sensitivities
+from auv_torchrl.monitoring.runs import Runs, beginning, cut_runs
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import load_vehicle
 from tests.command_lines import answers_of
@@ -56,7 +55,7 @@ def dives(values, count, seed, seconds=SECONDS):
 @pytest.fixture(scope="module")
 def sound():
     """Two sessions of sound runs, of a vehicle whose file is wrong."""
-    return learn_sound([dives({}, 25, seed=1), dives({}, 15, seed=2)], FILE)
+    return learn_healthy_runs([dives({}, 25, seed=1), dives({}, 15, seed=2)], FILE)
 
 
 @pytest.mark.parametrize(
@@ -66,14 +65,14 @@ def sound():
 def test_a_fault_is_named_by_runs_together(sound, fault):
     """Eight short runs with one fault name it, at most beside what shows the same, although the file is 30 % off."""
     values, names = FAULTS[fault]
-    together = judge_runs([dives(values, 8, seed=3)], sound, FILE, SETTINGS).together
+    together = compare_runs([dives(values, 8, seed=3)], sound, FILE, SETTINGS).together
     assert together.verdict is Verdict.EXPLAINED, together.sentence
     assert {cause.name for cause in together.causes} & names, together.sentence
 
 
 def test_the_size_of_an_offset_is_recovered(sound):
     """A depth reading that is 0.2 m too large is found in each of 20 runs, and lies in 16 or more of the intervals."""
-    runs = judge_runs([dives(FAULTS["depth sensor"][0], 20, seed=4)], sound, FILE, SETTINGS).runs
+    runs = compare_runs([dives(FAULTS["depth sensor"][0], 20, seed=4)], sound, FILE, SETTINGS).runs
     offsets = [run.causes[0].parameters["offset"] for run in runs]
     assert sum(offset.low < 0.2 < offset.high for offset in offsets) >= 16
     assert max(offset.high - offset.low for offset in offsets) < 0.1
@@ -81,7 +80,7 @@ def test_the_size_of_an_offset_is_recovered(sound):
 
 def test_equal_commands_leave_several_thrusters(sound):
     """Of two thrusters that always get the same command, the answer names the one and the other."""
-    together = judge_runs([dives(FAULTS["weak thruster"][0], 8, seed=5)], sound, FILE, SETTINGS).together
+    together = compare_runs([dives(FAULTS["weak thruster"][0], 8, seed=5)], sound, FILE, SETTINGS).together
     (cause,) = [cause for cause in together.causes if cause.name == "thruster_gain"]
     assert {*cause.parameters, *(name for names in cause.instead for name in names)} >= {"gain_5", "gain_6"}
     assert "show the same" in cause.sentence
@@ -89,7 +88,7 @@ def test_equal_commands_leave_several_thrusters(sound):
 
 def test_sound_runs_stay_sound(sound):
     """Of forty further sound runs at most four differ, and all of them together do not."""
-    told = judge_runs([dives({}, 40, seed=6)], sound, FILE, SETTINGS)
+    told = compare_runs([dives({}, 40, seed=6)], sound, FILE, SETTINGS)
     assert sum(run.verdict is not Verdict.NO_GAP for run in told.runs) <= 4
     assert told.together.verdict is Verdict.NO_GAP
 
@@ -99,14 +98,14 @@ def test_what_is_in_no_library_is_not_explained(sound):
     log = dives({}, 8, seed=7)
     for episode in log.episodes:
         episode.pose[:, 2] += 0.5 * np.sin(2 * np.pi * episode.t / 2.0)
-    together = judge_runs([log], sound, FILE, SETTINGS).together
+    together = compare_runs([log], sound, FILE, SETTINGS).together
     assert together.verdict is Verdict.UNEXPLAINED
     assert together.causes == ()
 
 
 def test_nothing_comes_about_that_cannot(sound):
     """No run is explained by thrust that was gained or by what belongs to a vehicle for good."""
-    told = judge_runs(
+    told = compare_runs(
         [dives({"thruster_gain": {f"gain_{i}": 1.4 for i in range(1, 7)}}, 8, seed=8)], sound, FILE, SETTINGS
     )
     for cause in (cause for run in (*told.runs, told.together) for cause in run.causes):
@@ -115,13 +114,15 @@ def test_nothing_comes_about_that_cannot(sound):
 
 
 def test_a_tether_of_the_vehicle_stays():
-    """What a vehicle has by itself is in every mark: a weight on a spring sinks to where the spring holds it."""
+    """What a vehicle has by itself is in every sensitivity: a weight on a spring sinks to where the spring holds it."""
     moored = apply_values(FILE, {"tether": {"stiffness": 20.0}})
     runs = cut_runs([dives({}, 2, seed=13)])
-    _, marks = mark_effects(moored, runs, SETTINGS)
-    (weight,) = [i for i, atom in enumerate(marks.atoms) if atom.effect == "buoyancy" and atom.values["force"] > 0]
-    force = marks.atoms[weight].values["force"]
-    assert marks.change[weight, 0, 0, -1] < 1.1 * force / 20.0
+    _, sensitivities = run_sensitivities(moored, runs, SETTINGS)
+    (weight,) = [
+        i for i, atom in enumerate(sensitivities.atoms) if atom.effect == "buoyancy" and atom.values["force"] > 0
+    ]
+    force = sensitivities.atoms[weight].values["force"]
+    assert sensitivities.change[weight, 0, 0, -1] < 1.1 * force / 20.0
 
 
 def tables(seen, begun, session):
@@ -136,11 +137,11 @@ def test_a_scatter_is_always_usable(seen, seed):
     """Whatever twelve runs show, their covariance is positive, and small differences are small in its units."""
     seen = seen + 1e-3 * np.random.default_rng(seed).standard_normal(seen.shape)
     runs = tables(seen, np.empty((12, 0)), np.arange(12) // 4)
-    normal = learn_normal(runs, np.zeros_like(seen))
-    assert np.isfinite(normal.root).all()
-    assert (np.diag(normal.root) > 0).all()
-    assert normal.session >= 0
-    scatter = normal.whitened(seen.reshape(12, -1) - normal.expected(runs.begun))
+    distribution = learn_distribution(runs, np.zeros_like(seen))
+    assert np.isfinite(distribution.root).all()
+    assert (np.diag(distribution.root) > 0).all()
+    assert distribution.session >= 0
+    scatter = distribution.whitened(seen.reshape(12, -1) - distribution.expected(runs.beginnings))
     assert np.isfinite(scatter).all()
     assert np.abs(scatter).max() < 12
 
@@ -156,17 +157,17 @@ def leaning(count, session, seed):
 def test_how_a_run_begins_is_no_fault():
     """Runs that lean further than most sound ones are expected to do what these do, and surely so where some did."""
     healthy = leaning(60, np.repeat(np.arange(6), 10), seed=20)
-    normal = learn_normal(healthy, np.zeros_like(healthy.seen))
+    distribution = learn_distribution(healthy, np.zeros_like(healthy.medians))
     begun = np.array([[0.25]])
-    np.testing.assert_allclose(normal.expected(begun)[0], 0.25 * np.repeat([0.3, 0.5], 3), atol=0.02)
-    middle, far = (normal.unit(np.full((8, 1), lean), np.arange(8)) for lean in (normal.middle[0], 0.5))
+    np.testing.assert_allclose(distribution.expected(begun)[0], 0.25 * np.repeat([0.3, 0.5], 3), atol=0.02)
+    middle, far = (distribution.unit(np.full((8, 1), lean), np.arange(8)) for lean in (distribution.middle[0], 0.5))
     assert far > 1.5 * middle
 
 
 def test_few_runs_depend_on_nothing():
     """Fifteen sound runs are too few to learn what they depend on."""
     healthy = leaning(15, np.repeat(np.arange(3), 5), seed=21)
-    assert learn_normal(healthy, np.zeros_like(healthy.seen)).line.shape == (1, 6)
+    assert learn_distribution(healthy, np.zeros_like(healthy.medians)).line.shape == (1, 6)
 
 
 def test_runs_of_many_sessions_tell_more():
@@ -175,8 +176,8 @@ def test_runs_of_many_sessions_tell_more():
     session = np.repeat(np.arange(10), 6)
     seen = 0.05 * rng.standard_normal((10, 2, 3))[session] + 0.03 * rng.standard_normal((60, 2, 3))
     healthy = tables(seen, np.empty((60, 0)), session)
-    normal = learn_normal(healthy, np.zeros_like(seen))
-    one, many = (normal.unit(np.empty((8, 0)), of) for of in (np.zeros(8), np.arange(8)))
+    distribution = learn_distribution(healthy, np.zeros_like(seen))
+    one, many = (distribution.unit(np.empty((8, 0)), of) for of in (np.zeros(8), np.arange(8)))
     assert one > 1.5 * many
 
 
@@ -200,7 +201,7 @@ def shaking(log, amplitude, frequency=3.1):
 
 def test_a_propeller_out_of_balance_is_heard(sound):
     """A line in the spectrum of the yaw rate, no larger than the noise of a sample, is named with its frequency."""
-    together = judge_runs([shaking(dives({}, 8, seed=31), 0.015)], sound, FILE, SETTINGS).together
+    together = compare_runs([shaking(dives({}, 8, seed=31), 0.015)], sound, FILE, SETTINGS).together
     assert together.causes[0].name == VIBRATION, together.sentence
     assert abs(together.causes[0].parameters["frequency"].value - 3.1) < 0.5
     assert together.causes[0].parameters["louder"].low > 1
@@ -209,7 +210,7 @@ def test_a_propeller_out_of_balance_is_heard(sound):
 
 def test_a_fault_is_named_beside_what_shakes(sound):
     """Where a weak thruster does not shake, it is the thruster that is named and no vibration."""
-    together = judge_runs([dives(FAULTS["weak thruster"][0], 8, seed=32)], sound, FILE, SETTINGS).together
+    together = compare_runs([dives(FAULTS["weak thruster"][0], 8, seed=32)], sound, FILE, SETTINGS).together
     assert VIBRATION not in {cause.name for cause in together.causes}
 
 
@@ -217,7 +218,7 @@ def test_slower_samples_tell_no_vibration(sound):
     """Runs sampled at a fifth of the rate say that a vibration would not show, and are judged by the rest."""
     log = dives(FAULTS["load"][0], 8, seed=33)
     slow = [replace(e, **{n: getattr(e, n)[::5] for n in ("t", "pose", "velocity", "commands")}) for e in log.episodes]
-    told = judge_runs([FlightLog("slow", tuple(slow), log.axes)], sound, FILE, SETTINGS)
+    told = compare_runs([FlightLog("slow", tuple(slow), log.axes)], sound, FILE, SETTINGS)
     assert VIBRATION in told.cannot_tell
     assert told.together.verdict is Verdict.EXPLAINED
 
@@ -232,14 +233,16 @@ def test_slower_samples_tell_no_vibration(sound):
 def test_runs_that_tell_nothing_are_refused(logs, says):
     """Too few sound runs, and runs of two seconds, are refused with what is needed."""
     with pytest.raises(FlightLogError, match=says):
-        learn_sound(logs, FILE)
+        learn_healthy_runs(logs, FILE)
 
 
 def test_a_broken_run_is_left_out(sound):
     """A run that was broken off is named and left out, and the others are judged."""
     log = dives({}, 3, seed=10)
     short = log.episodes[1].rows(0, 80)
-    told = judge_runs([FlightLog("dives", (log.episodes[0], short, log.episodes[2]), log.axes)], sound, FILE, SETTINGS)
+    told = compare_runs(
+        [FlightLog("dives", (log.episodes[0], short, log.episodes[2]), log.axes)], sound, FILE, SETTINGS
+    )
     assert told.left_out == ("dive 1",)
     assert [run.runs for run in told.runs] == [("dive 0",), ("dive 2",)]
 

@@ -10,16 +10,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.dives.answer import ManyDives, OwnDiagnosis
-from auv_torchrl.diagnosis.dives.changes import judge
-from auv_torchrl.diagnosis.dives.compose import compose
-from auv_torchrl.diagnosis.dives.job import to_diagnose
-from auv_torchrl.diagnosis.dives.page import dives_page
-from auv_torchrl.diagnosis.dives.said import console
-from auv_torchrl.diagnosis.dives.told import Dive, number_of
 from auv_torchrl.diagnosis.plain import from_plain, plain
+from auv_torchrl.monitoring.changes import find_changes
+from auv_torchrl.monitoring.dive_history import DiveDiagnosis, DiveHistory, console, make_history
+from auv_torchrl.monitoring.dive_job import to_diagnose
+from auv_torchrl.monitoring.dive_page import dives_page
+from auv_torchrl.monitoring.dive_record import Dive, tracked_parameter
 from auv_torchrl.vehicle import load_vehicle
-from tests.diagnosis.many_dives import NORMAL, NUMBERS, REFERENCE, answer, fading, told
+from tests.monitoring.many_dives import BASELINE, PARAMETERS, REFERENCE, dives_of, fading, history_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SECTIONS = {"summary", "verdict", "facts", "vehicle", "changes", "numbers", "dives", "limits"}
@@ -27,7 +25,9 @@ SECTIONS = {"summary", "verdict", "facts", "vehicle", "changes", "numbers", "div
 
 @pytest.fixture(scope="module")
 def faded():
-    return answer(told(fading()), diagnoses={8: OwnDiagnosis("explained", "Thruster 3 is weak.", "dives/009_dive_9")})
+    return history_of(
+        dives_of(fading()), diagnoses={8: DiveDiagnosis("explained", "Thruster 3 is weak.", "dives/009_dive_9")}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -36,17 +36,17 @@ def paper():
 
 
 def keys(rows, dives):
-    return [NORMAL.all_numbers(dives)[row].key for row in rows]
+    return [BASELINE.all_parameters(dives)[row].key for row in rows]
 
 
 def test_a_fading_thruster_raises_an_alarm_in_time():
     """A thruster that fades by 1 % a dive raises an alarm before it lost 8 %, which names it and nothing else."""
     for seed in range(5):
-        dives = told(fading(), seed)
-        judged = judge(dives, NORMAL, REFERENCE, 1000.0)
-        assert keys([alarm.number for alarm in judged.alarms], dives) == ["thruster_gain.gain_3"]
-        assert judged.alarms[0].dive - REFERENCE + 1 < 8
-        (change,) = judged.changes
+        dives = dives_of(fading(), seed)
+        record = find_changes(dives, BASELINE, REFERENCE, 1000.0)
+        assert keys([alarm.row for alarm in record.alarms], dives) == ["thruster_gain.gain_3"]
+        assert record.alarms[0].dive - REFERENCE + 1 < 8
+        (change,) = record.changes
         assert change.shifts[0].is_drift
         assert change.shifts[0].size == pytest.approx(-0.01, abs=0.001)
 
@@ -55,25 +55,25 @@ def test_sound_dives_raise_no_alarm():
     """400 dives of sound vehicles, whose trim and current differ each time, raise at most one alarm."""
     changed = np.zeros((103, 5))
     changed[:, 4] = np.random.default_rng(9).uniform(-0.3, 0.3, 103)  # currents are the day's
-    alarms = [judge(told(changed, seed), NORMAL, REFERENCE, 1000.0).alarms for seed in range(4)]
+    alarms = [find_changes(dives_of(changed, seed), BASELINE, REFERENCE, 1000.0).alarms for seed in range(4)]
     assert sum(map(len, alarms)) <= 1
 
 
 def test_what_is_the_days_is_not_watched(paper):
     """A current is the day's; a gain, and what a vehicle's own file calls uncertain, are the vehicle's."""
-    assert not number_of("current", "north", 0.0, paper).watched
-    assert number_of("thruster_gain", "gain_3", 1.0, paper).watched
-    assert number_of("hull", "linear_surge", 10.0, paper, file_width=3.0).watched
-    assert not number_of("dead_band", "width", 5.0, paper, rough=True).watched
+    assert not tracked_parameter("current", "north", 0.0, paper).watched
+    assert tracked_parameter("thruster_gain", "gain_3", 1.0, paper).watched
+    assert tracked_parameter("hull", "linear_surge", 10.0, paper, file_width=3.0).watched
+    assert not tracked_parameter("dead_band", "width", 5.0, paper, rough=True).watched
 
 
 def test_what_dives_cannot_tell_apart_is_named_together():
     """Two thrusters that always get the same command are one answer: this one or that one."""
     changed = np.zeros((20, 5))
     changed[10:, 2] = -0.2
-    dives = told(changed)
-    (change,) = judge(dives, NORMAL, REFERENCE, 1000.0).changes
-    both = {*keys([change.number], dives), *keys(change.rivals, dives)}
+    dives = dives_of(changed)
+    (change,) = find_changes(dives, BASELINE, REFERENCE, 1000.0).changes
+    both = {*keys([change.row], dives), *keys(change.rivals, dives)}
     assert both == {"thruster_gain.gain_5", "thruster_gain.gain_6"}
 
 
@@ -81,7 +81,7 @@ def test_what_was_mended_needs_no_advice():
     """Weed that was caught at dive 9 and taken off before dive 15 is told, and nothing is to be done about it."""
     changed = np.zeros((25, 5))
     changed[8:14, 0] = -0.2
-    (change,) = answer(told(changed)).changes
+    (change,) = history_of(dives_of(changed)).changes
     assert [shift.dive for shift in change.shifts] == [9, 15]
     assert "by now it is as it was" in change.sentence
     assert not change.advice
@@ -91,63 +91,65 @@ def test_several_changes_are_one_line():
     """The summary names each number and its moment; the page has the rest."""
     changed = np.zeros((25, 5))
     changed[8:, 0], changed[15:, 3] = -0.2, 4.0
-    said = answer(told(changed))
-    assert said.summary.startswith("2 numbers changed: ")
+    history = history_of(dives_of(changed))
+    assert history.summary.startswith("2 numbers changed: ")
     for words in ("thruster gain 3 since dive 9", "buoyancy force since dive 16"):
-        assert words in said.summary
+        assert words in history.summary
 
 
 def test_a_change_that_is_no_likelier_than_not_is_told_as_perhaps(faded, paper):
     """Past the threshold of alarms it may still be none: no advice, no thruster in red, no verdict of a change."""
     changed = np.zeros((25, 5))
     changed[8:, 0] = -0.2
-    judged = judge(told(changed), NORMAL, REFERENCE, 1000.0)
-    (change,) = judged.changes
+    record = find_changes(dives_of(changed), BASELINE, REFERENCE, 1000.0)
+    (change,) = record.changes
     unsure = replace(change, shifts=tuple(replace(shift, probability=0.4) for shift in change.shifts))
-    said = compose(told(changed), NORMAL, replace(judged, changes=(unsure,)), paper, "paper", 1000.0, 1.15, {})
-    assert said.summary.startswith("Perhaps (40 %) thruster gain 3: ")
-    assert not said.changes[0].advice
-    page = dives_page(said, paper)
+    history = make_history(
+        dives_of(changed), BASELINE, replace(record, changes=(unsure,)), paper, "paper", 1000.0, 1.15, {}
+    )
+    assert history.summary.startswith("Perhaps (40 %) thruster gain 3: ")
+    assert not history.changes[0].advice
+    page = dives_page(history, paper)
     assert "look closer" in page and "thruster bad" not in page.split("</style>")[1]
 
 
 def test_a_noisier_sensor_is_a_change():
     """A channel that is 1.4 times as noisy from dive 11 on is named with its moment."""
     noise = np.where(np.arange(20) >= 10, 1.4, 1.0)
-    said = answer(told(np.zeros((20, 5)), noise=noise))
-    assert [change.number for change in said.changes] == ["noise.x"]
-    assert said.changes[0].shifts[0].dive == 11
+    history = history_of(dives_of(np.zeros((20, 5)), noise=noise))
+    assert [change.number for change in history.changes] == ["noise.x"]
+    assert history.changes[0].shifts[0].dive == 11
 
 
 def test_a_dive_that_could_not_be_read_is_passed_over():
-    """Console, page and file list it with the reason, and the rest is judged without it, also of the reference."""
-    dives = told(fading())
+    """Console, page and file list it with the reason, and the rest is used without it, also of the reference."""
+    dives = dives_of(fading())
     for place, name in ((1, "damaged.BIN"), (7, "broken.csv")):
-        dives[place] = Dive.unread(name, f"no column t in {name}", len(NUMBERS))
-    said = answer(dives)
-    assert said.dives[7].refused == "no column t in broken.csv"
-    assert not said.dives[7].values
-    assert [dive.number for dive in said.dives if dive.is_reference] == [1, 3]
-    assert [change.number for change in said.changes] == ["thruster_gain.gain_3"]
-    for shown in (console(said), dives_page(said, load_vehicle("paper")), json.dumps(plain(said))):
+        dives[place] = Dive.unread(name, f"no column t in {name}", len(PARAMETERS))
+    history = history_of(dives)
+    assert history.dives[7].refused == "no column t in broken.csv"
+    assert not history.dives[7].values
+    assert [dive.number for dive in history.dives if dive.is_reference] == [1, 3]
+    assert [change.number for change in history.changes] == ["thruster_gain.gain_3"]
+    for shown in (console(history), dives_page(history, load_vehicle("paper")), json.dumps(plain(history))):
         assert "no column t in broken.csv" in shown and "no column t in damaged.BIN" in shown
 
 
 def test_dives_that_show_something_are_diagnosed_by_themselves():
     """By default those of alarms, the last one of a change, and those that no number explains; or all, or none."""
-    dives = told(fading())
-    judged = judge(dives, NORMAL, REFERENCE, 1000.0)
+    dives = dives_of(fading())
+    record = find_changes(dives, BASELINE, REFERENCE, 1000.0)
     odd = [replace(dive, excess=3.0) if i == 15 else dive for i, dive in enumerate(dives)]
-    assert to_diagnose("changed", odd, judged, 1.15) == sorted({judged.alarms[0].dive, 15, len(dives) - 1})
-    assert to_diagnose("all", dives, judged, 1.15) == list(range(len(dives)))
-    assert to_diagnose("none", odd, judged, 1.15) == []
-    sound = told(np.zeros((20, 5)))
-    assert to_diagnose("changed", sound, judge(sound, NORMAL, REFERENCE, 1000.0), 1.15) == []
+    assert to_diagnose("changed", odd, record, 1.15) == sorted({record.alarms[0].dive, 15, len(dives) - 1})
+    assert to_diagnose("all", dives, record, 1.15) == list(range(len(dives)))
+    assert to_diagnose("none", odd, record, 1.15) == []
+    sound = dives_of(np.zeros((20, 5)))
+    assert to_diagnose("changed", sound, find_changes(sound, BASELINE, REFERENCE, 1000.0), 1.15) == []
 
 
 def test_an_answer_survives_its_file(faded):
     """What dives.json holds is the whole answer."""
-    assert from_plain(ManyDives, json.loads(json.dumps(plain(faded), allow_nan=False))) == faded
+    assert from_plain(DiveHistory, json.loads(json.dumps(plain(faded), allow_nan=False))) == faded
 
 
 def test_the_page_over_many_dives_stands_alone(faded, paper):
@@ -195,11 +197,11 @@ def test_a_long_unit_cuts_off_no_column(faded, paper, tmp_path, width):
 def test_a_page_where_nothing_changed_says_so(paper):
     """Sound dives have a page without an alarm, an odd one among them is pointed at, and names are shown, not run."""
     names = [f"<script>{i}</script>.csv" for i in range(12)]
-    dives = told(np.zeros((12, 5)), names=names)
-    said = answer(dives)
-    page = dives_page(said, paper)
+    dives = dives_of(np.zeros((12, 5)), names=names)
+    history = history_of(dives)
+    page = dives_page(history, paper)
     assert "Nothing changed over 12 dives." in page
     assert "<script" not in page
     assert "as it was" in page
-    odd = answer([replace(dive, excess=4.0) if i == 6 else dive for i, dive in enumerate(dives)])
+    odd = history_of([replace(dive, excess=4.0) if i == 6 else dive for i, dive in enumerate(dives)])
     assert "Dive 7 shows something that is none of the numbers followed." in dives_page(odd, paper)

@@ -8,17 +8,17 @@ from types import SimpleNamespace
 import pytest
 from omegaconf import OmegaConf
 
-from auv_torchrl.diagnosis.dives import store, work
-from auv_torchrl.diagnosis.dives.plan import begun, plan
-from auv_torchrl.diagnosis.dives.told import Dive
-from auv_torchrl.diagnosis.dives.work import Work, follow_all
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.logs import is_series, logs_of
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.streams.stream import ReadOptions
+from auv_torchrl.monitoring import dive_work
+from auv_torchrl.monitoring.dive_job import begun, plan_dives
+from auv_torchrl.monitoring.dive_record import Dive
+from auv_torchrl.monitoring.dive_work import Work, follow_all
 from auv_torchrl.vehicle import load_vehicle
 from tests.command_lines import answers_of
-from tests.diagnosis.many_dives import NORMAL, NUMBERS, fading, told
+from tests.monitoring.many_dives import BASELINE, PARAMETERS, dives_of, fading
 
 
 def config(**given):
@@ -40,15 +40,15 @@ def dives(tmp_path):
 @pytest.fixture
 def followed(monkeypatch):
     """The names of the dives that were followed, each of which tells what its number says."""
-    by_name = {dive.name: dive for dive in told(fading(8))}
+    by_name = {dive.name: dive for dive in dives_of(fading(8))}
     names = []
 
-    def tell(path, reference, begun):
+    def follow_dive(path, reference, begun):
         names.append(path.name)
         return by_name[path.name]
 
-    monkeypatch.setattr(work, "tell", tell)
-    monkeypatch.setattr(work, "refer", lambda *_: type("Reference", (), {"normal": NORMAL}))
+    monkeypatch.setattr(dive_work, "follow_dive", follow_dive)
+    monkeypatch.setattr(dive_work, "learn_reference", lambda *_: type("Reference", (), {"baseline": BASELINE}))
     monkeypatch.setattr(Work, "read", lambda self, path: path)
     return names
 
@@ -86,7 +86,7 @@ def test_dates_in_names_put_dives_in_order(tmp_path):
     """Where every name has a date, that is the order; the time of day counts."""
     names = ("b_2026-03-02.csv", "a_20260302_1430.csv", "c_2026-02-28 08-15-00.csv")
     folder = folder_of(tmp_path / "dated", *names)
-    planned = plan(config(log=str(folder), reference=1))
+    planned = plan_dives(config(log=str(folder), reference=1))
     assert [path.name for path in planned.paths] == [names[2], names[0], names[1]]
     assert planned.begun == ("2026-02-28 08:15", "2026-03-02", "2026-03-02 14:30")
     assert begun(Path("dive_20269999.csv")) == ""
@@ -95,7 +95,7 @@ def test_dates_in_names_put_dives_in_order(tmp_path):
 def test_healthy_logs_are_the_reference(dives):
     """They come first, and are not counted twice where they lie in the folder."""
     sound = [str(dives / "dive_4.csv"), str(dives / "dive_5.csv")]
-    planned = plan(config(log=str(dives), healthy=sound))
+    planned = plan_dives(config(log=str(dives), healthy=sound))
     assert planned.reference == 2
     assert [path.stem[5:] for path in planned.paths] == ["4", "5", "1", "2", "3", "6", "7", "8", "9", "10", "11"]
 
@@ -103,32 +103,32 @@ def test_healthy_logs_are_the_reference(dives):
 def test_too_few_dives_are_refused(dives):
     """A reference that leaves no dive to judge is refused, and so are keys of a single log."""
     with pytest.raises(ValueError, match="11 dives, and the reference is 11 of them"):
-        plan(config(log=str(dives), reference=11))
+        plan_dives(config(log=str(dives), reference=11))
     with pytest.raises(ValueError, match="give 1 dive or more"):
-        plan(config(log=str(dives), reference=0))
+        plan_dives(config(log=str(dives), reference=0))
     with pytest.raises(ValueError, match="test="):
-        plan(config(log=str(dives), test="a.csv"))
+        plan_dives(config(log=str(dives), test="a.csv"))
 
 
 def test_a_killed_run_goes_on(dives, followed, tmp_path, monkeypatch):
     """After a kill in the fifth dive, the rest is done and no more; a third run does nothing, with the same answer."""
-    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
-    whole = work.tell
+    mine, planned = work_in(tmp_path / "store"), plan_dives(config(log=str(dives)))
+    whole = dive_work.follow_dive
 
     def killed(path, reference, begun):
         if len(followed) == 4:
             raise KeyboardInterrupt
         return whole(path, reference, begun)
 
-    monkeypatch.setattr(work, "tell", killed)
+    monkeypatch.setattr(dive_work, "follow_dive", killed)
     with pytest.raises(KeyboardInterrupt):
         follow_all(mine, planned, lambda *_: None)
-    monkeypatch.setattr(work, "tell", whole)
-    normal, first = follow_all(mine, planned, lambda *_: None)
+    monkeypatch.setattr(dive_work, "follow_dive", whole)
+    baseline, first = follow_all(mine, planned, lambda *_: None)
     assert followed == [f"dive_{i}.csv" for i in range(1, 12)]
     again, second = follow_all(mine, planned, lambda *_: None)
     assert len(followed) == 11
-    assert again.numbers == normal.numbers == NUMBERS
+    assert again.parameters == baseline.parameters == PARAMETERS
     for one, other in zip(first, second, strict=True):
         assert (one.name, one.noise, one.excess) == (other.name, other.noise, other.excess)
         assert (one.A == other.A).all() and (one.h == other.h).all()
@@ -136,23 +136,23 @@ def test_a_killed_run_goes_on(dives, followed, tmp_path, monkeypatch):
 
 def test_answers_of_another_version_are_kept_apart(dives, followed, tmp_path, monkeypatch):
     """Another program, other settings, another reference or another log has its own answers."""
-    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
+    mine, planned = work_in(tmp_path / "store"), plan_dives(config(log=str(dives)))
     follow_all(mine, planned, lambda *_: None)
     follow_all(work_in(tmp_path / "store", shaped_by={"vehicle": "heavier"}), planned, lambda *_: None)
     assert len(followed) == 22
-    follow_all(mine, plan(config(log=str(dives), reference=4)), lambda *_: None)
+    follow_all(mine, plan_dives(config(log=str(dives), reference=4)), lambda *_: None)
     assert len(followed) == 33
     (dives / "dive_9.csv").write_text("t,x\nflown again\n")
     follow_all(mine, planned, lambda *_: None)
     assert followed[33:] == ["dive_9.csv"]
-    monkeypatch.setattr(store, "program", lambda: "another")
+    monkeypatch.setattr(dive_work, "program", lambda: "another")
     follow_all(mine, planned, lambda *_: None)
     assert len(followed) == 45
 
 
 def test_a_damaged_answer_is_worked_out_again(dives, followed, tmp_path):
     """A file of the store that cannot be read is not believed."""
-    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
+    mine, planned = work_in(tmp_path / "store"), plan_dives(config(log=str(dives)))
     follow_all(mine, planned, lambda *_: None)
     (tmp_path / "store" / f"dive_{mine.key(planned, planned.paths[4])}.json").write_text("{")
     follow_all(mine, planned, lambda *_: None)
@@ -174,8 +174,10 @@ def test_a_dive_that_cannot_be_used_does_not_end_the_run(dives, followed, tmp_pa
     """It keeps its number and the reason, also as one of the reference, which is then the rest; the next goes on."""
     broken(monkeypatch, "dive_2.csv", "dive_7.csv")
     given = []
-    monkeypatch.setattr(work, "refer", lambda logs, *_: given.extend(logs) or SimpleNamespace(normal=NORMAL))
-    mine, planned = work_in(tmp_path / "store"), plan(config(log=str(dives)))
+    monkeypatch.setattr(
+        dive_work, "learn_reference", lambda logs, *_: given.extend(logs) or SimpleNamespace(baseline=BASELINE)
+    )
+    mine, planned = work_in(tmp_path / "store"), plan_dives(config(log=str(dives)))
     for _ in range(2):
         _, found = follow_all(mine, planned, lambda *_: None)
         assert {dive.name: dive.refused for dive in found if dive.refused} == {
@@ -187,7 +189,7 @@ def test_a_dive_that_cannot_be_used_does_not_end_the_run(dives, followed, tmp_pa
 
 def test_without_a_dive_that_can_be_used_the_run_ends(dives, followed, tmp_path, monkeypatch):
     """One error says why: of the reference, or of all that is behind it."""
-    planned = plan(config(log=str(dives)))
+    planned = plan_dives(config(log=str(dives)))
     broken(monkeypatch, "dive_1.csv", "dive_2.csv", "dive_3.csv")
     with pytest.raises(FlightLogError, match=r"no dive of the reference.*dive_1\.csv has no column t"):
         follow_all(work_in(tmp_path / "one"), planned, lambda *_: None)
@@ -205,7 +207,7 @@ def test_whatever_lies_in_a_folder_of_dives_is_a_dive_or_is_listed(tmp_path):
     (folder / "photos").mkdir()
     (folder / "folder.csv").mkdir()
     os.mkfifo(folder / "pipe.csv")
-    planned, mine = plan(config(log=str(folder), reference=1)), work_in(tmp_path / "store")
+    planned, mine = plan_dives(config(log=str(folder), reference=1)), work_in(tmp_path / "store")
     names = [path.name for path in planned.paths]
     assert names == ["a.csv", "b.csv", "empty.csv", "flown.BIN", "gone.BIN", "loop.csv", "packed.csv.gz", "pipe.csv"]
     (left_out,) = planned.findings

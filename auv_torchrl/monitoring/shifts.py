@@ -1,9 +1,9 @@
 """When a series of values changed: steps and drifts from some dive on, by generalized likelihood ratios.
 
-A change of one number at dive m is a step (from m on it is another one) or a drift (from m on it moves by the same in
-each dive). What it is before is not known either: it is what the dives before show. Twice the log likelihood ratio of
-the best size of such a change is its *gain*. An alarm is raised when the largest gain over all numbers, moments and
-kinds passes a threshold (Lorden 1971, Siegmund and Venkatraman 1995).
+A change of one parameter at dive m is a step (from m on the parameter has another value) or a drift (from m on the
+parameter moves by the same in each dive). The level before the change is not known either: the dives before show it.
+Twice the log likelihood ratio of the best size of such a change is its *gain*. An alarm is raised when the largest gain
+over all parameters, moments and kinds passes a threshold (Lorden 1971, Siegmund and Venkatraman 1995).
 """
 
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ import numpy as np
 
 from auv_torchrl.diagnosis.motion.windows import Floats
 
-HORIZON, PATHS, SEED = 100, 4000, 0  # dives and sound series, from which the threshold is simulated
+HORIZON, PATHS, SEED = 100, 4000, 0  # dives and healthy series, from which the threshold is simulated
 TAIL = (0.2, 0.01)  # of these series pass: the tail beyond follows from that between, log share linear in the threshold
 TAIL_POINTS = 12
-MOST_SHIFTS = 3  # of one number
+MOST_SHIFTS = 3  # of one parameter
 DRIFT_DIVES = 10.0  # in which a drift goes as far as a step, before anything is seen
 NEGLIGIBLE = 1e-9
 
@@ -32,7 +32,7 @@ class Candidates:
 
 @dataclass(frozen=True)
 class Shift:
-    """A change of one number."""
+    """A change of one parameter."""
 
     is_drift: bool
     begin: int  # the first dive that is not as before, from 0
@@ -72,13 +72,13 @@ def gains(value: Floats, variance: Floats, reference: int) -> Floats:
 
 
 @cache
-def threshold(numbers: int, reference: int, dives_per_false_alarm: float) -> float:
-    """The gain that a sound vehicle passes once in so many dives, in whichever of its numbers.
+def threshold(parameters: int, reference: int, dives_per_false_alarm: float) -> float:
+    """The gain that a healthy vehicle passes once in so many dives, in whichever of its parameters.
 
-    Found by simulating series without a change, with a fixed seed; numbers count as independent, which can only make
+    Found by simulating series without a change, with a fixed seed; parameters count as independent, which can only make
     alarms rarer.
     """
-    wanted = HORIZON / (dives_per_false_alarm * max(numbers, 1))
+    wanted = HORIZON / (dives_per_false_alarm * max(parameters, 1))
     noise = np.random.default_rng(SEED).standard_normal((PATHS, HORIZON))
     largest = np.zeros(PATHS)
     for n in range(reference + 1, HORIZON + 1):
@@ -92,15 +92,15 @@ def threshold(numbers: int, reference: int, dives_per_false_alarm: float) -> flo
 def shifts(
     value: Floats, variance: Floats, reference: int, least_gain: float, width: float, odds: float
 ) -> list[Shift]:
-    """Changes of one number over n dives, the largest first, as long as each gains enough.
+    """Changes of one parameter over n dives, the largest first, as long as each gains enough.
 
     Args:
         value: (n,) deviations from the reference.
-        variance: (n,) infinite where a dive does not tell.
-        reference: dives that are known to be sound.
+        variance: (n,) infinite where a dive has no information.
+        reference: dives that are known to be healthy.
         least_gain: of a change.
         width: standard deviation of the size of a step, before anything is seen.
-        odds: prior odds that this number changes at a given dive.
+        odds: prior odds that this parameter changes at a given dive.
     """
     every, n = candidates(len(value), reference), len(value)
     root = np.where(np.isfinite(variance), 1 / np.sqrt(np.maximum(variance, NEGLIGIBLE**2)), 0.0)
