@@ -6,6 +6,7 @@ fitted from where the explanation with the value is.
 """
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,7 +42,7 @@ def left_to_slack(problem: Problem, judged: Judged, places: Collection[int], cos
     fewer = fit_by_simulation(problem, Explanation(kept, moved.slack), judged.base)
     near, *_ = assess(problem, nudge(problem, Explanation(kept, moved.slack), judged.base))
     if near.evidence > fewer.evidence:  # windows are where they were with the value: elsewhere some are lost
-        fewer = near
+        fewer = replace(near, slack_marks=None)
     if leaves_much(problem, judged) and fewer.evidence < judged.evidence - CONTENDS:  # windows were lost on the way
         return fewer
     return until_still(problem, fewer)
