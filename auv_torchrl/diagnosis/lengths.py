@@ -67,7 +67,7 @@ def looked_at(windows: Windows, learnt: FlightLog) -> tuple[Finding, ...]:
         f"of {learnt.duration / 60:.0f} min that are learnt from, {windows.share:.0%} are looked at, in windows of "
         f"{length:.1f} s spread evenly over them: more would take too much time and memory"
     )
-    return (Finding(Severity.INFO, "looked_at", sentence, "Give the part that matters as a log of its own"),)
+    return (Finding(Severity.WARNING, "looked_at", sentence, "Give the part that matters as a log of its own"),)
 
 
 def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:
