@@ -23,12 +23,17 @@ def answer(config: DictConfig) -> None:
         request = read_request(config)
     give_back_freed_memory()
     with checking_input((FlightLogError,)), Progress() as progress:
+
+        def behind(step: str, share: float) -> None:
+            give_back_freed_memory()  # each stage makes arrays of other sizes
+            progress(step, share)
+
         diagnosis = diagnose(
             request.log,
             request.vehicle,
             healthy=request.healthy,
             test=request.test,
-            progress=progress,
+            progress=behind,
             vehicle_name=request.vehicle_name,
             settings=request.settings,
             uncertainty=request.uncertainty,

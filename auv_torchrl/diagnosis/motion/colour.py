@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
+from auv_torchrl.diagnosis.motion.actuation import ACTUATIONS, actuate, coefficients
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.slopes import chunks
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, local_slopes, noise_per_sample
@@ -38,6 +38,7 @@ def whiten(
         begin: starts (W, 12) and forces (W, B, D) under which the vehicle moves about as it did.
     """
     windows = replace(windows, whitening=None)  # they may come from a log that was whitened for another vehicle
+    ACTUATIONS.clear()  # which hold windows that were whitened before, the largest arrays of all
     noise = noise_per_sample(windows, sigma)
     whitening = np.empty((len(windows), len(noise), len(noise)))
     for some, covariance in colour_in_pieces(windows, vehicle, layout, begin):

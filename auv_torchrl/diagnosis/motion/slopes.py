@@ -14,7 +14,7 @@ AT_ONCE = 24 << 20  # bytes of an array over windows; what is made of one takes 
 # Bytes of the slopes of all windows of a log. A diagnosis takes up to ten times as much at its worst, beside 0.5 GB of
 # libraries, and 1.5 GB are what it may in all. Of 15 channels at 20 Hz that is 5 minutes, with two forces per bin.
 MOST = 96 << 20
-WHITENING = 0.25  # share that counts of what whitens the samples: slopes are in use several times, this is once
+WHITENING = 0.35  # share that counts of what whitens the samples: slopes are in use ten times, this is three times
 FEWEST = 12  # windows, however large
 
 
