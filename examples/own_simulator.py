@@ -90,8 +90,7 @@ def main() -> None:
     found = sysid.identify(arm, windows, sysid.Disturbance(np.array([0.02, 0.02])), tried, progress=print)
     print("\nFound", ", ".join(map(str, sysid.intervals(found.best))) or "nothing")
     print("Something else acts besides:", "no" if sysid.is_explained(found.best) else "yes")
-    chances = sysid.probabilities(found.trace)
-    print("Probabilities:", ", ".join(f"{name} {share:.1%}" for name, share in chances.items()))
+    print("Probabilities:", *(f"{name} {p:.1%}" for name, p in sysid.probabilities(found.trace).items()), sep="  ")
     print("How this was decided", *found.trace.table(), sep="\n")
     print("Why?", *(f"{one.name}: {found.trace.why(one.name)}" for one in tried), sep="\n")
 

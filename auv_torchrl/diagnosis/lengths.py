@@ -11,29 +11,63 @@ from auv_torchrl.diagnosis.motion.windows import Windows
 from auv_torchrl.diagnosis.validate.predict import cut_stretches
 from auv_torchrl.flightlog import Episode, Finding, FlightLog, FlightLogError, Severity, join
 from auv_torchrl.flightlog.readiness import HELD_OUT, LEARNT, ROUNDING_S, START_S, shortest
+from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.quantities import counted
 
 # Of a log, as much as is looked at: ten times what its windows hold. What commands do is worked out along all of it for
 # each candidate, in memory that grows with its length.
 MOST_S, STRETCH_S = 3600.0, 120.0
+# Bytes of the commands of all episodes on the grid of the windows, on which each is as long as the longest.
+MOST_COMMANDS = 64 << 20
+FINEST_S = CONTROL_DT / 2  # of that grid, where samples do not come faster
 
 
 def stretches_of(log: FlightLog) -> FlightLog:
-    """The log, or of one that is very long as many stretches as are looked at, spread evenly over its episodes."""
-    if log.duration <= MOST_S:
+    """The log, or of one that is very long as many stretches as are looked at, spread evenly over its episodes.
+
+    One whose episodes differ so much in length that the longest would fill the memory is cut into stretches, too.
+    """
+    longest = max(episode.duration for episode in log.episodes)
+    each = _bytes_per_s(log)
+    if log.duration <= MOST_S and len(log.episodes) * longest * each <= MOST_COMMANDS:
         return log
     parts: list[Episode] = []
     for episode in log.episodes:
-        count = max(1, round(MOST_S / STRETCH_S * episode.duration / log.duration))
+        share = episode.duration / STRETCH_S
+        count = max(1, int(np.ceil(share)) if log.duration <= MOST_S else round(share * MOST_S / log.duration))
         for begin in np.linspace(episode.t[0], max(episode.t[0], episode.t[-1] - STRETCH_S), count):
             first, behind = np.searchsorted(episode.t, (begin, begin + STRETCH_S)).tolist()
-            parts.append(replace(episode.rows(first, behind), number=len(parts)))
+            parts.append(episode.rows(first, behind))
+    most = max(1, int(MOST_COMMANDS / (STRETCH_S * each)))
+    lengths = np.array([part.duration for part in parts])
+    kept = np.sort(np.argsort(-lengths, kind="stable")[:most]).tolist()
+    episodes = tuple(replace(parts[place], number=number) for number, place in enumerate(kept))
     sentence = (
-        f"{log.name} lasts {log.duration / 3600:.1f} h, of which {counted(len(parts), 'stretch', 'stretches')} of "
-        f"{STRETCH_S:g} s, spread evenly, are looked at; the rest is left out"
+        f"{log.name} lasts {log.duration / 3600:.1f} h in {counted(len(log.episodes), 'episode')}, of which "
+        f"{counted(len(episodes), 'stretch', 'stretches')} of at most {STRETCH_S:g} s, spread evenly, are looked at; "
+        "the rest is left out"
     )
     finding = Finding(Severity.WARNING, "stretches", sentence, "Give the part that matters as a log of its own")
-    return replace(log, episodes=tuple(parts), findings=(*log.findings, finding))
+    return replace(log, episodes=episodes, findings=(*log.findings, finding))
+
+
+def _bytes_per_s(log: FlightLog) -> float:
+    """Bytes that the commands of a second take on the grid of the windows."""
+    within = max(1 if episode.parts is None else episode.parts.shape[1] for episode in log.episodes)
+    rows_per_s = log.samples / max(log.duration, FINEST_S)
+    return 8 * log.thrusters * within * max(1 / FINEST_S, rows_per_s)
+
+
+def looked_at(windows: Windows, learnt: FlightLog) -> tuple[Finding, ...]:
+    """A finding where what was learnt from holds more windows than a diagnosis looks at, or than fit its memory."""
+    if windows.share >= 1:
+        return ()
+    length = windows.steps * windows.dt
+    sentence = (
+        f"of {learnt.duration / 60:.0f} min that are learnt from, {windows.share:.0%} are looked at, in windows of "
+        f"{length:.1f} s spread evenly over them: more would take too much time and memory"
+    )
+    return (Finding(Severity.WARNING, "looked_at", sentence, "Give the part that matters as a log of its own"),)
 
 
 def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightLog, tuple[int, ...]]:

@@ -22,7 +22,7 @@ from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
 from auv_torchrl.diagnosis.identify.search import Progress
-from auv_torchrl.diagnosis.lengths import check_lengths, split, stretches_of
+from auv_torchrl.diagnosis.lengths import check_lengths, looked_at, split, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.look import Looked, judge, look_both_ways
@@ -106,6 +106,7 @@ def diagnose(
         *rests_on(looked),
         *vetoes(vetoed),
         *shortfalls(short),
+        *looked_at(problem.windows, training),
         *noise,
     )
     doubted = doubts((*log.findings, *findings))

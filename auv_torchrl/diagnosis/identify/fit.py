@@ -44,7 +44,7 @@ def fit_by_simulation(
     """
     best = _descend(problem, rebase(problem, explanation, start), rounds)
     if not rounds:
-        return best
+        return replace(best, slack_marks=None)
     searched = search_thresholds(problem, best)
     if searched is not best:
         best = _descend(problem, searched.base, rounds)
@@ -160,4 +160,4 @@ def reassess(problem: Problem, judged: Judged) -> Judged:
     base = nudge(problem, judged.explanation, judged.base)
     if some_diverged(problem, judged.base, base):
         base = rebase(problem, judged.explanation, judged.base)
-    return assess(problem, base)[0]
+    return replace(assess(problem, base)[0], slack_marks=None)

@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.colour import whiten
 from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
 from auv_torchrl.diagnosis.motion.rough import rough_force
+from auv_torchrl.diagnosis.motion.slopes import affordable
 from auv_torchrl.diagnosis.motion.smooth import (
     Layout,
     Smoothed,
@@ -48,7 +49,7 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
 
     It shows outliers, the noise, where windows begin, and in which of them the motion is known.
 
-    The force changes faster where bins of the usual length cannot follow, as under a limit cycle.
+    The force changes faster where bins of the usual length cannot follow, as under a limit cycle, and memory allows it.
     """
     problem = replace(
         problem,
@@ -67,7 +68,10 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
     ):
         steps = problem.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
         finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
-        problem = replace(problem, layout=Layout.of(problem.windows, problem.vehicle, finer * problem.windows.dt))
+        layout = Layout.of(problem.windows, problem.vehicle, finer * problem.windows.dt)
+        if len(problem.windows) > affordable(problem.windows.trust[0].size, layout.size, problem.given.errors.coloured):
+            break
+        problem = replace(problem, layout=layout)
         state = follow_freely(problem, problem.windows, vehicle)
     followed = misfit(problem.windows, _beside_offsets(problem.windows, state.residual), problem.sigma) < LOST
     sigma = problem.sigma

@@ -15,14 +15,16 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import marks
-from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
+from auv_torchrl.diagnosis.motion.reduce import Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.slopes import chunks
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, NOTHING_TO_MAP, REACH_WIDTH, WORTHLESS
 from auv_torchrl.effects import Origin
 from auv_torchrl.physics.kinematics import rotation_matrix
 
 FOLDS = 4
+MARKS_BYTES = 64 << 20  # of the marks of all forces; some such arrays are in use at once
 SOFT = 0.05  # of the full command, over which a sign changes
 EARLIER = (1, 2, 4, 8, 16)  # grid steps between a command and a force that it may leave behind
 STICTIONS = (0.05, 0.1, 0.2)  # of the full command, by which it must change before a force follows
@@ -45,9 +47,7 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
     size = np.sqrt(((columns[..., problem.layout.dof] / problem.wide) ** 2).sum(-1).mean((0, 2)))
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
-    shown = marks(problem.windows, base.coefficients, problem.layout, base.state, columns)
-    parts = reduce(problem.windows, problem.layout, problem.freedom(base.state), base.state, shown)
-    folds = _folds(parts, known)
+    folds = _folds(problem, base, columns, known)
 
     def predicted(players: Sequence[int]) -> float:
         return _predicted(folds, np.flatnonzero(np.isin(owner, list(players))))
@@ -119,8 +119,7 @@ def input_mappable(problem: Problem, follow: Base) -> float | None:
     forces = np.zeros((len(windows), inputs.shape[-1] * len(layout.dof), windows.steps, 6))
     for column, (j, d) in enumerate(np.ndindex(inputs.shape[-1], len(layout.dof))):
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
-    columns = marks(windows, follow.coefficients, layout, follow.state, forces)
-    q = reduce(windows, layout, problem.freedom(follow.state), follow.state, columns).windows(problem.followed)
+    (q,) = _quadratics(problem, follow, forces, [problem.followed])
     if q.constant <= NOTHING_TO_MAP * q.numbers:
         return None
     best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])
@@ -158,12 +157,31 @@ def _by_dof(motion: Floats, dof: np.ndarray) -> Floats:
     return np.stack([motion * (np.arange(6) == d) for d in dof], axis=1)
 
 
-def _folds(parts: Parts, followed: np.ndarray) -> list[tuple[Quadratic, Quadratic]]:
-    """Windows to fit to and windows to predict, in turn."""
+def _folds(problem: Problem, base: Base, forces: Floats, followed: np.ndarray) -> list[tuple[Quadratic, Quadratic]]:
+    """Windows to fit to and windows to predict, in turn, and what forces (W, N, S, 6) predict of them."""
     turn = np.arange(len(followed)) % FOLDS
-    tests = [parts.windows(followed & (turn == k)) for k in range(FOLDS)]
+    tests = _quadratics(problem, base, forces, [followed & (turn == k) for k in range(FOLDS)])
     others = [[tests[j] for j in range(FOLDS) if j != k] for k in range(FOLDS)]
     return [(sum(rest[1:], rest[0]), test) for rest, test in zip(others, tests, strict=True)]
+
+
+def _quadratics(problem: Problem, base: Base, forces: Floats, chosen: list[np.ndarray]) -> list[Quadratic]:
+    """Chi-square of amounts of forces (W, N, S, 6) on some windows each, masks (W,).
+
+    The marks of all forces on all windows would fill the memory: they are reduced piece by piece.
+    """
+    freedom, each = problem.freedom(base.state), 8 * base.state.residual[0].size * forces.shape[1]
+    whole, numbers = [np.zeros((1, 1)) for _ in chosen], 0.0
+    for some in chunks(len(problem.windows), each, MARKS_BYTES):
+        windows, state = problem.windows.subset(some), base.state.rows(some)
+        shown = marks(windows, base.coefficients, problem.layout, state, forces[some])
+        parts = reduce(windows, problem.layout, freedom.rows(some), state, shown)
+        whole = [sums + parts.pooled(mask[some]) for sums, mask in zip(whole, chosen, strict=True)]
+        numbers += parts.numbers
+    return [
+        Quadratic(float(sums[0, 0]), sums[0, 1:], sums[1:, 1:], round(round(numbers) * mask.mean()))
+        for sums, mask in zip(whole, chosen, strict=True)
+    ]
 
 
 def _predicted(folds: list[tuple[Quadratic, Quadratic]], chosen: np.ndarray) -> float:

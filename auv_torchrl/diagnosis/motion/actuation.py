@@ -31,7 +31,8 @@ KEPT, LARGEST = 64, 50_000  # mean targets, and numbers of one: 26 MB at most; l
 MEANS: Latest[list[Floats]] = Latest(KEPT)
 COEFFICIENTS: Latest[Coefficients] = Latest(8)
 SENSORS: Latest[Inverse] = Latest(8)
-ACTUATIONS: "Latest[Actuation]" = Latest(4)
+# Beside the latest no more than that many bytes of what whitens windows: each subset of them has a copy of its own.
+ACTUATIONS: "Latest[Actuation]" = Latest(4, 192 << 20, lambda actuation: actuation.whitening_bytes)
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,11 @@ class Actuation:
     whole: np.ndarray  # (R,) grid steps of delay
     thrust: Floats  # (W, R, n) N, at the start of each window
     substeps: int  # Runge-Kutta steps per grid step
+
+    @property
+    def whitening_bytes(self) -> int:
+        """What whitens the windows takes so much memory: the largest array that they hold."""
+        return 0 if self.windows.whitening is None else self.windows.whitening.nbytes
 
     @cached_property
     def steps(self) -> Steps:

@@ -5,12 +5,14 @@ between two of them, and what the vehicle did until then differs by the force th
 filter go astray slowly, all samples together. Whitened, samples count for as much as is known of them.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
+from auv_torchrl.diagnosis.motion.actuation import ACTUATIONS, actuate, coefficients
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.slopes import chunks
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, local_slopes, noise_per_sample
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -36,18 +38,34 @@ def whiten(
         begin: starts (W, 12) and forces (W, B, D) under which the vehicle moves about as it did.
     """
     windows = replace(windows, whitening=None)  # they may come from a log that was whitened for another vehicle
+    ACTUATIONS.clear()  # which hold windows that were whitened before, the largest arrays of all
     noise = noise_per_sample(windows, sigma)
-    scaled = colour_covariance(windows, vehicle, layout, begin) / (noise[:, None] * noise)
-    inverse = np.linalg.inv(np.linalg.cholesky(np.eye(len(noise)) + scaled))
-    return replace(windows, whitening=noise[:, None] * inverse / noise)
+    whitening = np.empty((len(windows), len(noise), len(noise)))
+    for some, covariance in colour_in_pieces(windows, vehicle, layout, begin):
+        scaled = covariance / (noise[:, None] * noise)
+        inverse = np.linalg.inv(np.linalg.cholesky(np.eye(len(noise)) + scaled))
+        whitening[some] = noise[:, None] * inverse / noise
+    return replace(windows, whitening=whitening)
+
+
+def colour_in_pieces(
+    windows: Windows, vehicle: Vehicle, layout: Layout, begin: tuple[Floats, Floats]
+) -> Iterator[tuple[slice, Floats]]:
+    """Some windows, and the covariance (w, K, K) of what is no white noise in them; arguments as of :func:`whiten`.
+
+    Piece by piece, because some such arrays are in use at once.
+    """
+    state = local_slopes(windows, vehicle, layout, *begin) if windows.errors.snapshot_s else None
+    for some in chunks(len(windows), 8 * windows.trust[0].size ** 2):
+        yield some, _colour(windows.subset(some), vehicle, layout, state and state.rows(some))
 
 
 @DIVERGING
-def colour_covariance(windows: Windows, vehicle: Vehicle, layout: Layout, begin: tuple[Floats, Floats]) -> Floats:
-    """Covariance (W, K, K) of what is no white noise, in windows not yet whitened; arguments as of :func:`whiten`."""
+def _colour(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed | None) -> Floats:
+    """Covariance (w, K, K) of what is no white noise, along a state where commands were logged as snapshots."""
     covariance = drift_covariance(windows)
-    if windows.errors.snapshot_s:
-        marks = command_marks(windows, vehicle, layout, local_slopes(windows, vehicle, layout, *begin))
+    if state is not None:
+        marks = command_marks(windows, vehicle, layout, state)
         bent = np.eye(marks.shape[1]) * (BENT**2 * (marks**2).sum(-1))[:, None]
         covariance = covariance + marks @ marks.swapaxes(1, 2) + bent
     covariance[~np.asarray(np.isfinite(covariance).all((1, 2)))] = 0.0  # no motion to work it out along

@@ -5,12 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_torchrl.diagnosis.motion.slopes import affordable
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, guess_starts
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS, STEEP
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import CONTROL_DT
-from auv_torchrl.sensors import CHANNELS, MOTION
+from auv_torchrl.sensors import CHANNELS, FELT, MOTION
 
 
 class _Cut(NamedTuple):
@@ -55,8 +56,9 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
             f"{log.name}: no episode holds a window of {window_s:g} s behind the first {lead_s:g} s: give a longer log"
         )
     cuts = [cut for cut in cuts if not _is_steep(cut.values)] or cuts
-    if len(cuts) > MAX_WINDOWS:
-        cuts = [cuts[i] for i in np.linspace(0, len(cuts) - 1, MAX_WINDOWS).astype(int)]
+    many, most = len(cuts), min(MAX_WINDOWS, _affordable(log, cuts, channels, steps, round(bin_s / dt)))
+    if many > most:
+        cuts = [cuts[i] for i in np.linspace(0, many - 1, most).astype(int)]
     longest = max(len(grid) for grid in grids)
     parts = np.stack([np.pad(grid, ((0, longest - len(grid)), (0, 0), (0, 0)), mode="edge") for grid in grids])
     windows = Windows(
@@ -73,10 +75,24 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         guess=guess_starts([cut.position * dt for cut in cuts], [cut.values[:, : len(MOTION)] for cut in cuts]),
         errors=log.errors,
         volts=_volts(log, dt, longest),
+        share=len(cuts) / many,
         around=max(1, round(merged * _row_s(log) / dt)) / 2,
         **_samples(cuts, columns),
     )
     return windows.without_edges()
+
+
+def _affordable(log: FlightLog, cuts: list[_Cut], channels: tuple[str, ...], steps: int, per_bin: int) -> int:
+    """How many windows fit the memory once each is followed by a force per half a bin, as a limit cycle needs.
+
+    All where none is, as ``per_bin`` is 0. What no channel tells anything of has no force.
+    """
+    if not per_bin:
+        return len(cuts)
+    axes = sum(bool({*MOTION[d::6], *FELT[d : d + 1]} & set(channels)) for d in range(6))
+    samples = max(len(cut.position) for cut in cuts)
+    free = len(MOTION) + axes * -(-steps // max(1, per_bin // 2))
+    return affordable(samples * len(channels), free, log.errors.coloured)
 
 
 def _volts(log: FlightLog, dt: float, length: int) -> Floats | None:

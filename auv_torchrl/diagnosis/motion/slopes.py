@@ -11,6 +11,11 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 # channels under a limit cycle. A search compares a dozen explanations.
 HELD = 128 << 20
 AT_ONCE = 24 << 20  # bytes of an array over windows; what is made of one takes several times as much
+# Bytes of the slopes of all windows of a log. A diagnosis takes up to ten times as much at its worst, beside 0.5 GB of
+# libraries, and 1.5 GB are what it may in all. Of 15 channels at 20 Hz that is 5 minutes, with two forces per bin.
+MOST = 96 << 20
+WHITENING = 0.35  # share that counts of what whitens the samples: slopes are in use ten times, this is three times
+FEWEST = 12  # windows, however large
 
 
 class Slopes:
@@ -64,6 +69,15 @@ class Slopes:
 
 
 _latest: dict[int, "weakref.ref[Slopes]"] = {}  # the latest asked for is the last
+
+
+def affordable(numbers: int, free: int, coloured: bool) -> int:
+    """How many windows of so many ``numbers`` fit the memory, with as many ``free`` ones in each.
+
+    Where errors are ``coloured``, what whitens the numbers is held beside: once, where slopes are in use many times.
+    """
+    each = 8 * numbers * (free + (WHITENING * numbers if coloured else 0.0))
+    return max(FEWEST, int(MOST / each))
 
 
 def chunks(windows: int, each: int, most: int = AT_ONCE) -> Iterator[slice]:

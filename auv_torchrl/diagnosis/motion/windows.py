@@ -44,6 +44,7 @@ class Windows:
     errors: SampleErrors = SampleErrors()  # what the log says of errors that are no white noise
     volts: Floats | None = None  # (E, T) of the battery at each grid step, NaN where not logged; None: nowhere
     around: float = 0.5  # grid steps before and behind a sample over which what is felt is its mean
+    share: float = 1.0  # of the windows of the log that these are: not all of a long one are looked at
     whitening: Floats | None = None  # (W, K, K) lower triangles of K = m C numbers; None: their noise is white
 
     def __len__(self) -> int:

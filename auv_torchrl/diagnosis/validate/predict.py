@@ -9,7 +9,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate
-from auv_torchrl.diagnosis.motion.colour import colour_covariance, whiten
+from auv_torchrl.diagnosis.motion.colour import colour_in_pieces, whiten
 from auv_torchrl.diagnosis.motion.cut import cut_windows, grid_step
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.rough import rough_force
@@ -109,8 +109,9 @@ def colour_of(windows: Windows, vehicle: Vehicle, settings: Settings, start: Flo
         return np.zeros(windows.measured.shape)
     layout = Layout.of(windows, vehicle, settings.bin_s)
     still = np.zeros((len(windows), layout.bins, len(layout.dof)))
-    covariance = colour_covariance(windows, vehicle, layout, (start, still))
-    return np.einsum("wkk->wk", covariance).reshape(windows.measured.shape)
+    pieces = colour_in_pieces(windows, vehicle, layout, (start, still))
+    variance = [np.einsum("wkk->wk", covariance) for _, covariance in pieces]
+    return np.concatenate(variance).reshape(windows.measured.shape)
 
 
 def cut_stretches(log: FlightLog, settings: Settings) -> tuple[Windows, int]:
