@@ -97,7 +97,7 @@ class ExportedPolicy:
             np.where(finite, part, rest) for part, rest in zip(given, (0.0, level, 0.0, 0.0), strict=True)
         )
         command = action = self.action(self.observe(place, attitude, speed, along[:, 0]))
-        if self.adapter is not None:
+        if self.adapter is not None and self.adapter["fitted"]:  # else it is the source vehicle, and flies as trained
             command = self.translate(attitude, speed, action)
         finite = finite & np.isfinite(action).all(-1, keepdims=True) & np.isfinite(command).all(-1, keepdims=True)
         return np.where(finite, np.clip(command, -1.0, 1.0), 0.0)

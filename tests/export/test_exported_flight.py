@@ -129,6 +129,14 @@ def test_a_measurement_that_is_no_number_makes_its_own_vehicle_neutral(pilot, pa
     assert (after[1] == 0).all() and (after[[0, 2]] == before[[0, 2]]).all()
 
 
+def test_without_a_changed_vehicle_the_policy_is_flown_as_it_was_trained(tmp_path):
+    """Its actions are the commands, whatever the map of the source vehicle makes of its limits."""
+    given = drawn("paper", "affine")
+    write_export(tmp_path, *described(Asked(given.policy, given.task, given.vehicle, given.adapter, False)))
+    pilot = ExportedPolicy(tmp_path)
+    assert (pilot.command(**states(20)) == pilot.action(pilot.observe(**states(20)))).all()
+
+
 def test_the_contract_names_every_number(exported):
     """Name, unit and shape of each column, the rate, the frames and the limits."""
     contract = json.loads((exported[1] / CONTRACT).read_text())
