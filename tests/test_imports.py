@@ -15,8 +15,9 @@ from auv_torchrl.importing import importing
 from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
-TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM = (
-    f"auv_torchrl.{part}.command" for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link")
+TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM, EXPORT = (
+    f"auv_torchrl.{part}.command"
+    for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export")
 )
 CALL = """
 import json, sys
@@ -42,6 +43,8 @@ LINES = [  # program, arguments, exit code; training last, for its settings stay
     (SIM, ["--help"], 0),
     (SIM, ["bnid=127.0.0.1:9002"], 2),
     (SIM, ["bind=0.0.0.0:9002"], 2),
+    (EXPORT, ["--help"], 0),
+    (EXPORT, ["polcy=outputs/policies/x"], 2),
     (LOG, ["--help"], 0),
     (LOG, ["--version"], 0),
     (LOG, ["inform", "flight.csv"], 2),

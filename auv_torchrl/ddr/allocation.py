@@ -6,8 +6,8 @@ from array_api_compat import array_namespace
 
 Array = Any
 RIDGE = 1e-4  # keeps commands that make no difference at their reference; costs 0.1 % of the effect on six thrusters
-_STIFFNESS = 1e7  # of a limit, relative to the mean curvature: 1e-7 of a full command beyond it, then cut off
-_ROUNDS = 30  # of Newton's method at most; 2 to 4 are the rule
+STIFFNESS = 1e7  # of a limit, relative to the mean curvature: 1e-7 of a full command beyond it, then cut off
+ROUNDS = 30  # of Newton's method at most; 2 to 4 are the rule
 _PLAIN = 4  # of them without a line search, which few problems need
 
 
@@ -63,11 +63,11 @@ class Allocation:
     def _within(self, command: Array, hessian: Array, linear: Array, rows: Array) -> Array:
         """The minimiser with springs at the limits, from the one without."""
         xp = array_namespace(command)
-        stiffness = _STIFFNESS * xp.mean(xp.linalg.diagonal(hessian), axis=-1)[:, None]
+        stiffness = STIFFNESS * xp.mean(xp.linalg.diagonal(hessian), axis=-1)[:, None]
         reached = command @ rows.T
         beyond = self._beyond(reached)
         one = xp.ones_like(command[:, :1])
-        for number in range(_ROUNDS if xp.any(beyond) else 0):
+        for number in range(ROUNDS if xp.any(beyond) else 0):
             spring = stiffness * xp.astype(beyond, command.dtype)
             bound = xp.where(reached > self.high, self.high, self.low)
             target = _solve(hessian + (rows.T * spring[:, None, :]) @ rows, linear + (spring * bound) @ rows)

@@ -110,7 +110,7 @@ class SourceModels(nn.Module):
 
     def __init__(self, vehicle: Vehicle, task: Task, hidden: int = 48):
         super().__init__()
-        self.tilt = task.tilt
+        self.tilt, self.hidden = task.tilt, hidden
         self.states = len(CONTROLLED) + 4 * task.tilt
         self.actuation = Actuation(vehicle)
         self.F = ForwardModel(self.states, hidden, self.actuation)

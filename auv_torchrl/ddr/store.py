@@ -1,4 +1,7 @@
-"""F and R on disk, under a hash of everything that shaped them, so that they are trained once per source vehicle."""
+"""F and R on disk, under a hash of everything that shaped them, so that they are trained once per source vehicle.
+
+What a run has learnt of a changed vehicle, a whole adapter, is kept beside its results.
+"""
 
 import json
 import logging
@@ -13,6 +16,8 @@ from torch import Tensor
 
 from auv_torchrl.agents.policy import fingerprint
 from auv_torchrl.agents.storage import all_finite, digest, storing
+from auv_torchrl.ddr.adapter import DDRAdapter
+from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.pretraining import PretrainingConfig, pretrain
 from auv_torchrl.files import write_whole
@@ -22,6 +27,7 @@ from auv_torchrl.vehicle_file import described
 
 log = logging.getLogger(__name__)
 
+ADAPTER = "adapter.safetensors"  # in the folder of a run
 MODELS_VERSION = 3  # raise it when a change of the models or their training makes old ones stale
 
 
@@ -59,6 +65,52 @@ def load_or_pretrain(
         write_whole(path, save(tensors, {"ingredients": json.dumps(shaping), "digest": digest(tensors, shaping)}))
     log.info("F and R: kept in %s", path)
     return models
+
+
+def save_adapter(adapter: DDRAdapter, policy: str, path: Path) -> None:
+    """Write an adapter with F, R, G, H and what it has learnt.
+
+    Args:
+        adapter: on the CPU.
+        policy: hash of the source policy that it maps.
+        path: of the file.
+    """
+    tensors = {name: tensor.contiguous() for name, tensor in adapter.state_dict().items()}
+    settings = {"policy": policy, "config": asdict(adapter.config), "hidden": adapter.models.hidden}
+    write_whole(path, save(tensors, {"settings": json.dumps(settings), "digest": digest(tensors, settings)}))
+
+
+def load_adapter(path: Path, policy: str, vehicle: Vehicle, task: Task) -> DDRAdapter:
+    """What :func:`save_adapter` wrote.
+
+    Args:
+        path: of the file.
+        policy: hash of the source policy that it has to map.
+        vehicle: the source vehicle (empty batch).
+        task: of the policy.
+
+    Raises:
+        ValueError: for a file that is damaged, changed, or the adapter of another policy.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            kept = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        settings = json.loads(kept["settings"])
+        if kept["digest"] != digest(tensors, settings):
+            raise ValueError("it was changed: its digest differs")
+        models = SourceModels(vehicle, task, settings["hidden"]).requires_grad_(False)
+        adapter = DDRAdapter(models, AdapterConfig(**settings["config"]))
+        if settings["policy"] == policy:
+            adapter.load_state_dict(tensors)
+    except Exception as error:  # safetensors, json and torch each raise their own
+        cause = " ".join(str(error).split())[:200]
+        raise ValueError(f"adapter {path} cannot be used ({cause}): give the {ADAPTER} of a run") from error
+    if settings["policy"] != policy:
+        raise ValueError(
+            f"adapter {path} maps the policy {settings['policy']}, this one is {policy}: give the adapter of its run"
+        )
+    return adapter
 
 
 def _read(path: Path, shaping: Mapping[str, Any], shape: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -17,7 +17,7 @@ from auv_torchrl.command.chosen import NOMINAL
 from auv_torchrl.compensation.command_share import command_share
 from auv_torchrl.ddr import Adaptation, DDRAdapter, adapt
 from auv_torchrl.ddr.config import COMPOSITIONS
-from auv_torchrl.ddr.store import load_or_pretrain
+from auv_torchrl.ddr.store import ADAPTER, load_or_pretrain, save_adapter
 from auv_torchrl.evaluation import Metrics, fly
 from auv_torchrl.experiment.closing import Closing, close_gap, stages_of
 from auv_torchrl.experiment.console import Stages
@@ -60,6 +60,8 @@ def run(experiment: Experiment, folder: Path) -> Results:
     with stages("Results, figures and recording"):
         log.info("\n%s\n", results.table())
         results.save(folder)
+        if outcome.adaptation is not None and results.policy is not None:
+            save_adapter(outcome.adaptation.adapter, results.policy, folder / ADAPTER)
         if outcome.closing is not None:
             outcome.closing.save(folder, experiment)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}

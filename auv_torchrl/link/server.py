@@ -2,6 +2,7 @@
 
 import errno
 import logging
+import select
 import socket
 import struct
 import time
@@ -14,6 +15,12 @@ log = logging.getLogger(__name__)
 
 LOOK_S = 0.2  # s after which the loop looks whether it shall end, where no packet comes
 BUFFER = LARGEST_BYTES + 1  # bytes: of a longer packet so much is read, which is none of ours
+MOST_WAITING = 300  # packets that are read before an answer goes out: a buffer of Linux's default size holds fewer
+# s that a repeated question waits for a newer one: it may have crossed its answer, and then the next question follows.
+# A firmware asks again after about 1 s.
+CROSSED_S = 0.05
+
+Sender = tuple[str, int]
 
 
 def open_socket(address: tuple[str, int]) -> socket.socket:
@@ -45,35 +52,58 @@ def open_socket(address: tuple[str, int]) -> socket.socket:
 def serve(
     listener: socket.socket, lockstep: Lockstep, ended: Callable[[], bool], after_packet: Callable[[], None]
 ) -> None:
-    """Answer packets until ``ended``, which is asked after each packet and every :data:`LOOK_S`.
+    """Answer packets until ``ended``, which is asked after each answer and every :data:`LOOK_S`.
 
-    Of a packet that waits several times, sent again while this process slept, the last one alone is answered: with more
-    answers than questions the firmware would read old ones from then on.
+    ArduSub takes whatever comes for the answer to its last question. With one answer too many it would read old ones
+    from then on, so each question has one answer at most: all packets that wait are handed to the lock-step, those
+    included that came while it stepped, and the newest question alone is answered.
     """
-    before: tuple[bytes, tuple[str, int]] | None = None
+    sent: tuple[bytes, Sender] | None = None
     while not ended():
-        try:
-            received = listener.recvfrom(BUFFER)
-            while received == before and (waiting := _waiting(listener)) is not None:
-                received = waiting
-        except BlockingIOError:  # the timeout
-            after_packet()
-            continue
-        before = received
-        packet, sender = received
-        if (line := lockstep.answer(packet, sender)) is not None:
-            _send(listener, line, sender)
+        received = _receive(listener)
+        if received is not None and (reply := _newest_reply(listener, lockstep, received, sent)) is not None:
+            _send(listener, *reply)
+            sent = reply
         after_packet()
 
 
-def _waiting(listener: socket.socket) -> tuple[bytes, tuple[str, int]] | None:
+def _newest_reply(
+    listener: socket.socket, lockstep: Lockstep, received: tuple[bytes, Sender], sent: tuple[bytes, Sender] | None
+) -> tuple[bytes, Sender] | None:
+    """The answer to the newest of a received packet and those that wait behind it; None where none asks anything."""
+    reply, patience = None, CROSSED_S
+    waiting: tuple[bytes, Sender] | None = received
+    for _ in range(MOST_WAITING):
+        if waiting is None:
+            break
+        packet, sender = waiting
+        if (line := lockstep.answer(packet, sender)) is not None:
+            reply = line, sender
+        repeated = reply is not None and reply == sent
+        waiting = _waiting(listener, patience if repeated else 0.0)
+        patience = 0.0 if repeated else patience
+    return reply
+
+
+def _receive(listener: socket.socket) -> tuple[bytes, Sender] | None:
+    """The next packet; None where none comes for :data:`LOOK_S`."""
+    try:
+        return listener.recvfrom(BUFFER)
+    except BlockingIOError:  # the timeout of the system
+        return None
+
+
+def _waiting(listener: socket.socket, wait_s: float) -> tuple[bytes, Sender] | None:
+    """A packet that is here, or comes within ``wait_s``."""
+    if wait_s > 0:
+        select.select([listener], [], [], wait_s)
     try:
         return listener.recvfrom(BUFFER, socket.MSG_DONTWAIT)
     except BlockingIOError:
         return None
 
 
-def _send(listener: socket.socket, line: bytes, sender: tuple[str, int]) -> None:
+def _send(listener: socket.socket, line: bytes, sender: Sender) -> None:
     try:
         listener.sendto(line, sender)
     except OSError as error:  # no way to the sender, or a sender without port: as if the packet were lost on its way

@@ -23,13 +23,14 @@ from auv_torchrl.paths import PROJECT
 from tests.experiment.conftest import TINY
 
 FILES = {"results.json", "trajectories.png", "errors.png", "forces.png", "distribution.png", "flight.png", "run.rrd"}
+ADAPTED = FILES | {"adapter.safetensors"}
 METRICS = {"mean_m", "std_m", "p95_m", "worst_m", "settling_s"}
 
 
 def test_a_run_leaves_results_figures_and_a_recording(experiment, tmp_path):
     """results.json has every key that the format names, and both forms of u_t."""
     run(experiment("swap"), tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert {path.name for path in tmp_path.iterdir()} == ADAPTED
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["scenario"] == "swap" and results["vehicle"] == "paper" and results["feasible"]
     assert (results["seed"], results["box_m"], results["starts"]) == (0, 1.0, 4)
@@ -42,7 +43,7 @@ def test_a_run_leaves_results_figures_and_a_recording(experiment, tmp_path):
 def test_every_agent_flies_a_whole_run(experiment, tmp_path, agent):
     """What another agent than SAC has learnt is broken, adapted and flown in MuJoCo by the same command."""
     results = run(experiment("swap", f"agent={agent}", "backend=mujoco"), tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert {path.name for path in tmp_path.iterdir()} == ADAPTED
     assert results.feasible and results.u_t is not None
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from auv_torchrl.link.protocol import Servos, servo_packet
 
 NEUTRAL = (1500,) * 16
+PATIENT_S = 120.0  # a firmware waits without end: this long a physics that answers at all may take on a busy machine
 _NUMBER = r"\s*([-+0-9.e]+)\s*"
 _WIDTHS = {"gyro": 3, "accel_body": 3, "position": 3, "velocity": 3, "quaternion": 4}
 
@@ -49,13 +50,13 @@ class Firmware:
     Args:
         address: of the physics.
         rate_hz: the step that it would like.
-        timeout_s: after which it asks again.
+        timeout_s: after which it asks again; ArduSub does so after 1 s.
     """
 
     def __init__(self, address: tuple[str, int], rate_hz: int = 400, timeout_s: float = 1.0):
         self.rate_hz, self.frame, self.asked_again = rate_hz, 0, 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.settimeout(timeout_s)
+        self._timeout_s = timeout_s
         self._address = address
 
     def send(self, pwm: Sequence[int] = NEUTRAL) -> None:
@@ -67,7 +68,16 @@ class Firmware:
         self._socket.sendto(packet, self._address)
 
     def receive(self) -> bytes:
-        """The next answer; it is accepted, and the next frame is next."""
+        """The next answer, however late; it is accepted, and the next frame is next."""
+        return self._accept(PATIENT_S)
+
+    def look(self) -> bytes:
+        """The next answer, when it is here; it stays unread."""
+        self._socket.settimeout(PATIENT_S)
+        return self._socket.recv(65_000, socket.MSG_PEEK)
+
+    def _accept(self, wait_s: float) -> bytes:
+        self._socket.settimeout(wait_s)
         line = self._socket.recv(65_000)
         self.frame += 1
         return line
@@ -77,21 +87,18 @@ class Firmware:
         for _ in range(tries):
             self.send(pwm)
             try:
-                return self.receive()
+                return self._accept(self._timeout_s)
             except TimeoutError:
                 self.asked_again += 1
         raise TimeoutError(f"no answer to frame {self.frame}")
 
     def nothing_comes(self, wait_s: float = 0.2) -> bool:
         """Whether no answer waits."""
-        before = self._socket.gettimeout()
         self._socket.settimeout(wait_s)
         try:
             self._socket.recv(65_000)
         except TimeoutError:
             return True
-        finally:
-            self._socket.settimeout(before)
         return False
 
     def close(self) -> None:

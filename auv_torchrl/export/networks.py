@@ -1,0 +1,116 @@
+"""The networks as graphs: policy, F and R; and what the source vehicle's thrusters make of an action."""
+
+from typing import Any
+
+import numpy as np
+from torch import Tensor, nn
+
+from auv_torchrl.agents.networks import TanhPolicy
+from auv_torchrl.ddr.actuation import Actuation
+from auv_torchrl.ddr.models import ForwardModel, InverseModel, Regressor
+from auv_torchrl.export.graph import Graph, Namespace
+from auv_torchrl.physics import Coefficients
+from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.vehicle import CONTROLLED
+
+CHANNELS = len(CONTROLLED)
+Array = Any
+
+
+def array(tensor: Tensor) -> Array:
+    """As numpy has it."""
+    return tensor.detach().cpu().numpy()
+
+
+def layers(network: nn.Sequential, x: Array) -> Array:
+    """A perceptron on ``x`` (N, d).
+
+    Raises:
+        ValueError: for a layer of another kind.
+    """
+    for layer in network:
+        if isinstance(layer, nn.Linear):
+            x = x @ array(layer.weight).T + array(layer.bias)
+        elif isinstance(layer, nn.ReLU):
+            x = np.maximum(x, 0.0)
+        elif isinstance(layer, nn.Tanh):
+            x = np.tanh(x)
+        else:
+            raise ValueError(f"a network with a layer {type(layer).__name__} cannot be exported: Linear, ReLU and Tanh")
+    return x
+
+
+def policy_graph(policy: TanhPolicy) -> bytes:
+    """Observation to action, deterministic: tanh of the mean."""
+    inputs = next(layer.in_features for layer in policy.network if isinstance(layer, nn.Linear))
+    graph = Graph("policy")
+    output = layers(policy.network, graph.input("observation", inputs))
+    graph.output("action", np.tanh(output.columns(0, policy.actions)), policy.actions)
+    return graph.bytes()
+
+
+def forward_graph(model: ForwardModel) -> bytes:
+    """F: motion and action to the motion a control step later."""
+    graph = Graph("F")
+    states = model.change.states
+    state, action = graph.input("state", states), graph.input("action", CHANNELS)
+    change = regression(model.change, state, realised(model.actuation, action))
+    graph.output("next_state", state + change, states)
+    return graph.bytes()
+
+
+def inverse_graph(model: InverseModel) -> bytes:
+    """R: two motions, a control step apart, to what the source vehicle's thrusters realised, in channels."""
+    graph = Graph("R")
+    states = model.control.states
+    state, following = graph.input("state", states), graph.input("next_state", states)
+    graph.output("tau", regression(model.control, state, following - state), CHANNELS)
+    return graph.bytes()
+
+
+def intended_graph(actuation: Actuation) -> bytes:
+    """Action to what it would give on the source vehicle without dead band and limits, in channels."""
+    graph = Graph("intended")
+    graph.output("tau", intended(actuation, graph.input("action", CHANNELS)), CHANNELS)
+    return graph.bytes()
+
+
+def regression(regressor: Regressor, state: Array, rest: Array) -> Array:
+    """:meth:`Regressor.forward` of state (N, s) and the other inputs (N, r)."""
+    xp = Namespace
+    states = regressor.states
+    rows, columns = (np.eye(states)[array(index)].T for index in (regressor.row, regressor.column))
+    products = (state @ rows) * (state @ columns)
+    x = xp.concat([state, rest, products, state * np.abs(state)])
+    x = (x - array(regressor.input_mean)) / array(regressor.input_scale)
+    (first, *_) = regressor.network
+    assert isinstance(first, nn.Linear)
+    linear = x @ array(regressor.linear.weight).T + array(regressor.linear.bias)
+    outputs = linear + layers(regressor.network, x.columns(0, first.in_features))
+    return outputs * array(regressor.output_scale) + array(regressor.output_mean)
+
+
+def coefficients(actuation: Actuation) -> Coefficients:
+    """Of the thrusters, as numpy has them."""
+    return Coefficients(*(array(field) for field in actuation.coefficients))
+
+
+def delivered(actuation: Actuation, command: Array) -> Array:
+    """:meth:`Actuation.delivered`."""
+    c = coefficients(actuation)
+    return thrust_target(c, actuation.terms, command) / c.full_thrust
+
+
+def realised(actuation: Actuation, action: Array) -> Array:
+    """:meth:`Actuation.realised`."""
+    return delivered(actuation, action @ array(actuation.mixer).T) @ array(actuation.channels_per_share).T
+
+
+def intended(actuation: Actuation, action: Array) -> Array:
+    """:meth:`Actuation.intended`."""
+    c = coefficients(actuation)
+    command = action @ array(actuation.mixer).T
+    beyond = np.maximum(np.abs(command).max(keepdims=True), 1.0)
+    smooth = c._replace(dead_band=np.zeros_like(c.dead_band))
+    share = thrust_target(smooth, actuation.terms, command / beyond) / smooth.full_thrust
+    return (beyond * share) @ array(actuation.channels_per_share).T
