@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_atoms
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_candidates
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import changed, mean
 from auv_torchrl.effects.response import in_proportion
@@ -97,10 +97,14 @@ def test_an_effect_on_all_thrusters_moves_their_mean(effect, parameter, field, v
 
 def test_values_relative_to_nominal_are_relative_to_each_thruster():
     """The diagnosis tries shares of each thruster's own limit, and no limit for all, which they have not in common."""
-    atoms = [atom for atom in make_atoms(load_any(UNEVEN), load_settings()) if atom.effect == "thrust_limit"]
-    assert all(len(atom.values) == 1 for atom in atoms)
+    candidates = [
+        candidate
+        for candidate in make_candidates(load_any(UNEVEN), load_settings())
+        if candidate.effect == "thrust_limit"
+    ]
+    assert all(len(candidate.values) == 1 for candidate in candidates)
     for i, limit in enumerate(THRUSTERS["limit"]):
-        tried = [atom.values[f"limit_{i + 1}"] for atom in atoms if f"limit_{i + 1}" in atom.values]
+        tried = [candidate.values[f"limit_{i + 1}"] for candidate in candidates if f"limit_{i + 1}" in candidate.values]
         assert tried == pytest.approx([limit * tenths / 10 for tenths in range(1, 10)])
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.found import Found
-from auv_torchrl.diagnosis.identify.judged import Judged
+from auv_torchrl.diagnosis.identify.paths import Fit
 from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
 from auv_torchrl.diagnosis.verdict import Decision, Hypothesis
 from auv_torchrl.effects import EFFECTS
@@ -34,11 +34,11 @@ def decide(found: Found, refuted: bool) -> Decision:
     )
 
 
-def told_apart(found: Found, one: Judged, other: Judged) -> dict[str, float]:
+def told_apart(found: Found, one: Fit, other: Fit) -> dict[str, float]:
     """By channel, the share of the samples' chi-square that speaks for one fit against another, most first."""
     windows, sigma = found.problem.windows, found.problem.sigma
     noise = noise_per_sample(windows, sigma)
-    far = [(fit.base.state.residual / noise).reshape(windows.measured.shape) for fit in (one, other)]
+    far = [(fit.path.state.residual / noise).reshape(windows.measured.shape) for fit in (one, other)]
     flown = np.maximum(*np.abs(far)).max((1, 2)) < FLEW_OFF  # NaN, too, where a window diverged
     speaks = np.maximum((far[1][flown] ** 2 - far[0][flown] ** 2).sum((0, 1)), 0.0)
     if not speaks.sum() > 0:
@@ -51,7 +51,7 @@ def _reasons(found: Found, trace: SearchTrace) -> dict[str, str]:
     """By effect of the library, why it is named, or why it is not."""
     problem = found.problem
     looked_at = {name for record in trace.records for name in record.names}
-    tried = {atom.effect for atom in problem.atoms}
+    tried = {candidate.effect for candidate in problem.candidates}
     reasons = {}
     for name, effect in EFFECTS.items():
         if name in looked_at:

@@ -19,8 +19,8 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Judged, log_likelihood
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
+from auv_torchrl.diagnosis.identify.paths import Fit, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.identify.search import Progress, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -141,7 +141,7 @@ def look_both_ways(
     best = level.found.best
     if not hidden or judge(level.found) is Verdict.NO_GAP:
         return level
-    if best.nothing_left and len(best.explanation.knobs) <= SIMPLE:
+    if best.nothing_left and len(best.explanation.terms) <= SIMPLE:
         return replace(level, attitude=(level_enough(),))
     if sound is not None:
         sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound_free(sound)
@@ -168,12 +168,12 @@ def hints_of(found: Found) -> list[Explanation]:
     return _each_once([found.best, *(j for j in found.fits if len(j.explanation.effects) == 1)])[:HINTS]
 
 
-def _each_once(ranked: Sequence[Judged]) -> list[Explanation]:
+def _each_once(ranked: Sequence[Fit]) -> list[Explanation]:
     """Of explanations by the same effects the first one, without its slack; "no effect" is none of them."""
     once: dict[tuple[str, ...], Explanation] = {}
-    for judged in ranked:
-        if judged.explanation.effects:
-            once.setdefault(tuple(sorted(judged.explanation.effects)), replace(judged.explanation, slack={}))
+    for fit in ranked:
+        if fit.explanation.effects:
+            once.setdefault(tuple(sorted(fit.explanation.effects)), replace(fit.explanation, slack={}))
     return list(once.values())
 
 

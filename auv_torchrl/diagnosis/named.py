@@ -63,8 +63,8 @@ def leave_one_out(found: Found) -> dict[str, float]:
 
 def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tuple[str, ...]:
     """What this log is silent about: effects and ``hidden`` parameters without a mark, and values at a bound."""
-    seen = {problem.atoms[i].effect for i in np.flatnonzero(found.field.seen)}
-    blind = sorted({atom.effect for atom in problem.atoms} - seen)
+    seen = {problem.candidates[i].effect for i in np.flatnonzero(found.field.seen)}
+    blind = sorted({candidate.effect for candidate in problem.candidates} - seen)
     for effect in sorted({effect for effect, _ in hidden}):
         members = [name for name in EFFECTS[effect].member_parameters(problem.vehicle) if (effect, name) in hidden]
         blind.append(f"{effect} ({', '.join(members)})")
@@ -74,11 +74,11 @@ def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tu
         *unseen(problem),
         *(f"{name} {NO_MARK}" for name in blind),
     ]
-    for knob in found.best.explanation.fitted:
-        p = EFFECTS[knob.effect].member_parameters(problem.vehicle)[knob.members[0]]
-        nominal = EFFECTS[knob.effect].nominal(problem.vehicle)[knob.members[0]]
-        if knob.value in (p.low, p.high) and knob.value != nominal:
-            sentences.append(f"{knob.effect}: {', '.join(knob.members)} is at its bound {knob.value:g} {p.unit}")
+    for term in found.best.explanation.fitted:
+        p = EFFECTS[term.effect].member_parameters(problem.vehicle)[term.members[0]]
+        nominal = EFFECTS[term.effect].nominal(problem.vehicle)[term.members[0]]
+        if term.value in (p.low, p.high) and term.value != nominal:
+            sentences.append(f"{term.effect}: {', '.join(term.members)} is at its bound {term.value:g} {p.unit}")
     return tuple(sentences)
 
 
@@ -87,7 +87,7 @@ def _found_effect(
 ) -> FoundEffect:
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(problem.vehicle), effect.nominal(problem.vehicle)
-    values = explanation.values(problem.vehicle, slack=False)[name]  # where two knobs move a member, both count
+    values = explanation.values(problem.vehicle, slack=False)[name]  # where two terms move a member, both count
     parameters: dict[str, Estimate] = {}
     thrusters: set[int] = set()
     sentences = []
@@ -101,8 +101,8 @@ def _found_effect(
         sentences.append(p.said(member, value))
         if p.over == "thruster":
             thrusters.add(int(member.removeprefix(f"{p.name}_")))
-    if len(knob_members := {k.members for k in explanation.knobs if k.effect == name}) == 1:
-        (members,) = knob_members
+    if len(term_members := {k.members for k in explanation.terms if k.effect == name}) == 1:
+        (members,) = term_members
         if len(members) > 1:
             sentences = [declared[members[0]].said_of_all(parameters[members[0]].value)]
     return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))

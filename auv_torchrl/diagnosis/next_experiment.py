@@ -62,9 +62,9 @@ def rivals(problem: Problem, found: Found) -> list[tuple[str, str, Explanation]]
     """What the best explanation could be instead: explanations that fit nearly as well, and others of the same mark."""
     best = found.best
     close = [
-        (_called(best.explanation), _called(judged.explanation), judged.explanation)
-        for judged in found.fits
-        if judged.explanation.effects != best.explanation.effects and judged.evidence > best.evidence - OPEN
+        (_called(best.explanation), _called(fit.explanation), fit.explanation)
+        for fit in found.fits
+        if fit.explanation.effects != best.explanation.effects and fit.evidence > best.evidence - OPEN
     ]
     return [*close, *alternatives(problem, found)]
 

@@ -40,7 +40,7 @@ from auv_torchrl.diagnosis.validate.predict import (
 )
 from auv_torchrl.diagnosis.validate.unforeseen import unforeseen, widened
 from auv_torchrl.diagnosis.validate.veto import calibration_vetoed, falls_short, only, shortfalls, vetoes, worse
-from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Verdict
+from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Verdict
 from auv_torchrl.diagnosis.volts import volts_findings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog
@@ -131,7 +131,7 @@ def diagnose(
         summary=said_too(said_first(summary, verdict, doubted), findings, effects),
         where=where,
         effects=effects,
-        candidates=tuple(Candidate(name, p) for name, p in probability.items()),
+        candidates=tuple(EffectProbability(name, p) for name, p in probability.items()),
         indistinguishable=same,
         next_experiment=choose_experiment(problem, found, verdict, where),
         gap=gap,
@@ -172,7 +172,7 @@ class Explained:
 def explain(given: Given, corrected: Calibrated, report: Progress) -> Explained:
     """Look for effects on top of a calibration, and take them back where they predict held-out flight worse.
 
-    Whether the calibration stands is not judged before: where it has taken up some of a fault, it predicts badly
+    Whether the calibration stands is not fit before: where it has taken up some of a fault, it predicts badly
     without the effect that was found beside it.
     """
     searched = corrected.settings(given.settings)

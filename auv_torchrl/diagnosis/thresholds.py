@@ -109,7 +109,7 @@ SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have 
 # Of the plausible range of a parameter. Where a tether comes taut, a slope over a long step is wrong in the few samples
 # between, and that is much of what tells two values apart that nearly make up for each other. But thrust that leaves a
 # dead band jumps, and of such jumps a short step meets none.
-KNOB_STEP = 0.0004
+SHORT_STEP = 0.0004
 LONG_STEP = 0.004  # likewise, of slack and of what changes thrust
 SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
 SLACK_STEP = 0.05  # relative step of slack derivatives
@@ -136,8 +136,8 @@ SLACK_NEAR = 0.4  # ... and then about the best of these
 ELASTIC_WIDTH = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
 SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
 FIXED_WIDTH = 1e-5  # a discrete change acts wholly
-SEEN_AT_ALL = 1e-6  # chi-square of a whole atom
-MOST_KNOBS = 6  # of one family
+SEEN_AT_ALL = 1e-6  # chi-square of a whole candidate
+MOST_TERMS = 6  # of one family
 
 # Several effects along the measured motion
 NEAR = 1.5  # chi-square per number above which an explanation is missing something

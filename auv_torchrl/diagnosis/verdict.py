@@ -113,7 +113,7 @@ class FoundEffect:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class EffectProbability:
     """One single effect that was tried, or "none" or "unknown"."""
 
     name: str
@@ -250,7 +250,7 @@ class Diagnosis:
     summary: str  # one sentence that a pilot understands
     where: Where
     effects: tuple[FoundEffect, ...]  # of the chosen explanation, strongest first
-    candidates: tuple[Candidate, ...]  # every single effect tried, ranked, and "unknown"
+    candidates: tuple[EffectProbability, ...]  # every single effect tried, ranked, and "unknown"
     indistinguishable: tuple[tuple[str, ...], ...]
     next_experiment: NextExperiment | None
     gap: Gap

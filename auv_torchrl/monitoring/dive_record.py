@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import slack_now
+from auv_torchrl.diagnosis.identify.paths import slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -179,7 +179,7 @@ def follow_dive(log: FlightLog, reference: Reference, begun: str = "") -> Dive:
     problem, follow = follow_windows(problem)
     # Along the measured motion first: a large change would lose windows that are simulated.
     begin = fit_along_motion(problem, Explanation(), follow)
-    fitted = fit_by_simulation(problem, begin.explanation, begin.base)
+    fitted = fit_by_simulation(problem, begin.explanation, begin.path)
     tells = FlightInformation.of(fitted.quadratic, slack_now(problem, fitted.explanation))
     excess = fitted.excess
     return Dive(log.name, tells.A, tells.h, dict(problem.rough_noise), excess, log.duration, begun, log.findings)

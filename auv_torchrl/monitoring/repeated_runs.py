@@ -185,24 +185,24 @@ def _vibration(line: SpectralLine | None, probability: float) -> Cause:
 
 
 def _cause(evidence: RunEvidence, g: int, e: int, sensitivities: RunSensitivities, vehicle: Vehicle) -> Cause:
-    name, share, atoms = evidence.names[e], evidence.share[g], sensitivities.atoms
+    name, share, candidates = evidence.names[e], evidence.share[g], sensitivities.candidates
     effect, nominal = EFFECTS[name], EFFECTS[name].nominal(vehicle)
     least = INDISTINGUISHABLE * share[evidence.best[g, e]]
-    likely = [i for i, atom in enumerate(atoms) if atom.effect == name and share[i] > least]
-    fewest = min(len(atoms[i].values) for i in likely)  # one thruster rather than all of them
-    likely = sorted((i for i in likely if len(atoms[i].values) == fewest), key=lambda i: -share[i])
+    likely = [i for i, candidate in enumerate(candidates) if candidate.effect == name and share[i] > least]
+    fewest = min(len(candidates[i].values) for i in likely)  # one thruster rather than all of them
+    likely = sorted((i for i in likely if len(candidates[i].values) == fewest), key=lambda i: -share[i])
     best = likely[0]
-    atom, declared = atoms[best], effect.member_parameters(vehicle)
+    candidate, declared = candidates[best], effect.member_parameters(vehicle)
     amount, half = evidence.amount[g, best], Z95 * evidence.deviation[g, best]
     parameters, clauses = {}, []
-    for member, value in atom.values.items():
+    for member, value in candidate.values.items():
         p, step = declared[member], value - nominal[member]
         at = [float(np.clip(nominal[member] + a * step, p.low, p.high)) for a in (amount, amount - half, amount + half)]
         parameters[member] = Estimate(at[0], min(at[1:]), max(at[1:]), nominal[member], p.unit)
         if step:
             clauses.append(p.said(member, at[0]))
-    instead = dict.fromkeys(tuple(atoms[i].values) for i in likely)
-    instead.pop(tuple(atom.values))
+    instead = dict.fromkeys(tuple(candidates[i].values) for i in likely)
+    instead.pop(tuple(candidate.values))
     sentence = "; ".join(clauses)
     if instead:
         sentence += f" (or {', '.join(' and '.join(members) for members in instead)}: these runs show the same of it)"

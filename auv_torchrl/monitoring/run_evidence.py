@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import plausible_range
-from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Settings
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH
 from auv_torchrl.effects import EFFECTS
@@ -73,8 +73,8 @@ def weigh_effects(
     nominal, seen = (table.reshape(len(data.runs), -1) for table in (data.nominal, data.runs.medians))
     apart = healthy.whitened(seen - nominal - healthy.expected(data.runs.beginnings))  # (N, K)
     otherwise = healthy.whitened(nominal - healthy.flown)  # (N, K)
-    columns = healthy.whitened(sensitivities.change.reshape(len(sensitivities.atoms), len(apart), -1))  # (M, N, K)
-    centre, width = np.array([_amounts(atom, vehicle) for atom in sensitivities.atoms]).T
+    columns = healthy.whitened(sensitivities.change.reshape(len(sensitivities.candidates), len(apart), -1))  # (M, N, K)
+    centre, width = np.array([_amounts(candidate, vehicle) for candidate in sensitivities.candidates]).T
     shows = (centre**2 + width**2) * np.median((columns**2).sum(-1), axis=1) > VISIBLE
     unit = [healthy.unit(data.runs.beginnings[rows], data.runs.session[rows]) for rows in groups]
     fits = [
@@ -82,10 +82,14 @@ def weigh_effects(
         for rows, one in zip(groups, unit, strict=True)
     ]
     loglik, amount, deviation, left = (np.stack(part) for part in zip(*fits, strict=True))
-    effects = list(dict.fromkeys(atom.effect for atom, seen in zip(sensitivities.atoms, shows, strict=True) if seen))
+    effects = list(
+        dict.fromkeys(candidate.effect for candidate, seen in zip(sensitivities.candidates, shows, strict=True) if seen)
+    )
     score, best, share = loglik[:, :1], np.full((len(groups), 1), -1), np.zeros_like(amount)
     for effect in effects:
-        own = np.array([i for i, atom in enumerate(sensitivities.atoms) if atom.effect == effect and shows[i]])
+        own = np.array(
+            [i for i, candidate in enumerate(sensitivities.candidates) if candidate.effect == effect and shows[i]]
+        )
         total = logsumexp(loglik[:, 1 + own], axis=1, keepdims=True)
         share[:, own] = np.exp(loglik[:, 1 + own] - total)
         score = np.append(score, total - np.log(len(own)), axis=1)
@@ -98,7 +102,7 @@ def weigh_effects(
     least = left[np.arange(len(groups)), 1 + best[np.arange(len(groups)), chosen]]
     numbers = apart.shape[1]
     strange = distribution_of_f.sf(least / numbers, numbers, max(healthy.freedom - numbers + 1, 1))
-    hidden = [atom.effect for atom in sensitivities.atoms if atom.effect not in effects]
+    hidden = [candidate.effect for candidate in sensitivities.candidates if candidate.effect not in effects]
     hidden += [] if any(data.lines) else [VIBRATION]
     names = (NONE, *effects, VIBRATION)
     return RunEvidence(
@@ -138,19 +142,19 @@ def _fit(
     return loglik, amount, deviation * np.sqrt(wrong), left
 
 
-def _amounts(atom: Atom, vehicle: Vehicle) -> tuple[float, float]:
+def _amounts(candidate: Candidate, vehicle: Vehicle) -> tuple[float, float]:
     """Mean and standard deviation of the amounts by which a change may act."""
-    if atom.discrete:
+    if candidate.discrete:
         return 1.0, FIXED_WIDTH
-    if atom.elastic:
+    if candidate.elastic:
         return 1.0, ELASTIC_WIDTH
-    known = declared(atom.effect, vehicle)
-    name = max(atom.values, key=lambda member: abs(atom.values[member] - known.nominal[member]))
+    known = declared(candidate.effect, vehicle)
+    name = max(candidate.values, key=lambda member: abs(candidate.values[member] - known.nominal[member]))
     p = known.parameters[name]
     range_of = plausible_range(p)
     if p.unit == "N":  # more than that, and nobody would have flown it
         range_of = min(range_of, float(vehicle.full_thrust.sum()))
-    return 0.0, range_of / IN_ITS_RANGE / abs(atom.values[name] - known.nominal[name])
+    return 0.0, range_of / IN_ITS_RANGE / abs(candidate.values[name] - known.nominal[name])
 
 
 def _prior(effects: Sequence[str], none: float) -> list[float]:

@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, Values, batch, make_atoms
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Settings, Values, batch, make_candidates
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import VELOCITY
@@ -18,14 +18,14 @@ from auv_torchrl.vehicle import Vehicle
 
 AT_ONCE = 4000  # vehicles that are simulated together: 200 MB
 SAME_COMMAND = 0.02  # of a full command, in the mean of a second: 1 % is less than any run repeats another
-LINEAR_STEP = 0.1  # of an atom that may act by any amount: so small that the response is linear
+LINEAR_STEP = 0.1  # of an candidate that may act by any amount: so small that the response is linear
 
 
 @dataclass(frozen=True)
 class RunSensitivities:
     """What each of M candidates adds to the medians of each run."""
 
-    atoms: tuple[Atom, ...]
+    candidates: tuple[Candidate, ...]
     change: Floats  # (M, N, C, B)
 
 
@@ -60,35 +60,35 @@ def run_sensitivities(vehicle: Vehicle, runs: Runs, settings: Settings) -> tuple
 
     Runs whose commands hardly differ share their sensitivities.
     """
-    atoms = [atom for tried in make_atoms(vehicle, settings) for atom in _both_ways(tried, vehicle)]
-    atoms = [atom for atom in atoms if comes_about(atom, vehicle)]
-    steps = [_gentle(atom, vehicle) for atom in atoms]
+    candidates = [candidate for tried in make_candidates(vehicle, settings) for candidate in _both_ways(tried, vehicle)]
+    candidates = [candidate for candidate in candidates if comes_about(candidate, vehicle)]
+    steps = [_gentle(candidate, vehicle) for candidate in candidates]
     first, stands_for = _equal_commands(runs)
-    changes: list[Values] = [{atom.effect: step} for atom, (step, _) in zip(atoms, steps, strict=True)]
+    changes: list[Values] = [{candidate.effect: step} for candidate, (step, _) in zip(candidates, steps, strict=True)]
     nominal, *changed = predicted(vehicle, runs.some(first), [{}, *changes])
     shares = np.array([share for _, share in steps])
     change = (np.stack(changed) - nominal) / shares[:, None, None, None]
     usable = np.isfinite(change).all((1, 2, 3)) & (np.abs(change).max((1, 2, 3)) > 0)
     rows = np.flatnonzero(usable)
-    sensitivities = RunSensitivities(tuple(atoms[i] for i in rows.tolist()), change[rows][:, stands_for])
+    sensitivities = RunSensitivities(tuple(candidates[i] for i in rows.tolist()), change[rows][:, stands_for])
     return predicted(vehicle, runs, [{}])[0], sensitivities
 
 
-def comes_about(atom: Atom, vehicle: Vehicle) -> bool:
+def comes_about(candidate: Candidate, vehicle: Vehicle) -> bool:
     """Whether a healthy vehicle changes so by itself: thrust is lost, not gained."""
-    effect, known = EFFECTS[atom.effect], declared(atom.effect, vehicle)
-    ways = {name: effect.wears.get(known.parameters[name].name, 0) for name in atom.values}
-    return not effect.is_property and all(ways[n] * (v - known.nominal[n]) >= 0 for n, v in atom.values.items())
+    effect, known = EFFECTS[candidate.effect], declared(candidate.effect, vehicle)
+    ways = {name: effect.wears.get(known.parameters[name].name, 0) for name in candidate.values}
+    return not effect.is_property and all(ways[n] * (v - known.nominal[n]) >= 0 for n, v in candidate.values.items())
 
 
-def _both_ways(atom: Atom, vehicle: Vehicle) -> list[Atom]:
+def _both_ways(candidate: Candidate, vehicle: Vehicle) -> list[Candidate]:
     """A change that may act by any amount, and its opposite: a weight off the middle tilts either way."""
-    if atom.discrete or atom.elastic:
-        return [atom]
-    members, nominal, _ = declared(atom.effect, vehicle)
-    opposite = {name: 2 * nominal[name] - value for name, value in atom.values.items()}
+    if candidate.discrete or candidate.elastic:
+        return [candidate]
+    members, nominal, _ = declared(candidate.effect, vehicle)
+    opposite = {name: 2 * nominal[name] - value for name, value in candidate.values.items()}
     inside = all(members[name].low <= value <= members[name].high for name, value in opposite.items())
-    return [atom, replace(atom, values=opposite)] if inside else [atom]
+    return [candidate, replace(candidate, values=opposite)] if inside else [candidate]
 
 
 def _equal_commands(runs: Runs) -> tuple[np.ndarray, np.ndarray]:
@@ -100,9 +100,11 @@ def _equal_commands(runs: Runs) -> tuple[np.ndarray, np.ndarray]:
     return first, inverse.reshape(-1)
 
 
-def _gentle(atom: Atom, vehicle: Vehicle) -> tuple[dict[str, float], float]:
-    """The values to simulate, and which share of the atom they are."""
-    if atom.discrete or atom.elastic:
-        return atom.values, 1.0
-    nominal = declared(atom.effect, vehicle).nominal
-    return {name: nominal[name] + LINEAR_STEP * (v - nominal[name]) for name, v in atom.values.items()}, LINEAR_STEP
+def _gentle(candidate: Candidate, vehicle: Vehicle) -> tuple[dict[str, float], float]:
+    """The values to simulate, and which share of the candidate they are."""
+    if candidate.discrete or candidate.elastic:
+        return candidate.values, 1.0
+    nominal = declared(candidate.effect, vehicle).nominal
+    return {
+        name: nominal[name] + LINEAR_STEP * (v - nominal[name]) for name, v in candidate.values.items()
+    }, LINEAR_STEP

@@ -2,7 +2,7 @@
 
 import pytest
 
-from auv_torchrl.diagnosis.verdict import Candidate, Diagnosis, Estimate, FoundEffect, Gap, Verdict, Where
+from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Estimate, FoundEffect, Gap, Verdict, Where
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.judge import judge
 from benchmarks.real import ardusub
@@ -96,8 +96,8 @@ def test_half_a_certainty_is_no_right_row_of_the_firmware_table():
     estimate = {"gain_4": Estimate(0.0, -0.1, 0.1, 1.0, "1")}
     effect = FoundEffect("thruster_gain", 0.4, estimate, (4,), 0.9, "Thruster 4 gives 0.00 times its nominal thrust.")
     said = Diagnosis(
-        "log", "bluerov2_heavy", Verdict.PARTLY_EXPLAINED, "", Where(), (effect,), (Candidate("thruster_gain", 0.4),),
-        (), None, Gap(()), None,
+        "log", "bluerov2_heavy", Verdict.PARTLY_EXPLAINED, "", Where(), (effect,),
+        (EffectProbability("thruster_gain", 0.4),), (), None, Gap(()), None,
     )  # fmt: skip
     result = ardusub.Result(case, said, VEHICLE, 90.0)
     assert result.score is Score.HALF

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 
 from auv_torchrl.diagnosis.verdict import (
-    Candidate,
     Confirmation,
     Diagnosis,
+    EffectProbability,
     Errors,
     Estimate,
     FoundEffect,
@@ -80,7 +80,7 @@ def example() -> Diagnosis:
                 advice=(Advice("set MOT_4_DIRECTION to 1", {"MOT_4_DIRECTION": 1.0}), Advice("look for weed")),
             ),
         ),
-        candidates=tuple(Candidate(n, p, p) for n, p in zip(ranked, _falling(len(ranked)), strict=True)),
+        candidates=tuple(EffectProbability(n, p, p) for n, p in zip(ranked, _falling(len(ranked)), strict=True)),
         indistinguishable=(("thruster_gain of 4", "thrust_limit of 4"),),
         next_experiment=NextExperiment(
             "Pulses of thruster 4 at rising command would tell a lower gain from a lower limit.",

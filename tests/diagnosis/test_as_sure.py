@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis.calibrate.gauge import scales_left_open
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, guessed
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
@@ -37,22 +37,22 @@ def problem_of(vehicle, values, seed):
 def weak():
     """A thruster of 60 %, followed and explained."""
     problem, follow = follow_windows(problem_of(HELD, {GAIN[0]: {GAIN[1]: 0.6}}, 3))
-    return problem, fit_by_simulation(problem, Explanation((Knob(GAIN[0], (GAIN[1],), 0.6),)), follow)
+    return problem, fit_by_simulation(problem, Explanation((Term(GAIN[0], (GAIN[1],), 0.6),)), follow)
 
 
 def test_intervals_are_as_wide_as_the_slack_that_a_log_shows():
     """Of a vehicle that is as its file says, a drag coupling is told twice as well as of one that is a little off."""
     values = {"drag_coupling": {"drag_sway_from_yaw": 9.9}}
-    knob = Knob("drag_coupling", ("drag_sway_from_yaw",), 9.9)
+    term = Term("drag_coupling", ("drag_sway_from_yaw",), 9.9)
 
     def widths(vehicle):
         """Deviation of the coupling with slack as wide as assumed, and as wide as it shows."""
         problem = problem_of(vehicle, values, seed=6)
         problem, follow = follow_windows(problem)
-        judged = fit_by_simulation(problem, Explanation((knob,)), follow)
-        explanation, covariance = as_sure(problem, judged)
-        assert explanation.knobs[0].value == pytest.approx(9.9, abs=3 * np.sqrt(covariance[0, 0]))
-        return np.sqrt(judged.covariance[0, 0]), np.sqrt(covariance[0, 0])
+        fit = fit_by_simulation(problem, Explanation((term,)), follow)
+        explanation, covariance = as_sure(problem, fit)
+        assert explanation.terms[0].value == pytest.approx(9.9, abs=3 * np.sqrt(covariance[0, 0]))
+        return np.sqrt(fit.covariance[0, 0]), np.sqrt(covariance[0, 0])
 
     assumed, shown = widths(HELD)
     assert shown < 0.6 * assumed
@@ -69,13 +69,13 @@ def test_forces_are_as_unsure_as_the_scale_of_the_vehicle_and_shares_are_not():
     first = Problem.of(windows, HELD, SETTINGS)
     known = Known(np.array(SETTINGS.floor_force), first.sigma, first.rough_noise, centred.nuisance.slack, covariance)
     problem, follow = follow_windows(Problem.of(windows, HELD, SETTINGS, known))
-    knobs = Knob(GAIN[0], (GAIN[1],), 0.6), Knob("buoyancy", ("force",), 6.0)
-    judged = fit_by_simulation(problem, Explanation(knobs), follow)
+    terms = Term(GAIN[0], (GAIN[1],), 0.6), Term("buoyancy", ("force",), 6.0)
+    fit = fit_by_simulation(problem, Explanation(terms), follow)
     open_still = replace(known, scales=scales_left_open(centred))
     (held, before), (said, after) = (
-        as_sure(replace(problem, known=one.beside(problem.slack)), judged) for one in (known, open_still)
+        as_sure(replace(problem, known=one.beside(problem.slack)), fit) for one in (known, open_still)
     )
-    assert said.knobs == held.knobs
+    assert said.terms == held.terms
     share, force = np.sqrt(np.diag(after) / np.diag(before))
     assert share == pytest.approx(1.0, abs=0.05)
     assert force > 5
@@ -86,11 +86,11 @@ def test_forces_are_as_unsure_as_the_scale_of_the_vehicle_and_shares_are_not():
 @given(by=st.floats(-0.05, 0.05))
 def test_a_value_is_the_same_however_a_fit_shares_it_with_slack(weak, by):
     """Slack of a gain does what its value does: a fit that stops anywhere between the two tells one value."""
-    problem, judged = weak
-    (knob,), slack = judged.explanation.knobs, judged.explanation.slack
-    shared = Explanation((replace(knob, value=knob.value - by),), {**slack, GAIN: slack[GAIN] + by})
-    (told,), covariance = as_sure(problem, judged)[0].knobs, as_sure(problem, judged)[1]
-    (again,) = as_sure(problem, replace(judged, explanation=shared))[0].knobs
+    problem, fit = weak
+    (term,), slack = fit.explanation.terms, fit.explanation.slack
+    shared = Explanation((replace(term, value=term.value - by),), {**slack, GAIN: slack[GAIN] + by})
+    (told,), covariance = as_sure(problem, fit)[0].terms, as_sure(problem, fit)[1]
+    (again,) = as_sure(problem, replace(fit, explanation=shared))[0].terms
     assert again.value == pytest.approx(told.value, abs=1e-6)
     assert told.value == pytest.approx(0.6, abs=3 * np.sqrt(covariance[0, 0]))
 
@@ -105,12 +105,12 @@ def with_flights(problem, share):
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_what_flights_leave_open_of_a_vehicle_stays_open(weak, share):
     """A log that shows a vehicle near its calibrated numbers makes these no surer than the flights have made them."""
-    problem, judged = weak
-    narrowed = as_sure(problem, judged)[1][0, 0]
-    wide, least = as_sure(with_flights(problem, share), judged)[1][0, 0], share * problem.slack_covariance[3, 3]
+    problem, fit = weak
+    narrowed = as_sure(problem, fit)[1][0, 0]
+    wide, least = as_sure(with_flights(problem, share), fit)[1][0, 0], share * problem.slack_covariance[3, 3]
     assert problem.slack[3][:2] == GAIN
     assert wide > 0.99 * max(narrowed, least)
-    assert wide < 1.01 * judged.covariance[0, 0]
+    assert wide < 1.01 * fit.covariance[0, 0]
 
 
 def test_a_value_is_no_surer_for_slack_that_its_fit_has_held():
@@ -118,9 +118,9 @@ def test_a_value_is_no_surer_for_slack_that_its_fit_has_held():
     values = {"north": 3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0}
     problem = with_flights(problem_of(HELD, {"tether": values}, 4), 1.0)
     problem, follow = follow_windows(problem)
-    judged = fit_by_simulation(problem, Explanation(tuple(Knob("tether", (k,), v) for k, v in values.items())), follow)
-    told = as_sure(problem, judged)[1].diagonal()
-    held = np.linalg.inv(judged.quadratic.A + joint_precision(problem.slack_precision, np.zeros(4)))
-    held = held.diagonal()[len(problem.slack) :] * judged.steps**2
+    fit = fit_by_simulation(problem, Explanation(tuple(Term("tether", (k,), v) for k, v in values.items())), follow)
+    told = as_sure(problem, fit)[1].diagonal()
+    held = np.linalg.inv(fit.quadratic.A + joint_precision(problem.slack_precision, np.zeros(4)))
+    held = held.diagonal()[len(problem.slack) :] * fit.steps**2
     assert (told > 0.99 * held).all()
     assert (told > 1.1 * held).any()

@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.calibrate.left_open import fitted_about, left_open
 from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
 from auv_torchrl.diagnosis.calibrate.output_error import Fitted
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty, shared_covariance
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
@@ -216,11 +216,11 @@ def test_what_predicts_worse_is_vetoed(monkeypatch):
 
     def misled(*how):
         found = right(*how)
-        wrong = Explanation((Knob("buoyancy", ("force",), 20.0),))
-        judged = fit_by_simulation(found.problem, wrong, found.follow, rounds=0)
+        wrong = Explanation((Term("buoyancy", ("force",), 20.0),))
+        fit = fit_by_simulation(found.problem, wrong, found.follow, rounds=0)
         record = replace(found.trace.best, names=("buoyancy",))
         trace = SearchTrace((*(replace(one, outcome=Outcome.STEP) for one in found.trace.records), record))
-        return replace(found, best=judged, fits=(judged, *found.fits), trace=trace)
+        return replace(found, best=fit, fits=(fit, *found.fits), trace=trace)
 
     monkeypatch.setattr(module, "search", misled)
     log = fly(GIVEN, {}, seed=4, episodes=3, seconds=10.0)
@@ -263,13 +263,13 @@ def test_a_heading_that_is_off_by_more_than_half_a_turn_is_off_by_that():
 
 def test_a_vehicle_answers_a_step_as_its_coefficients_say():
     """Twice the force in every thruster at twice the linear drag and mass is the same vehicle to a pilot."""
-    base = GIVEN.clone()
-    base.quadratic_drag.zero_()
-    double = base.clone()
+    path = GIVEN.clone()
+    path.quadratic_drag.zero_()
+    double = path.clone()
     double.gain.mul_(2.0)
     double.linear_drag.mul_(2.0)
     double.mass_scale.mul_(2.0)
-    before, after = respond(base, 0.5), respond(double, 0.5)
+    before, after = respond(path, 0.5), respond(double, 0.5)
     np.testing.assert_allclose(after.steady, before.steady, atol=1e-9)
     assert differences(before, after, 0.5) == {"axes": (), "idle": (), "turning": ()}
 

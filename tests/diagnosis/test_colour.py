@@ -106,8 +106,8 @@ def test_a_sound_vehicle_follows_once_its_errors_are_whitened():
     def left(of: FlightLog) -> float:
         problem = Problem.of(cut_windows(of, settings.window_s, settings.lead_s, settings.bin_s), VEHICLE, settings)
         problem, follow = follow_windows(problem)
-        judged = fit_by_simulation(problem, Explanation(), follow, rounds=0)
-        return judged.chi2 / judged.quadratic.numbers
+        fit = fit_by_simulation(problem, Explanation(), follow, rounds=0)
+        return fit.chi2 / fit.quadratic.numbers
 
     assert left(log) < settings.excess < left(replace(log, errors=SampleErrors()))
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 import pytest
 import yaml
 
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_atoms, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_candidates, slack_parameters
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.paths import CONF, OWN
@@ -36,7 +36,7 @@ def test_an_effect_from_outside_needs_no_entry_in_the_settings(lab):
     """Its values are tried, its slack is a coefficient of a sound vehicle, and its roughness is known."""
     settings = load_settings()
     assert "fouling" not in (CONF / "diagnosis" / "default.yaml").read_text()
-    tried = [atom.values for atom in make_atoms(PAPER, settings) if atom.effect == "fouling"]
+    tried = [candidate.values for candidate in make_candidates(PAPER, settings) if candidate.effect == "fouling"]
     assert tried == [{"factor": 1.4}, {"factor": 2.0}, {"factor": 2.8}]
     assert ("fouling", "factor", 1.0, 0.05) in slack_parameters(PAPER, settings)
     assert settings.is_rough("fouling")
@@ -47,11 +47,13 @@ def test_settings_stand_in_place_of_what_an_effect_declares(lab):
     settings = replace(
         load_settings(), scan={"fouling": {"factor": {"values": [3.0]}}}, slack={"fouling": {}}, thresholds=()
     )
-    assert [atom.values for atom in make_atoms(PAPER, settings) if atom.effect == "fouling"] == [{"factor": 3.0}]
+    assert [candidate.values for candidate in make_candidates(PAPER, settings) if candidate.effect == "fouling"] == [
+        {"factor": 3.0}
+    ]
     assert "fouling" not in {effect for effect, *_ in slack_parameters(PAPER, settings)}
     assert not settings.is_rough("fouling")
     unsought = replace(settings, ignored=("fouling",))
-    assert "fouling" not in {atom.effect for atom in make_atoms(PAPER, unsought)}
+    assert "fouling" not in {candidate.effect for candidate in make_candidates(PAPER, unsought)}
 
 
 def test_the_shipped_settings_name_no_effect():

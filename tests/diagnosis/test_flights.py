@@ -51,8 +51,8 @@ def test_a_vehicle_that_loses_its_flights_is_not_kept(monkeypatch):
 
     def losing(windows, own, *given):
         followed.append(own)
-        problem, judged = follow_flight(windows, own, *given)
-        return problem, replace(judged, chi2=1e9) if len(followed) > 2 else judged
+        problem, fit = follow_flight(windows, own, *given)
+        return problem, replace(fit, chi2=1e9) if len(followed) > 2 else fit
 
     monkeypatch.setattr(together, "follow_flight", losing)
     stood = together.follow_all(drafted.flights, begin, drafted.known, settings)

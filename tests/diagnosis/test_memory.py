@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
@@ -51,16 +51,16 @@ def test_pieces_hold_every_window_once(windows, changes):
 @given(at_once=st.integers(1, 400), seed=st.integers(0, 100), around=st.booleans())
 def test_a_quadratic_in_pieces_is_that_of_the_whole(followed, at_once, seed, around):
     """However many windows are taken at once, and whichever count, the quadratic is the same to rounding."""
-    problem, base = followed
+    problem, path = followed
     rng = np.random.default_rng(seed)
     nothing = Explanation()
-    atoms = rng.choice(len(problem.atoms), 5, replace=False)
-    changes = [nothing.with_atom(problem.atoms[i], problem.vehicle) for i in atoms]
-    middle = nothing.with_atom(problem.atoms[0], problem.vehicle) if around else None
+    candidates = rng.choice(len(problem.candidates), 5, replace=False)
+    changes = [nothing.with_candidate(problem.candidates[i], problem.vehicle) for i in candidates]
+    middle = nothing.with_candidate(problem.candidates[0], problem.vehicle) if around else None
     chosen = rng.random(len(problem.windows)) < 0.7
 
     def chi_square():
-        return quadratics.quadratic(problem, base, changes, middle, chosen=chosen)
+        return quadratics.quadratic(problem, path, changes, middle, chosen=chosen)
 
     whole = chi_square()
     with pytest.MonkeyPatch.context() as patch:
@@ -75,31 +75,31 @@ def test_a_quadratic_in_pieces_is_that_of_the_whole(followed, at_once, seed, aro
 
 def test_screening_a_longer_log_takes_little_more_memory(followed, monkeypatch):
     """A window more costs less than the marks of all changes on it, which would be several times as much at once."""
-    problem, base = followed
-    monkeypatch.setattr(quadratics, "MARKS_AT_ONCE", PIECE * len(problem.atoms))
+    problem, path = followed
+    monkeypatch.setattr(quadratics, "MARKS_AT_ONCE", PIECE * len(problem.candidates))
     times = (1, 5)
-    peaks = [peak_of_screening(*repeated(problem, base, n)) for n in times]
+    peaks = [peak_of_screening(*repeated(problem, path, n)) for n in times]
     more = (times[1] - times[0]) * len(problem.windows)
-    marks_of_a_window = base.state.residual[0].size * len(problem.atoms) * 8
+    marks_of_a_window = path.state.residual[0].size * len(problem.candidates) * 8
     assert len(problem.windows) > 2 * PIECE
     assert peaks[1] - peaks[0] < more * marks_of_a_window
 
 
-def repeated(problem, base, times):
-    """The problem and the base of a log whose windows come several times."""
+def repeated(problem, path, times):
+    """The problem and the path of a log whose windows come several times."""
     rows = np.tile(np.arange(len(problem.windows)), times)
     longer = Problem.of(problem.windows.subset(rows), problem.vehicle, SETTINGS)
     longer = replace(longer, sigma=problem.sigma, followed=problem.followed[rows])
-    slope = base.state.slope[rows]
-    state = replace(base.state.rows(rows), slopes=Slopes(lambda: slope, slope))
-    return longer, Base(base.explanation, base.vehicle, state, base.states[rows], longer.windows)
+    slope = path.state.slope[rows]
+    state = replace(path.state.rows(rows), slopes=Slopes(lambda: slope, slope))
+    return longer, WindowPath(path.explanation, path.vehicle, state, path.states[rows], longer.windows)
 
 
-def peak_of_screening(problem, base):
+def peak_of_screening(problem, path):
     """Bytes that screening takes at its worst."""
     tracemalloc.start()
     try:
-        Field.of(problem, base)
+        Field.of(problem, path)
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -107,25 +107,25 @@ def peak_of_screening(problem, base):
 
 def test_slopes_that_were_let_go_come_back_the_same(followed, monkeypatch):
     """Where there is no room for slopes, a search works them out again, and ends with the same numbers."""
-    problem, base = followed
-    whole = search(problem, base, lambda *_: None)
+    problem, path = followed
+    whole = search(problem, path, lambda *_: None)
     monkeypatch.setattr(slopes, "HELD", 0)
-    frugal = search(problem, base, lambda *_: None)
-    held = [judged for judged in frugal.fits if judged.base.state.slopes.is_held]
+    frugal = search(problem, path, lambda *_: None)
+    held = [fit for fit in frugal.fits if fit.path.state.slopes.is_held]
     assert len(held) <= 1 < len(frugal.fits)
-    assert [judged.chi2 for judged in frugal.fits] == [judged.chi2 for judged in whole.fits]
-    np.testing.assert_array_equal(frugal.best.base.state.slope, whole.best.base.state.slope)
+    assert [fit.chi2 for fit in frugal.fits] == [fit.chi2 for fit in whole.fits]
+    np.testing.assert_array_equal(frugal.best.path.state.slope, whole.best.path.state.slope)
 
 
 def test_what_lost_keeps_its_motion_and_no_slopes(followed):
     """Explanations that were simulated and lost can be compared with and begun from, and hold no slopes any more."""
-    problem, base = followed
-    found = search(problem, base, lambda *_: None)
-    lost = [judged for judged in found.fits if judged is not found.best and judged is not found.none]
-    assert found.best.base.state.slope.size and found.none.base.state.slope.size
+    problem, path = followed
+    found = search(problem, path, lambda *_: None)
+    lost = [fit for fit in found.fits if fit is not found.best and fit is not found.none]
+    assert found.best.path.state.slope.size and found.none.path.state.slope.size
     assert lost
-    for judged in lost:
-        assert not judged.base.state.slope.size and judged.slack_marks is None
-        assert judged.base.motion.shape[0] == len(problem.windows)
-    again = fit_by_simulation(problem, replace(lost[0].explanation, slack={}), lost[0].base, rounds=0)
-    assert again.base.state.slope.shape == found.none.base.state.slope.shape
+    for fit in lost:
+        assert not fit.path.state.slope.size and fit.slack_marks is None
+        assert fit.path.motion.shape[0] == len(problem.windows)
+    again = fit_by_simulation(problem, replace(lost[0].explanation, slack={}), lost[0].path, rounds=0)
+    assert again.path.state.slope.shape == found.none.path.state.slope.shape

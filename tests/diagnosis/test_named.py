@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import named
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.named import found_effects, is_ordinary
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
@@ -21,13 +21,13 @@ PAPER = load_vehicle("paper")
 def named_effect(monkeypatch):
     """The one effect named, for its probability, where all thrusters are at 0.8 and number 2 at 0.5 besides."""
     everyone = tuple(f"gain_{i}" for i in range(1, 7))
-    knobs = Knob("thruster_gain", everyone, 0.8), Knob("thruster_gain", ("gain_2",), 0.5)
+    terms = Term("thruster_gain", everyone, 0.8), Term("thruster_gain", ("gain_2",), 0.5)
     covariance = np.array([[0.01**2, -0.5e-4], [-0.5e-4, 0.02**2]])
-    best = SimpleNamespace(explanation=Explanation(knobs), covariance=covariance, chi2=100.0)
+    best = SimpleNamespace(explanation=Explanation(terms), covariance=covariance, chi2=100.0)
     found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), fits=())
     exact = SimpleNamespace(errors=SampleErrors())
     problem: Any = SimpleNamespace(vehicle=PAPER, known=None, windows=exact)
-    monkeypatch.setattr(named, "as_sure", lambda _, judged: (judged.explanation, judged.covariance))
+    monkeypatch.setattr(named, "as_sure", lambda _, fit: (fit.explanation, fit.covariance))
     return lambda probability: found_effects(problem, found, {"thruster_gain": probability}, 1.0, {})[0]
 
 

@@ -8,7 +8,7 @@ import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis.identify.equivalence import alternatives, indistinguishable
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -31,17 +31,17 @@ def marked():
     return problem, Field.of(problem, follow), follow
 
 
-def found(marked, *knobs) -> Any:
+def found(marked, *terms) -> Any:
     """As much of a search's outcome as is looked at: one explanation without rivals."""
     _, field, follow = marked
-    judged = SimpleNamespace(explanation=Explanation(knobs), evidence=0.0, chi2=100.0)
-    return SimpleNamespace(best=judged, fits=[judged], field=field, follow=follow)
+    fit = SimpleNamespace(explanation=Explanation(terms), evidence=0.0, chi2=100.0)
+    return SimpleNamespace(best=fit, fits=[fit], field=field, follow=follow)
 
 
 def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
     """A weak thruster 5 could be a weak 6 where both get the same command; turning about the long axis tells."""
     problem = marked[0]
-    weak = found(marked, Knob("thruster_gain", ("gain_5",), 0.4))
+    weak = found(marked, Term("thruster_gain", ("gain_5",), 0.4))
     assert ("gain_5", "gain_6") in indistinguishable(problem, weak)
     (mine, theirs, other), *_ = [a for a in alternatives(problem, weak) if "gain_6" in a[1]]
     assert (mine, theirs) == ("gain_5", "gain_6")
@@ -53,7 +53,7 @@ def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
 
 def test_explanations_of_several_effects_or_none_can_be_told_apart_by_eye(marked):
     """The names of two explanations are quoted, and effects that act together are joined by a plus."""
-    both = found(marked, Knob("battery_sag", ("rate",), 0.4), Knob("thruster_gain", ("gain_5",), 0.4))
+    both = found(marked, Term("battery_sag", ("rate",), 0.4), Term("thruster_gain", ("gain_5",), 0.4))
     both.fits.append(SimpleNamespace(explanation=Explanation(()), evidence=-1.0))
     plan = choose_experiment(marked[0], both, Verdict.EXPLAINED, Where())
     assert plan is not None
@@ -63,10 +63,10 @@ def test_explanations_of_several_effects_or_none_can_be_told_apart_by_eye(marked
 def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(marked):
     """Commands 2 and 3 exchanged look like no other exchange, unless the heading were turned round by half a turn."""
     problem = marked[0]
-    knobs = [Knob("thruster_swap", (f"command_{i}",), j, discrete=True) for i, j in ((2, 3.0), (3, 2.0))]
+    terms = [Term("thruster_swap", (f"command_{i}",), j, discrete=True) for i, j in ((2, 3.0), (3, 2.0))]
     turned = ("heading_bias with thruster_swap 1 4", "thruster_swap 2 3")
-    assert indistinguishable(problem, found(marked, *knobs)) == (turned,)
-    assert choose_experiment(problem, found(marked, *knobs), Verdict.EXPLAINED, Where()) is None
+    assert indistinguishable(problem, found(marked, *terms)) == (turned,)
+    assert choose_experiment(problem, found(marked, *terms), Verdict.EXPLAINED, Where()) is None
 
 
 @pytest.mark.parametrize(

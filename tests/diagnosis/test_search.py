@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, rebase
+from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, path_under
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
-from auv_torchrl.diagnosis.identify.judged import slack_now
 from auv_torchrl.diagnosis.identify.neighbours import held_at
+from auv_torchrl.diagnosis.identify.paths import slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
@@ -48,9 +48,9 @@ def problem_of(vehicle, values, seed, nominal=HELD, settings=SETTINGS):
 
 
 def searched(problem, **how):
-    """What a search finds: values of knobs by effect and first member."""
+    """What a search finds: values of terms by effect and first member."""
     found = search(*follow_windows(problem), lambda *_: None, **how)
-    return {(knob.effect, knob.members[0]): knob.value for knob in found.best.explanation.knobs}
+    return {(term.effect, term.members[0]): term.value for term in found.best.explanation.terms}
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_two_effects_are_found_though_they_tilt_the_vehicle_far():
 def test_a_hint_that_needs_slack_at_its_limit_does_not_end_the_search():
     """A drag that fits a weak thruster only with gains at four standard deviations of slack is not taken for it."""
     values = {"quadratic_drag": {"scale_heave": 0.5}, "thruster_gain": {"gain_5": 0.55}}
-    hint = Explanation((Knob("quadratic_drag", ("scale_heave",), 0.68),))
+    hint = Explanation((Term("quadratic_drag", ("scale_heave",), 0.68),))
     found = searched(problem_of(PAPER, values, seed=3, nominal=PAPER), begin=[hint])
     assert found == {
         ("quadratic_drag", "scale_heave"): pytest.approx(0.5, abs=0.05),
@@ -152,10 +152,10 @@ def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
     values = {"thrust_limit": {"limit_1": 1.5, "limit_2": 2.7}}
     problem = problem_of(HELD, values, seed=3)
     limits = Explanation(
-        tuple(Knob("thrust_limit", (member,), limit) for member, limit in values["thrust_limit"].items())
+        tuple(Term("thrust_limit", (member,), limit) for member, limit in values["thrust_limit"].items())
     )
     found = search(*follow_windows(problem), lambda *_: None, [limits], further=False)
-    dead = {(knob.effect, knob.members[0]): knob.value for knob in found.best.explanation.knobs}
+    dead = {(term.effect, term.members[0]): term.value for term in found.best.explanation.terms}
     assert dead == {("thruster_gain", f"gain_{i}"): pytest.approx(0.0, abs=0.01) for i in (1, 2)}
     assert (np.sqrt(np.diag(found.best.covariance)) < 0.04).all()  # the slack of a gain, 0.03, included
     assert any(fit is found.best for fit in found.fits)
@@ -198,13 +198,13 @@ def test_an_effect_is_fitted_though_slack_is_at_its_limit():
         HELD, {"thruster_lag": {"time_constant": 0.2}, "payload": {"mass": 4.0, "weight": 8.0}}, seed=3
     )
     problem, follow = follow_windows(problem)
-    lag = Explanation((Knob("thruster_lag", ("time_constant",), 0.1),))
+    lag = Explanation((Term("thruster_lag", ("time_constant",), 0.1),))
     sketch, polished = fit_along_motion(problem, lag, follow), fit_by_simulation(problem, lag, follow)
     widths = np.array([width for *_, width in problem.slack])
-    for judged in (sketch, polished):
-        stretch = np.abs(slack_now(problem, judged.explanation)) / widths
+    for fit in (sketch, polished):
+        stretch = np.abs(slack_now(problem, fit.explanation)) / widths
         assert stretch.max() == pytest.approx(SLACK_LIMIT)
-        assert judged.explanation.knobs[0].value == pytest.approx(0.2, rel=0.25)
+        assert fit.explanation.terms[0].value == pytest.approx(0.2, rel=0.25)
 
 
 def test_a_value_is_said_that_slack_is_stretched_for():
@@ -214,11 +214,11 @@ def test_a_value_is_said_that_slack_is_stretched_for():
     covariance = np.diag([width**2 for *_, width in slack])
     problem = replace(problem, slack=slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance))
     problem, follow = follow_windows(problem)
-    north = fit_by_simulation(problem, Explanation((Knob("current", ("north",), 0.15),)), follow)
+    north = fit_by_simulation(problem, Explanation((Term("current", ("north",), 0.15),)), follow)
     assert north.explanation.slack["current", "east"] == pytest.approx(-0.02 * SLACK_LIMIT)
     best = search(problem, follow, lambda *_: None, [north.explanation.alone]).best.explanation
     assert best.values(HELD)["current"] == pytest.approx({"north": 0.15, "east": -0.1}, abs=0.01)
-    assert best.effects == ("current",) and len(best.knobs) == 2
+    assert best.effects == ("current",) and len(best.terms) == 2
 
 
 def test_a_thrust_curve_is_fitted_together_with_the_dead_band():
@@ -227,10 +227,10 @@ def test_a_thrust_curve_is_fitted_together_with_the_dead_band():
     ((key, width),) = (((effect, member), width) for effect, member, _, width in problem.slack if effect == "dead_band")
     (problem, follow), found = follow_windows(problem), []
     for exponent, of_width in ((1.585, -0.8), (1.56, 0.0), (1.53, 0.8)):
-        knobs = Knob("thrust_curve", ("exponent",), exponent), Knob("buoyancy", ("force",), -9.5)
-        fitted = fit_by_simulation(problem, Explanation(knobs, {key: of_width * width}), follow)
+        terms = Term("thrust_curve", ("exponent",), exponent), Term("buoyancy", ("force",), -9.5)
+        fitted = fit_by_simulation(problem, Explanation(terms, {key: of_width * width}), follow)
         assert fitted.nothing_left
-        found.append(fitted.explanation.knobs[0].value)
+        found.append(fitted.explanation.terms[0].value)
     assert found == pytest.approx([1.56] * 3, abs=0.005)
     assert np.ptp(found) < 0.004
 
@@ -239,7 +239,7 @@ def test_a_window_that_has_lost_its_start_finds_it_again():
     """A first window that begins with a wrong spin, from which it never settles, ends like the others."""
     problem = problem_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4)
     problem, follow = follow_windows(problem)
-    sound = rebase(problem, Explanation(), follow)
+    sound = path_under(problem, Explanation(), follow)
     start = sound.state.start.copy()
     first = problem.windows.start == problem.windows.start.min()
     start[first, 11] += 8.0
@@ -303,9 +303,9 @@ def test_of_many_windows_some_are_searched_and_what_is_found_is_fitted_to_all(mo
     assert len(problem.windows) > 10
     assert looked_at[0] == 8 and looked_at[-1] == len(problem.windows)
     assert found.best.quadratic.numbers == found.none.quadratic.numbers == whole.best.quadratic.numbers
-    (knob,), (same,) = found.best.explanation.knobs, whole.best.explanation.knobs
-    assert knob.key == same.key == ("thruster_gain", ("gain_4",))
-    assert knob.value == pytest.approx(same.value, rel=0.01)
+    (term,), (same,) = found.best.explanation.terms, whole.best.explanation.terms
+    assert term.key == same.key == ("thruster_gain", ("gain_4",))
+    assert term.value == pytest.approx(same.value, rel=0.01)
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(4, marks=pytest.mark.thorough)])
@@ -316,7 +316,7 @@ def test_a_fit_ends_at_the_same_dead_band_wherever_it_begins(seed):
     dead_band = next(parameter for parameter in problem.slack if problem.settings.is_rough(parameter[0]))
     ends = []
     for deviation in (-2, -1, 0, 1, 2):
-        begin = Explanation((Knob("buoyancy", ("force",), 5.5),), {dead_band[:2]: deviation * dead_band[3]})
+        begin = Explanation((Term("buoyancy", ("force",), 5.5),), {dead_band[:2]: deviation * dead_band[3]})
         ends.append(fit_by_simulation(problem, begin, follow).chi2)
     assert max(ends) - min(ends) < 1.0
 
@@ -324,22 +324,22 @@ def test_a_fit_ends_at_the_same_dead_band_wherever_it_begins(seed):
 def test_slack_is_asked_before_a_value_is_believed():
     """By its quadratic a fit loses nothing without a value that slack can take, and much without one that it cannot."""
     problem, follow = follow_windows(problem_of(with_slack(HELD, np.random.default_rng(1)), {}, seed=4))
-    off = Explanation((Knob("added_mass", ("scale_heave",), 1.04),))
-    judged = fit_by_simulation(problem, off, follow)
-    moved, rise = held_at(problem, judged, {0: 1.0})
+    off = Explanation((Term("added_mass", ("scale_heave",), 1.04),))
+    fit = fit_by_simulation(problem, off, follow)
+    moved, rise = held_at(problem, fit, {0: 1.0})
     assert rise < 10
-    nothing = fit_by_simulation(problem, Explanation(slack=moved.slack), judged.base)
-    assert nothing.evidence > judged.evidence
+    nothing = fit_by_simulation(problem, Explanation(slack=moved.slack), fit.path)
+    assert nothing.evidence > fit.evidence
     problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_2": 0.5}}, seed=4))
-    judged = fit_by_simulation(problem, Explanation((Knob("thruster_gain", ("gain_2",), 0.6),)), follow)
-    assert held_at(problem, judged, {0: 1.0})[1] > 100
+    fit = fit_by_simulation(problem, Explanation((Term("thruster_gain", ("gain_2",), 0.6),)), follow)
+    assert held_at(problem, fit, {0: 1.0})[1] > 100
 
 
 def test_what_a_fit_would_still_gain_does_not_speak_for_fewer_values():
     """A value that slack cannot take stays, though a fit that stopped early would gain more than the value is worth."""
     vehicle = with_slack(HELD, np.random.default_rng(1))
     problem, follow = follow_windows(problem_of(vehicle, {"buoyancy": {"force": 1.0}}, seed=4))
-    stopped = fit_by_simulation(problem, Explanation((Knob("buoyancy", ("force",), 1.0),)), follow, rounds=0)
+    stopped = fit_by_simulation(problem, Explanation((Term("buoyancy", ("force",), 1.0),)), follow, rounds=0)
     assert held_at(problem, stopped, {0: 0.0})[1] > 30
 
 

@@ -5,7 +5,7 @@ import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, reassess
 from auv_torchrl.diagnosis.identify.following import follow_windows, some_diverged
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
@@ -66,27 +66,27 @@ def test_a_tether_is_told_as_surely_as_the_log_tells_it():
     for longer in (-0.25, 0.25):  # m
         moved = {name: true[name] / np.hypot(true["north"], true["east"]) * longer for name in ("north", "east")}
         begin = {**true, "slack": true["slack"] + longer, **{name: true[name] + by for name, by in moved.items()}}
-        knobs = tuple(Knob("tether", (name,), value) for name, value in begin.items())
-        ends.append(fit_by_simulation(problem, Explanation(knobs), follow))
+        terms = tuple(Term("tether", (name,), value) for name, value in begin.items())
+        ends.append(fit_by_simulation(problem, Explanation(terms), follow))
     assert ends[0].chi2 == pytest.approx(ends[1].chi2, abs=1.0)
     for fitted in ends:
-        off = [knob.value - true[knob.members[0]] for knob in fitted.explanation.knobs]
+        off = [term.value - true[term.members[0]] for term in fitted.explanation.terms]
         assert (np.abs(off) < 2.5 * np.sqrt(np.diag(fitted.covariance))).all()
 
 
 def test_no_window_is_lost_where_an_explanation_is_weighed_again(monkeypatch):
     """A window that flies off when its start is settled under another noise is followed anew."""
     problem, follow = followed(fly(HELD, COUPLING, seed=31, episodes=3, seconds=20.0))
-    coupling = Explanation((Knob("drag_coupling", ("drag_yaw_from_surge",), -4.9),))
-    judged = fit_by_simulation(problem, coupling, follow)
+    coupling = Explanation((Term("drag_coupling", ("drag_yaw_from_surge",), -4.9),))
+    fit = fit_by_simulation(problem, coupling, follow)
     module = __import__(reassess.__module__, fromlist=["nudge"])
     nudged = module.nudge
 
     def flown_off(*given):
-        base = nudged(*given)
-        base.state.residual[0] = np.nan
-        return base
+        path = nudged(*given)
+        path.state.residual[0] = np.nan
+        return path
 
     monkeypatch.setattr(module, "nudge", flown_off)
-    assert some_diverged(problem, flown_off(problem, coupling, judged.base))
-    assert reassess(problem, judged).chi2 == pytest.approx(judged.chi2, abs=5.0)
+    assert some_diverged(problem, flown_off(problem, coupling, fit.path))
+    assert reassess(problem, fit).chi2 == pytest.approx(fit.chi2, abs=5.0)

@@ -1,4 +1,4 @@
-"""Held-out flight is judged by what sound flights of the same vehicle miss, and by nothing more."""
+"""Held-out flight is fit by what sound flights of the same vehicle miss, and by nothing more."""
 
 import numpy as np
 import pytest

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows, nudged_chi2
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
@@ -46,26 +46,26 @@ def test_a_limit_is_the_same_from_anywhere_along_the_curve_of_thrust(limited):
     """Exponent, dead band, limit and gains make up for each other; fits that begin far apart tell one limit."""
     (problem, follow), told = limited, []
     for by in (-0.02, -0.01, 0.01, 0.02):
-        begin = Explanation((Knob("thrust_limit", LIMITS, LIMIT * (1 - 1.5 * by)),), dict.fromkeys(GAINS, 1.5 * by))
-        judged = fit_by_simulation(problem, moved_in_valley(problem, begin, VALLEY, by), follow)
-        (knob,), covariance = as_sure(problem, judged)[0].knobs, as_sure(problem, judged)[1]
-        told.append(knob.value)
+        begin = Explanation((Term("thrust_limit", LIMITS, LIMIT * (1 - 1.5 * by)),), dict.fromkeys(GAINS, 1.5 * by))
+        fit = fit_by_simulation(problem, moved_in_valley(problem, begin, VALLEY, by), follow)
+        (term,), covariance = as_sure(problem, fit)[0].terms, as_sure(problem, fit)[1]
+        told.append(term.value)
         deviation = float(np.sqrt(covariance[0, 0]))
-        assert knob.value == pytest.approx(LIMIT, abs=3 * deviation)
+        assert term.value == pytest.approx(LIMIT, abs=3 * deviation)
         assert np.ptp(told) < deviation
 
 
 def test_numbers_that_move_together_leave_one_mark(limited):
     """A step along the valley costs less than one of the same numbers by the mark of each, which switches samples."""
     problem, follow = limited
-    judged = fit_by_simulation(problem, Explanation((Knob("thrust_limit", LIMITS, LIMIT),)), follow)
+    fit = fit_by_simulation(problem, Explanation((Term("thrust_limit", LIMITS, LIMIT),)), follow)
     column = {entry[:2]: place for place, entry in enumerate(problem.slack)}
     steps = np.array([-0.02, -0.01, 0.01, 0.02])
-    moves = [VALLEY.moves(judged.base.vehicle, step) for step in steps.tolist()]
-    by_each = [moved_along(problem, judged, {column[key]: by for key, by in some.items()}) for some in moves]
-    together = walks(problem, judged, VALLEY, steps)
-    rises = nudged_chi2(problem, together, judged.base) - judged.chi2
-    assert (rises < 0.8 * (nudged_chi2(problem, by_each, judged.base) - judged.chi2)).all()
+    moves = [VALLEY.moves(fit.path.vehicle, step) for step in steps.tolist()]
+    by_each = [moved_along(problem, fit, {column[key]: by for key, by in some.items()}) for some in moves]
+    together = walks(problem, fit, VALLEY, steps)
+    rises = nudged_chi2(problem, together, fit.path) - fit.chi2
+    assert (rises < 0.8 * (nudged_chi2(problem, by_each, fit.path) - fit.chi2)).all()
 
 
 def test_commands_pass_the_dead_band_as_before_along_the_valley(limited):

@@ -49,8 +49,8 @@ def drift(commands, position, velocity, t):
 )
 def test_a_gap_is_traced_to_its_origin(change, push, origin):
     """Without naming an effect, most of the gap goes to the kind of force that made it; shares sum to 1."""
-    problem, base = followed(fly(HELD, change, seed=3, push=push, **SHORT))
-    shares, thrusters = attribute(problem, base)
+    problem, path = followed(fly(HELD, change, seed=3, push=push, **SHORT))
+    shares, thrusters = attribute(problem, path)
     assert max(shares, key=lambda name: shares[name]) == origin
     assert shares[origin] > 0.6
     assert sum(shares.values()) == pytest.approx(1.0)
@@ -63,8 +63,8 @@ def test_a_gap_is_traced_to_its_origin(change, push, origin):
 
 def test_noise_alone_has_no_origin():
     """Where nothing but sensor noise is left, nothing is blamed."""
-    problem, base = followed(fly(HELD, {}, seed=4, **SHORT))
-    assert attribute(problem, base) == ({}, {})
+    problem, path = followed(fly(HELD, {}, seed=4, **SHORT))
+    assert attribute(problem, path) == ({}, {})
 
 
 def test_two_that_explain_the_same_share_it():
@@ -85,7 +85,7 @@ def test_sticking_commands_move_only_far_enough():
 def test_regimes_name_where_a_gap_stands_out():
     """A force that acts in the south alone stands out there, and not in the north."""
     south = 12.0 * np.array([0.0, 0.0, 1.0])
-    problem, base = followed(
+    problem, path = followed(
         fly(
             HELD,
             {},
@@ -95,7 +95,7 @@ def test_regimes_name_where_a_gap_stands_out():
             seconds=20.0,
         )
     )
-    named = [regime.when for regime in regimes(problem, base, gap_by_window(problem, base))]
+    named = [regime.when for regime in regimes(problem, path, gap_by_window(problem, path))]
     assert any(when.startswith("south of x") for when in named)
     assert not any(when.startswith("north of x") for when in named)
 
@@ -111,8 +111,8 @@ def test_an_onset_is_found_with_its_episode():
     sound = fly(HELD, {}, seed=6, episodes=1, seconds=30.0)
     ill = fly(HELD, {}, seed=7, episodes=2, seconds=30.0, push=weaken)
     second = replace(ill.episodes[1], number=5)
-    problem, base = followed(replace(sound, episodes=(sound.episodes[0], second)))
-    found = find_onset(problem, base)
+    problem, path = followed(replace(sound, episodes=(sound.episodes[0], second)))
+    found = find_onset(problem, path)
     assert found is not None
     assert found.episode == 5
     assert found.episode_s == pytest.approx(12.0, abs=1.5)
@@ -123,9 +123,9 @@ def test_an_onset_is_found_with_its_episode():
 @pytest.mark.parametrize("lost", [0, 3])
 def test_no_number_of_windows_is_too_small_to_ask(windows, lost):
     """However few windows there are, and whatever of them diverged, the search for an onset comes to an end."""
-    problem, base = followed(fly(HELD, {}, seed=6, **SHORT))
+    problem, path = followed(fly(HELD, {}, seed=6, **SHORT))
     some = np.arange(len(problem.windows)) < windows
     problem = replace(problem, windows=problem.windows.subset(some))
-    bins = base.state.bins[some].copy()
+    bins = path.state.bins[some].copy()
     bins[:lost] = np.nan
-    assert find_onset(problem, replace(base, state=replace(base.state, bins=bins))) is None
+    assert find_onset(problem, replace(path, state=replace(path.state, bins=bins))) is None

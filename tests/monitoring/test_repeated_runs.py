@@ -119,9 +119,11 @@ def test_a_tether_of_the_vehicle_stays():
     runs = cut_runs([dives({}, 2, seed=13)])
     _, sensitivities = run_sensitivities(moored, runs, SETTINGS)
     (weight,) = [
-        i for i, atom in enumerate(sensitivities.atoms) if atom.effect == "buoyancy" and atom.values["force"] > 0
+        i
+        for i, candidate in enumerate(sensitivities.candidates)
+        if candidate.effect == "buoyancy" and candidate.values["force"] > 0
     ]
-    force = sensitivities.atoms[weight].values["force"]
+    force = sensitivities.candidates[weight].values["force"]
     assert sensitivities.change[weight, 0, 0, -1] < 1.1 * force / 20.0
 
 
@@ -215,7 +217,7 @@ def test_a_fault_is_named_beside_what_shakes(sound):
 
 
 def test_slower_samples_tell_no_vibration(sound):
-    """Runs sampled at a fifth of the rate say that a vibration would not show, and are judged by the rest."""
+    """Runs sampled at a fifth of the rate say that a vibration would not show, and are fit by the rest."""
     log = dives(FAULTS["load"][0], 8, seed=33)
     slow = [replace(e, **{n: getattr(e, n)[::5] for n in ("t", "pose", "velocity", "commands")}) for e in log.episodes]
     told = compare_runs([FlightLog("slow", tuple(slow), log.axes)], sound, FILE, SETTINGS)
@@ -237,7 +239,7 @@ def test_runs_that_tell_nothing_are_refused(logs, says):
 
 
 def test_a_broken_run_is_left_out(sound):
-    """A run that was broken off is named and left out, and the others are judged."""
+    """A run that was broken off is named and left out, and the others are fit."""
     log = dives({}, 3, seed=10)
     short = log.episodes[1].rows(0, 80)
     told = compare_runs(

@@ -48,7 +48,7 @@ def predicts_better(
         return None
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     problem, follow = follow_windows(Problem.of(windows, corrected.vehicle, settings, own))
-    judged = fit_by_simulation(problem, Explanation(), follow, rounds=0)
+    fit = fit_by_simulation(problem, Explanation(), follow, rounds=0)
     problem = under_own_floor(problem, follow)
     floor = np.array(settings.floor_force)
     floor[problem.layout.dof] = problem.floor
@@ -58,11 +58,11 @@ def predicts_better(
     file, still = np.zeros_like(width), np.zeros_like(width)
     file[: len(about.file)] = about.file  # what was not fitted is as the file says
     centred = Centred(corrected.vehicle, Nuisance(known.slack, width, (), still), file, known.slack_covariance)
-    return centred, known, judged.excess
+    return centred, known, fit.excess
 
 
 def _is_nearer(log: FlightLog, vehicle: Vehicle, than: Vehicle, settings: Settings) -> bool:
-    """Whether windows as long as any prediction is judged over are predicted better, and by enough to be worth it."""
+    """Whether windows as long as any prediction is fit over are predicted better, and by enough to be worth it."""
     windows = cut_windows(log, HORIZONS_S[-1], settings.lead_s)
     before, after = (errors(windows, one, [{}])[0] for one in (than, vehicle))
     return Gain.of(windows, before, after).share > WORTH_A_CORRECTION

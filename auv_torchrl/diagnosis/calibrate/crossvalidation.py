@@ -56,14 +56,14 @@ def hold_against(flight: FlightLog, sound: Calibration, vehicle: Vehicle, settin
         settings: of the diagnosis.
     """
     windows = cut_windows(flight, settings.window_s, settings.lead_s, settings.bin_s)
-    problem, judged = follow_flight(windows, sound.vehicle, settings, sound.known)
+    problem, fit = follow_flight(windows, sound.vehicle, settings, sound.known)
     stages = [changed(vehicle, free=sound.vehicle.free), sound.vehicle]
     predictions = predict_by(problem, flight, stages, settings)
     before, after = scaled_errors(predictions).tolist()
     errors = errors_by_kind(predictions)
     return Unseen(
         name=flight.name,
-        excess=judged.excess,
+        excess=fit.excess,
         others=sound.excess,
         before=before,
         after=after,

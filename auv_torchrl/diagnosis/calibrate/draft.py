@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
 from auv_torchrl.diagnosis.identify.following import chi2_by_window, follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -61,11 +61,11 @@ def draft(
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     problem, follow = follow_windows(Problem.of(windows, vehicle, settings))
     nuisance = stated(vehicle, settings, windows.channels)
-    problem, judged = _fit(problem, nuisance, follow, 1)
+    problem, fit = _fit(problem, nuisance, follow, 1)
     flights, centred = parted(healthy, windows), Centred.at(vehicle, nuisance)
     known = Known(np.array(settings.floor_force), problem.sigma, problem.rough_noise, (), centred.covariance)
-    as_stated = excess = judged.excess
-    near = _usual_excess(problem, judged) < BEYOND_TRIM
+    as_stated = excess = fit.excess
+    near = _usual_excess(problem, fit) < BEYOND_TRIM
     together = follow_all(flights, centred, known, settings, settings.excess) if near else None
     if together is not None:
         centred, known, as_stated = together.centred, together.known, together.excess
@@ -90,36 +90,36 @@ def parted(healthy: Sequence[FlightLog], windows: Windows) -> list[Windows]:
     return [windows.subset(flight == number) for number in np.unique(flight)]
 
 
-def _fit(problem: Problem, nuisance: Nuisance, follow: Base, fits: int) -> tuple[Problem, Judged]:
+def _fit(problem: Problem, nuisance: Nuisance, follow: WindowPath, fits: int) -> tuple[Problem, Fit]:
     """Fit what may be off on all flights at once, and measure the noise under it."""
     covariance = np.diag(np.array([width for *_, width in nuisance.slack]) ** 2)
     problem = replace(
         problem, slack=nuisance.slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance)
     )
-    judged = fit_by_simulation(problem, Explanation(), follow)
+    fit = fit_by_simulation(problem, Explanation(), follow)
     for _ in range(1, fits):
-        further = fit_by_simulation(problem, judged.explanation, judged.base)
-        falls, judged = judged.chi2 - further.chi2, further
+        further = fit_by_simulation(problem, fit.explanation, fit.path)
+        falls, fit = fit.chi2 - further.chi2, further
         if not falls > STILL_FALLS:
             break
-    if (anew := measure_noise(problem, judged)) is not problem:
-        problem, judged = anew, reassess(anew, judged)
-    return problem, judged
+    if (anew := measure_noise(problem, fit)) is not problem:
+        problem, fit = anew, reassess(anew, fit)
+    return problem, fit
 
 
-def _usual_excess(problem: Problem, judged: Judged) -> float:
+def _usual_excess(problem: Problem, fit: Fit) -> float:
     """Chi-square per number of the window in the middle.
 
     Flights whose trims and currents differ lose some windows where they are fitted as one, and leave much on the whole.
     """
     numbers = np.maximum(problem.windows.numbers_of_each, 1.0)
-    return float(np.median(chi2_by_window(problem, judged.base.state) / numbers))
+    return float(np.median(chi2_by_window(problem, fit.path.state) / numbers))
 
 
-def _left_open(problem: Problem, judged: Judged) -> Floats:
+def _left_open(problem: Problem, fit: Fit) -> Floats:
     """Covariance (k, k) of slack, as the log leaves it open."""
     k = len(problem.slack)
-    return np.linalg.inv(judged.quadratic.A[:k, :k] + problem.slack_precision)
+    return np.linalg.inv(fit.quadratic.A[:k, :k] + problem.slack_precision)
 
 
 def _strays(centred: Centred, settings: Settings) -> tuple[str, ...]:

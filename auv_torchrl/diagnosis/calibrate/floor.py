@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Judged
+from auv_torchrl.diagnosis.identify.paths import Fit
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.reduce import disturbance_precision, local_precision
 from auv_torchrl.diagnosis.motion.smooth import Layout, noise_per_sample
@@ -17,7 +17,7 @@ from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 ROUNDS = 30
 
 
-def disturbance_floor(flights: Sequence[tuple[Problem, Judged]]) -> Floats:
+def disturbance_floor(flights: Sequence[tuple[Problem, Fit]]) -> Floats:
     """Standard deviation (D,) in N and N m of the force that acts on a sound vehicle.
 
     The size that makes the samples of all windows most likely (MacKay 1992, fixed point of the evidence). The stated
@@ -54,9 +54,9 @@ def _counted(
     return squares, count * bins - np.einsum("bc,wbdcd->d", unit, spread) / floor**2
 
 
-def _numbers(problem: Problem, judged: Judged) -> tuple[Floats, Floats, Floats]:
+def _numbers(problem: Problem, fit: Fit) -> tuple[Floats, Floats, Floats]:
     """Of the windows that are followed: curvature (w, L, L) and slope (w, L) in the free numbers, and these (w, L)."""
-    windows, state = problem.windows, judged.base.state
+    windows, state = problem.windows, fit.path.state
     used = np.isfinite(state.slope).all((1, 2)) & np.isfinite(state.residual).all(1) & problem.followed
     weight = 1.0 / noise_per_sample(windows, problem.sigma)
     slope, residual = state.slope[used] * weight[:, None], state.residual[used] * weight

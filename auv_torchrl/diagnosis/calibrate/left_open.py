@@ -16,7 +16,7 @@ from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, slack_parameters
-from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import Vehicle
@@ -53,22 +53,22 @@ def fitted_about(vehicle: Vehicle, coefficients: Sequence[Coefficient], fitted: 
     return about.shifted(fitted.values - np.array([c.nominal for c in coefficients]))
 
 
-def under_own_floor(problem: Problem, follow: Base) -> Problem:
+def under_own_floor(problem: Problem, follow: WindowPath) -> Problem:
     """The problem with the disturbance that its log shows where nothing else is wrong, if that is more than assumed.
 
     A fault makes it larger than it is, and shows all the same: one force explains then what many had to.
     """
-    known, explanation, base = problem.known, Explanation(), follow
+    known, explanation, path = problem.known, Explanation(), follow
     if known is None:
         return problem
     whole = known.floor
     for _ in range(PASSES):
-        judged = fit_by_simulation(problem, explanation, base)
-        if not np.isfinite(judged.chi2):
+        fit = fit_by_simulation(problem, explanation, path)
+        if not np.isfinite(fit.chi2):
             break
-        floor = np.maximum(whole[problem.layout.dof], disturbance_floor([(problem, judged)]))
+        floor = np.maximum(whole[problem.layout.dof], disturbance_floor([(problem, fit)]))
         settled = bool((np.abs(floor / problem.floor - 1) < SETTLED).all())
-        explanation, base, problem = judged.explanation, judged.base, replace(problem, floor=floor)
+        explanation, path, problem = fit.explanation, fit.path, replace(problem, floor=floor)
         if settled:
             break
     own = whole.copy()

@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, fitted_on, rescued
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, log_likelihood, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, log_likelihood, slack_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import MOSTLY_LOST, NEAR
@@ -22,7 +22,7 @@ from auv_torchrl.vehicle import Vehicle
 
 PASSES = 4  # coefficients and floor in turn, the last one under the floor that the one before has shown; fewer ...
 STANDS = 0.5  # ... where no coefficient moved by more of its standard deviation, or a file that is right left nothing
-Fit = tuple[Problem, Judged]
+FlightFit = tuple[Problem, Fit]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Together:
     about: Centred  # about which the flights were followed last
     whole: Centred  # the vehicle before what it is for good was settled, that among its numbers
     misfits: tuple[tuple[float, float], ...]  # of each flight under the floor to begin from: chi-square, numbers
-    fits: tuple[Fit, ...] = ()  # about there under the floor before,
+    fits: tuple[FlightFit, ...] = ()  # about there under the floor before,
     told: tuple[Told, ...] = ()  # and what they tell under the one that they show
     at_once: float = np.inf  # the excess before any flight has told the others anything
 
@@ -86,7 +86,7 @@ def follow_all(
     for turn in range(passes):
         known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
         followed = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
-        left = tuple((judged.chi2, judged.quadratic.numbers) for _, judged in followed)
+        left = tuple((fit.chi2, fit.quadratic.numbers) for _, fit in followed)
         at_once = at_once if turn else _per_number(left)
         if not misfits or not is_last and _per_number(left) < _per_number(misfits):
             misfits = left
@@ -114,15 +114,15 @@ def follow_all(
     return Together(centred, known, about, whole, misfits, fits, told, at_once)
 
 
-def follow_flight(windows: Windows, own: Vehicle, settings: Settings, known: Known) -> Fit:
+def follow_flight(windows: Windows, own: Vehicle, settings: Settings, known: Known) -> FlightFit:
     """One flight under a vehicle that differs in it as flights do: by the slack of ``known``.
 
     A window that flew off under another flight's trim comes back once that of this flight is fitted. Lost windows
     would look like a disturbance that acts on a sound vehicle.
     """
     problem, follow = follow_windows(Problem.of(windows, own, settings, known))
-    judged = rescued(problem, fit_by_simulation(problem, Explanation(), follow), follow)
-    return problem, fitted_on(problem, judged) if leaves_much(problem, judged) else judged
+    fit = rescued(problem, fit_by_simulation(problem, Explanation(), follow), follow)
+    return problem, fitted_on(problem, fit) if leaves_much(problem, fit) else fit
 
 
 def _shown(about: Centred, told: Sequence[Told], hides: bool) -> tuple[Centred, tuple[float, ...], float]:
@@ -145,18 +145,18 @@ def _knows(known: Known, centred: Centred, sizes: Sequence[float], flights: int)
     return replace(known, **slack, flights=flights, shrinks=shrinks)
 
 
-def _floor(before: Floats, fits: Sequence[Fit]) -> Floats:
+def _floor(before: Floats, fits: Sequence[FlightFit]) -> Floats:
     """The disturbance (6,) that flights show; as before where they cannot."""
     floor = before.copy()
     floor[fits[0][0].layout.dof] = disturbance_floor(fits)
     return floor
 
 
-def _tells(problem: Problem, judged: Judged, floor: Floats) -> Told:
+def _tells(problem: Problem, fit: Fit, floor: Floats) -> Told:
     """What a flight tells under another disturbance (6,), weighed where it was fitted: it has its slopes there."""
     problem = replace(problem, floor=floor[problem.layout.dof])
-    judged = fit_by_simulation(problem, judged.explanation, judged.base, rounds=0)
-    return Told.of(judged.quadratic, slack_now(problem, judged.explanation))
+    fit = fit_by_simulation(problem, fit.explanation, fit.path, rounds=0)
+    return Told.of(fit.quadratic, slack_now(problem, fit.explanation))
 
 
 def _per_number(misfits: Sequence[tuple[float, float]]) -> float:

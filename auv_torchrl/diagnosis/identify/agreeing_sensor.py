@@ -12,8 +12,8 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_freely, follow_windows
-from auv_torchrl.diagnosis.identify.hypotheses import Atom, batch
-from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, batch
+from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.smooth import misfit
 from auv_torchrl.diagnosis.thresholds import AGREES_ALIKE, AGREES_BETTER, LOOKED_AT, MOSTLY_LOST
@@ -21,7 +21,7 @@ from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.sensors import FELT, MOTION
 
 
-def follow_agreeing(problem: Problem) -> tuple[Problem, Base]:
+def follow_agreeing(problem: Problem) -> tuple[Problem, WindowPath]:
     """The windows followed under the nominal vehicle, or where it cannot follow them, under one with another sensor."""
     problem, follow = follow_windows(problem)
     if problem.followed.mean() > MOSTLY_LOST or not tells_twice(problem):
@@ -48,21 +48,21 @@ def agreeing_sensor(problem: Problem) -> Explanation | None:
     """
     rows = np.unique(np.linspace(0, len(problem.windows) - 1, LOOKED_AT).astype(int))
     some = problem.windows.subset(rows)
-    atoms = [atom for atom in problem.atoms if EFFECTS[atom.effect].origin is Origin.SENSING]
+    candidates = [candidate for candidate in problem.candidates if EFFECTS[candidate.effect].origin is Origin.SENSING]
 
-    def followed(atom: Atom | None) -> tuple[float, float]:
-        vehicle = batch(problem.vehicle, [{atom.effect: atom.values} if atom else {}])
+    def followed(candidate: Candidate | None) -> tuple[float, float]:
+        vehicle = batch(problem.vehicle, [{candidate.effect: candidate.values} if candidate else {}])
         state = follow_freely(problem, some, vehicle)
         missing = np.median(((state.bins / problem.floor) ** 2).mean((1, 2)))
         return float(np.median(misfit(some, state.residual, problem.sigma))), float(np.nan_to_num(missing, nan=np.inf))
 
-    best: dict[str, tuple[float, float, Atom]] = {}
-    for atom in atoms:
-        tried = (*followed(atom), atom)
-        if atom.effect not in best or tried[0] < best[atom.effect][0]:
-            best[atom.effect] = tried
+    best: dict[str, tuple[float, float, Candidate]] = {}
+    for candidate in candidates:
+        tried = (*followed(candidate), candidate)
+        if candidate.effect not in best or tried[0] < best[candidate.effect][0]:
+            best[candidate.effect] = tried
     least = min((badness for badness, *_ in best.values()), default=np.inf)
     if not least < AGREES_BETTER * followed(None)[0]:
         return None
     alike = [tried for tried in best.values() if tried[0] <= AGREES_ALIKE * least]
-    return Explanation().with_atom(min(alike, key=lambda tried: tried[1])[-1], problem.vehicle)
+    return Explanation().with_candidate(min(alike, key=lambda tried: tried[1])[-1], problem.vehicle)

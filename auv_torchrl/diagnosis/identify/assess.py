@@ -5,45 +5,45 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import volume
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, without_slack
 from auv_torchrl.diagnosis.identify.steps import bounded_step
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import KNOB_STEP, LONG_STEP
+from auv_torchrl.diagnosis.thresholds import LONG_STEP, SHORT_STEP
 from auv_torchrl.effects import EFFECTS, Origin
 
 
 def assess(
-    problem: Problem, base: Base, sketched: Explanation | None = None, before: Judged | None = None
-) -> tuple[Judged, Floats, Floats]:
-    """Weigh an explanation as it is, with the Gauss-Newton step of its knobs and of its slack.
+    problem: Problem, path: WindowPath, sketched: Explanation | None = None, before: Fit | None = None
+) -> tuple[Fit, Floats, Floats]:
+    """Weigh an explanation as it is, with the Gauss-Newton step of its terms and of its slack.
 
-    It is that of the base, or one that is ``sketched`` along its motion. The marks of slack are those of the
+    It is that of the path, or one that is ``sketched`` along its motion. The marks of slack are those of the
     explanation ``before`` it, where there is one: they hardly change on the way down.
     """
-    explanation = base.explanation if sketched is None else sketched
-    changes, steps = knob_changes(problem, explanation)
+    explanation = path.explanation if sketched is None else sketched
+    changes, steps = term_changes(problem, explanation)
     slack_marks = None if before is None else before.slack_marks
     if slack_marks is None:
-        slack_marks = mark_slack(problem, base, explanation)
-    q = quadratic(problem, base, changes, sketched, slack_marks, None if sketched is None else problem.followed)
+        slack_marks = mark_slack(problem, path, explanation)
+    q = quadratic(problem, path, changes, sketched, slack_marks, None if sketched is None else problem.followed)
     at = slack_now(problem, explanation)
     chi2 = q.constant + float(at @ problem.slack_precision @ at)
     if not np.isfinite(chi2):  # the windows diverge under this vehicle
         nothing = np.zeros(len(explanation.fitted))
         return (
-            Judged(explanation, np.inf, -np.inf, np.diag(nothing), base, q, steps, slack_marks),
+            Fit(explanation, np.inf, -np.inf, np.diag(nothing), path, q, steps, slack_marks),
             nothing,
             np.zeros(len(problem.slack)),
         )
     _, A = without_slack(problem, q, explanation)
-    widths = np.array([problem.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
+    widths = np.array([problem.prior.width(term.effect, term.members[0]) for term in explanation.fitted])
     curvature = A / np.outer(steps, steps)
     covariance = covariance_of_values(curvature, widths)
     evidence = log_evidence(problem, chi2, explanation) + volume(curvature, widths)
-    judged = Judged(explanation, chi2, evidence, covariance, base, q, steps, slack_marks)
-    return judged, *bounded_step(problem, judged)
+    fit = Fit(explanation, chi2, evidence, covariance, path, q, steps, slack_marks)
+    return fit, *bounded_step(problem, fit)
 
 
 def covariance_of_values(curvature: Floats, widths: Floats) -> Floats:
@@ -56,21 +56,21 @@ def covariance_of_values(curvature: Floats, widths: Floats) -> Floats:
     return covariance
 
 
-def knob_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:
-    """The explanation with each fitted knob moved a little, and by how much."""
+def term_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:
+    """The explanation with each fitted term moved a little, and by how much."""
     moved, steps = [], []
     at_slack = {parameter[:2]: problem.slack_step(parameter) for parameter in problem.slack}
-    for place, knob in enumerate(explanation.knobs):
-        if knob.discrete:
+    for place, term in enumerate(explanation.terms):
+        if term.discrete:
             continue
-        p = declared(knob.effect, problem.vehicle).parameters[knob.members[0]]
-        share = LONG_STEP if EFFECTS[knob.effect].origin is Origin.ACTUATION else KNOB_STEP
-        step = share * problem.prior.width(knob.effect, knob.members[0])
-        if (knob.effect, knob.members[0]) in at_slack:  # the same step, so that the two are the same direction
-            step = at_slack[knob.effect, knob.members[0]]
-        if knob.value + step > p.high:
+        p = declared(term.effect, problem.vehicle).parameters[term.members[0]]
+        share = LONG_STEP if EFFECTS[term.effect].origin is Origin.ACTUATION else SHORT_STEP
+        step = share * problem.prior.width(term.effect, term.members[0])
+        if (term.effect, term.members[0]) in at_slack:  # the same step, so that the two are the same direction
+            step = at_slack[term.effect, term.members[0]]
+        if term.value + step > p.high:
             step = -step
-        moved.append(explanation.moved({place: knob.value + step}))
+        moved.append(explanation.moved({place: term.value + step}))
         steps.append(step)
     return moved, np.array(steps)
 

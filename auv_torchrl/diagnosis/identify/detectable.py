@@ -37,19 +37,19 @@ def _under(field: Field, slack_covariance: Floats) -> Field:
 
 def _sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estimate]:
     found: dict[str, tuple[float, Estimate]] = {}
-    for i, atom in enumerate(field.problem.atoms):
-        name = field.moved_most(atom)
-        if atom.discrete or not field.seen[i] or (atom.effect, name) in hidden:
+    for i, candidate in enumerate(field.problem.candidates):
+        name = field.moved_most(candidate)
+        if candidate.discrete or not field.seen[i] or (candidate.effect, name) in hidden:
             continue
-        p = declared(atom.effect, field.problem.vehicle).parameters[name]
-        nominal = declared(atom.effect, field.problem.vehicle).nominal[name]
-        shows = float(np.sqrt(SHOWS / field.A[i, i]))  # how much of the atom would show
-        size = abs(atom.values[name] - nominal) * shows
+        p = declared(candidate.effect, field.problem.vehicle).parameters[name]
+        nominal = declared(candidate.effect, field.problem.vehicle).nominal[name]
+        shows = float(np.sqrt(SHOWS / field.A[i, i]))  # how much of the candidate would show
+        size = abs(candidate.values[name] - nominal) * shows
         relative = size / (p.high - p.low)
-        if atom.effect not in found or relative < found[atom.effect][0]:
+        if candidate.effect not in found or relative < found[candidate.effect][0]:
             value = nominal + size if nominal + size <= p.high else nominal - size
             low, high = max(p.low, nominal - size), min(p.high, nominal + size)
-            found[atom.effect] = relative, Estimate(value, low, high, nominal, p.unit)
+            found[candidate.effect] = relative, Estimate(value, low, high, nominal, p.unit)
     return {effect: estimate for effect, (_, estimate) in found.items()}
 
 
@@ -77,17 +77,17 @@ def hidden_members(problem: Problem, found: Found) -> frozenset[Member]:
     if not problem.layout.moves_unseen:
         return frozenset()
     smallest: dict[Member, tuple[float, int]] = {}
-    atoms = problem.atoms
-    for i, atom in enumerate(atoms):
-        if not atom.discrete and found.field.seen[i] and len(atom.values) == 1:
-            (name,) = atom.values
-            size = abs(atom.values[name] - declared(atom.effect, problem.vehicle).nominal[name])
-            smallest[atom.effect, name] = min(smallest.get((atom.effect, name), (np.inf, i)), (size, i))
+    candidates = problem.candidates
+    for i, candidate in enumerate(candidates):
+        if not candidate.discrete and found.field.seen[i] and len(candidate.values) == 1:
+            (name,) = candidate.values
+            size = abs(candidate.values[name] - declared(candidate.effect, problem.vehicle).nominal[name])
+            smallest[candidate.effect, name] = min(smallest.get((candidate.effect, name), (np.inf, i)), (size, i))
     best = found.best
     rows = [best.explanation]
     for _, i in smallest.values():
-        rows += [best.explanation.with_atom(atoms[i], problem.vehicle, sign) for sign in (1.0, -1.0)]
-    chi2 = nudged_chi2(problem, rows, best.base, FOLLOWS)
+        rows += [best.explanation.with_candidate(candidates[i], problem.vehicle, sign) for sign in (1.0, -1.0)]
+    chi2 = nudged_chi2(problem, rows, best.path, FOLLOWS)
     rises = 0.5 * (chi2[1::2] + chi2[2::2]) - chi2[0]  # either way, so that no slope plays a part
     due = np.array([found.field.A[i, i] for _, i in smallest.values()])
     faint = (rises < FAINT * due) & (rises < LITTLE)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.half_turn import turned_round
-from auv_torchrl.diagnosis.identify.hypotheses import Atom
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.thresholds import NOT_EXCLUDED, SAME_MARK
@@ -29,10 +29,10 @@ def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], 
 def _rivals(found: Found) -> list[tuple[str, str]]:
     best = set(found.best.explanation.effects)
     pairs = []
-    for judged in found.fits:
-        other = set(judged.explanation.effects)
+    for fit in found.fits:
+        other = set(fit.explanation.effects)
         mine, theirs = best - other, other - best
-        if len(mine) == len(theirs) == 1 and judged.chi2 < found.best.chi2 + NOT_EXCLUDED:
+        if len(mine) == len(theirs) == 1 and fit.chi2 < found.best.chi2 + NOT_EXCLUDED:
             pairs.append((mine.pop(), theirs.pop()))
     return pairs
 
@@ -41,43 +41,43 @@ def alternatives(problem: Problem, found: Found) -> list[tuple[str, str, Explana
     """What of the best explanation could be something else that leaves the same mark, and the explanation with that."""
     best = found.best.explanation
     others = []
-    for one, other, ratio in _same_atoms(problem, found.field):
+    for one, other, ratio in _same_candidates(problem, found.field):
         for mine, theirs, scale in ((one, other, ratio), (other, one, 1 / ratio)):
             if _acts(mine, best):
-                knobs = [k for k in best.knobs if k.effect == mine.effect and set(k.members) <= set(mine.values)]
-                rest = replace(best, knobs=tuple(k for k in best.knobs if k not in knobs))
-                amount = 1.0 if mine.discrete else scale * _amount(mine, knobs[0], problem)
+                terms = [k for k in best.terms if k.effect == mine.effect and set(k.members) <= set(mine.values)]
+                rest = replace(best, terms=tuple(k for k in best.terms if k not in terms))
+                amount = 1.0 if mine.discrete else scale * _amount(mine, terms[0], problem)
                 others.append(
-                    (_name(mine, theirs), _name(theirs, mine), rest.with_atom(theirs, problem.vehicle, amount))
+                    (_name(mine, theirs), _name(theirs, mine), rest.with_candidate(theirs, problem.vehicle, amount))
                 )
     return others
 
 
-def _same_atoms(problem: Problem, field: Field) -> Iterator[tuple[Atom, Atom, float]]:
-    """Pairs of atoms with the same mark, and how much of the second one is as large as the first."""
+def _same_candidates(problem: Problem, field: Field) -> Iterator[tuple[Candidate, Candidate, float]]:
+    """Pairs of candidates with the same mark, and how much of the second one is as large as the first."""
     size = np.sqrt(np.maximum(np.diag(field.A), 0.0))
     rows = np.flatnonzero(field.seen)
     cosine = field.A[np.ix_(rows, rows)] / np.outer(size[rows], size[rows])
     for a, b in zip(*np.nonzero(np.abs(np.triu(cosine, 1)) > SAME_MARK), strict=True):
-        one, other = problem.atoms[rows[a]], problem.atoms[rows[b]]
+        one, other = problem.candidates[rows[a]], problem.candidates[rows[b]]
         if _name(one, other) != _name(other, one):
             yield one, other, float(np.sign(cosine[a, b]) * size[rows[a]] / size[rows[b]])
 
 
-def _amount(atom: Atom, knob: Knob, problem: Problem) -> float:
-    """How many atoms a fitted value is."""
-    nominal = declared(atom.effect, problem.vehicle).nominal[knob.members[0]]
-    return (knob.value - nominal) / (atom.values[knob.members[0]] - nominal)
+def _amount(candidate: Candidate, term: Term, problem: Problem) -> float:
+    """How many candidates a fitted value is."""
+    nominal = declared(candidate.effect, problem.vehicle).nominal[term.members[0]]
+    return (term.value - nominal) / (candidate.values[term.members[0]] - nominal)
 
 
-def _name(atom: Atom, other: Atom) -> str:
+def _name(candidate: Candidate, other: Candidate) -> str:
     """The effect, or its parameters where the two are of the same effect."""
-    return atom.effect if atom.effect != other.effect else ", ".join(atom.values)
+    return candidate.effect if candidate.effect != other.effect else ", ".join(candidate.values)
 
 
-def _acts(atom: Atom, explanation: Explanation) -> bool:
-    """Whether the explanation has all that the atom changes, and of a swap nothing else."""
-    knobs = [knob for knob in explanation.knobs if knob.effect == atom.effect]
-    if atom.discrete:
-        return bool(knobs) and {(k.members[0], k.value) for k in knobs} == set(atom.values.items())
-    return any(set(knob.members) <= set(atom.values) for knob in knobs)
+def _acts(candidate: Candidate, explanation: Explanation) -> bool:
+    """Whether the explanation has all that the candidate changes, and of a swap nothing else."""
+    terms = [term for term in explanation.terms if term.effect == candidate.effect]
+    if candidate.discrete:
+        return bool(terms) and {(k.members[0], k.value) for k in terms} == set(candidate.values.items())
+    return any(set(term.members) <= set(candidate.values) for term in terms)

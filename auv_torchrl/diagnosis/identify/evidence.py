@@ -26,7 +26,7 @@ class Prior:
         return plausible_range(declared(effect, self.vehicle).parameters[member])
 
     def structure(self, explanation: Explanation) -> float:
-        """Log prior probability of having exactly these knobs."""
+        """Log prior probability of having exactly these terms."""
         effects = explanation.effects
         if not effects:
             return log(self.none)
@@ -35,13 +35,13 @@ class Prior:
         for effect in effects:
             total += log(EFFECTS[effect].odds)
             members = len(declared(effect, self.vehicle).parameters)
-            knobs = [knob for knob in explanation.knobs if knob.effect == effect]
-            if knobs[0].discrete:
-                total -= log(comb(members, min(len(knobs), members)) * max(1, len(knobs) - 1))
+            terms = [term for term in explanation.terms if term.effect == effect]
+            if terms[0].discrete:
+                total -= log(comb(members, min(len(terms), members)) * max(1, len(terms) - 1))
                 continue
-            total += (len(knobs) - 1) * log(ONE_MORE_VALUE)
+            total += (len(terms) - 1) * log(ONE_MORE_VALUE)
             if members > 1:
-                total -= log(members) + log(comb(members, min(len(knobs), members)))  # how many, then which
+                total -= log(members) + log(comb(members, min(len(terms), members)))  # how many, then which
         return total
 
 

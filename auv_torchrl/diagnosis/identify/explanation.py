@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field, replace
 
 from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.hypotheses import Atom, Values
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Values
 from auv_torchrl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
-class Knob:
+class Term:
     """Parameters of one effect that share one value; a discrete one is not fitted."""
 
     effect: str
@@ -26,13 +26,13 @@ class Knob:
 class Explanation:
     """Knobs away from nominal, and small deviations of the slack parameters, added on top."""
 
-    knobs: tuple[Knob, ...] = ()
+    terms: tuple[Term, ...] = ()
     slack: dict[tuple[str, str], float] = field(default_factory=dict)  # (effect, parameter) -> deviation
 
     @property
     def effects(self) -> tuple[str, ...]:
         """Names of the effects in it, in the order in which they were added."""
-        return tuple(dict.fromkeys(knob.effect for knob in self.knobs))
+        return tuple(dict.fromkeys(term.effect for term in self.terms))
 
     @property
     def alone(self) -> "Explanation":
@@ -40,28 +40,28 @@ class Explanation:
         return replace(self, slack={})
 
     @property
-    def fitted(self) -> tuple[Knob, ...]:
-        """The knobs with a continuous value."""
-        return tuple(knob for knob in self.knobs if not knob.discrete)
+    def fitted(self) -> tuple[Term, ...]:
+        """The terms with a continuous value."""
+        return tuple(term for term in self.terms if not term.discrete)
 
     @property
     def members(self) -> set[tuple[str, str]]:
-        """What knobs set, as (effect, parameter)."""
-        return {(knob.effect, member) for knob in self.knobs for member in knob.members}
+        """What terms set, as (effect, parameter)."""
+        return {(term.effect, member) for term in self.terms for member in term.members}
 
     def values(self, vehicle: Vehicle, slack: bool = True) -> Values:
         """Parameter values by effect, slack added unless told otherwise."""
         values: Values = {}
-        names = {knob.effect for knob in self.knobs} | {effect for effect, _ in self.slack}
+        names = {term.effect for term in self.terms} | {effect for effect, _ in self.slack}
         known = {name: declared(name, vehicle) for name in names}
-        for knob in self.knobs:
-            parameters, nominal, _ = known[knob.effect]
-            row = values.setdefault(knob.effect, {})
-            for member in knob.members:
-                if knob.discrete or member not in row:
-                    row[member] = knob.value
-                else:  # two knobs within bounds can add up to an inertia of nothing
-                    both = row[member] + knob.value - nominal[member]
+        for term in self.terms:
+            parameters, nominal, _ = known[term.effect]
+            row = values.setdefault(term.effect, {})
+            for member in term.members:
+                if term.discrete or member not in row:
+                    row[member] = term.value
+                else:  # two terms within bounds can add up to an inertia of nothing
+                    both = row[member] + term.value - nominal[member]
                     row[member] = min(max(both, parameters[member].low), parameters[member].high)
         if slack:
             told = self.members
@@ -74,39 +74,39 @@ class Explanation:
         return values
 
     def moved(self, amounts: dict[int, float]) -> "Explanation":
-        """The explanation with other values of some knobs, by their place."""
-        knobs = [replace(k, value=amounts[i]) if i in amounts else k for i, k in enumerate(self.knobs)]
-        return replace(self, knobs=tuple(knobs))
+        """The explanation with other values of some terms, by their place."""
+        terms = [replace(k, value=amounts[i]) if i in amounts else k for i, k in enumerate(self.terms)]
+        return replace(self, terms=tuple(terms))
 
     def starting_from(self, other: "Explanation") -> "Explanation":
-        """The explanation with the slack of another one, and its values of the knobs that both have."""
-        known = {knob.key: knob for knob in other.knobs}
-        return Explanation(tuple(known.get(knob.key, knob) for knob in self.knobs), other.slack)
+        """The explanation with the slack of another one, and its values of the terms that both have."""
+        known = {term.key: term for term in other.terms}
+        return Explanation(tuple(known.get(term.key, term) for term in self.terms), other.slack)
 
     def without(self, effect: str) -> "Explanation":
         """The explanation less one effect."""
-        return replace(self, knobs=tuple(knob for knob in self.knobs if knob.effect != effect))
+        return replace(self, terms=tuple(term for term in self.terms if term.effect != effect))
 
-    def with_atom(self, atom: Atom, vehicle: Vehicle, amount: float = 1.0) -> "Explanation":
-        """The explanation with one more change; a knob that is there already is moved on."""
-        parameters, nominal, _ = declared(atom.effect, vehicle)
+    def with_candidate(self, candidate: Candidate, vehicle: Vehicle, amount: float = 1.0) -> "Explanation":
+        """The explanation with one more change; a term that is there already is moved on."""
+        parameters, nominal, _ = declared(candidate.effect, vehicle)
         groups: dict[str, list[str]] = {}
-        for member in atom.values:
-            groups.setdefault(parameters[member].name if not atom.discrete else member, []).append(member)
-        knobs = list(self.knobs)
+        for member in candidate.values:
+            groups.setdefault(parameters[member].name if not candidate.discrete else member, []).append(member)
+        terms = list(self.terms)
         for members in groups.values():
             p = parameters[members[0]]
             start = nominal[members[0]]
-            value = atom.values[members[0]]
-            if not atom.discrete:
+            value = candidate.values[members[0]]
+            if not candidate.discrete:
                 value = min(max(start + amount * (value - start), p.low), p.high)
-            fresh = Knob(atom.effect, tuple(members), value, atom.discrete)
-            known = next((i for i, knob in enumerate(knobs) if knob.key == fresh.key), None)
+            fresh = Term(candidate.effect, tuple(members), value, candidate.discrete)
+            known = next((i for i, term in enumerate(terms) if term.key == fresh.key), None)
             if known is None:
-                knobs.append(fresh)
-            elif atom.discrete:
-                knobs[known] = fresh
+                terms.append(fresh)
+            elif candidate.discrete:
+                terms[known] = fresh
             else:
-                moved = min(max(knobs[known].value + fresh.value - start, p.low), p.high)
-                knobs[known] = replace(fresh, value=moved)
-        return replace(self, knobs=tuple(knobs))
+                moved = min(max(terms[known].value + fresh.value - start, p.low), p.high)
+                terms[known] = replace(fresh, value=moved)
+        return replace(self, terms=tuple(terms))

@@ -13,11 +13,11 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import (
     chi2_by_window,
     nudge,
-    rebase,
+    path_under,
     settle_state,
     some_diverged,
 )
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
@@ -36,22 +36,22 @@ SKETCH_STEPS = 6  # at most
 
 
 def fit_by_simulation(
-    problem: Problem, explanation: Explanation, start: Base, rounds: int = 4, enough: float = np.inf
-) -> Judged:
+    problem: Problem, explanation: Explanation, start: WindowPath, rounds: int = 4, enough: float = np.inf
+) -> Fit:
     """Fit all values of an explanation by simulating it, and weigh it.
 
     One that is still beyond a chi-square of ``enough`` when it was fitted once is left at that.
     """
-    best = _descend(problem, rebase(problem, explanation, start), rounds)
+    best = _descend(problem, path_under(problem, explanation, start), rounds)
     if not rounds:
         return replace(best, slack_marks=None)
     searched = search_thresholds(problem, best)
     if searched is not best:
-        best = _descend(problem, searched.base, rounds)
+        best = _descend(problem, searched.path, rounds)
     for _ in range(RELINEARISED if problem.layout.moves_unseen else 0):  # a tilt that nobody measured bends the windows
         if best.nothing_left or not np.isfinite(best.chi2) or best.chi2 > enough:
             break
-        again = _descend(problem, rebase(problem, best.explanation, best.base), rounds)
+        again = _descend(problem, path_under(problem, best.explanation, best.path), rounds)
         if not again.chi2 < best.chi2:
             break
         settled = best.chi2 - again.chi2 <= GAINS_AGAIN * again.chi2
@@ -61,7 +61,7 @@ def fit_by_simulation(
     return replace(best, slack_marks=None)
 
 
-def fit_along_motion(problem: Problem, explanation: Explanation, follow: Base, enough: float = np.inf) -> Judged:
+def fit_along_motion(problem: Problem, explanation: Explanation, follow: WindowPath, enough: float = np.inf) -> Fit:
     """Fit all values of an explanation along the measured motion, and weigh it: a quick look before polishing.
 
     Its forces are exact there, however wrong a simulation that lacks some other effect would go. One that would not
@@ -84,45 +84,45 @@ def fit_along_motion(problem: Problem, explanation: Explanation, follow: Base, e
     return replace(best, slack_marks=None)
 
 
-def fitted_on(problem: Problem, judged: Judged) -> Judged:
+def fitted_on(problem: Problem, fit: Fit) -> Fit:
     """An explanation fitted on while that gains something, in units of what it leaves anyway."""
     for _ in range(FITTED_ON):
-        further = fit_by_simulation(problem, judged.explanation, judged.base)
-        if not further.evidence > judged.evidence + STILL_GAINS * max(1.0, judged.excess):
+        further = fit_by_simulation(problem, fit.explanation, fit.path)
+        if not further.evidence > fit.evidence + STILL_GAINS * max(1.0, fit.excess):
             break
-        judged = further
-    return judged
+        fit = further
+    return fit
 
 
-def rescued(problem: Problem, judged: Judged, follow: Base, enough: float = np.inf) -> Judged:
+def rescued(problem: Problem, fit: Fit, follow: WindowPath, enough: float = np.inf) -> Fit:
     """An explanation that leaves much, fitted again from what it does along the measured motion ``follow``.
 
     Healthy flights make the disturbance that may act so small that a window in which the vehicle tilts elsewhere than
     it seems can be lost, and with it the way of all the others.
     """
-    if problem.known is None or not problem.layout.moves_unseen or not leaves_much(problem, judged):
-        return judged
-    begin = fit_along_motion(problem, replace(judged.explanation, slack={}), follow)
+    if problem.known is None or not problem.layout.moves_unseen or not leaves_much(problem, fit):
+        return fit
+    begin = fit_along_motion(problem, replace(fit.explanation, slack={}), follow)
     again = fit_by_simulation(problem, begin.explanation, follow, enough=enough)
-    return min(judged, again, key=lambda one: one.chi2)
+    return min(fit, again, key=lambda one: one.chi2)
 
 
-def _descend(problem: Problem, base: Base, rounds: int) -> Judged:
+def _descend(problem: Problem, path: WindowPath, rounds: int) -> Fit:
     """Gauss-Newton with a shrinking stride.
 
     Where a step fails, the slack of thresholds stays from there on. Where the first one does because single windows
     diverge, they begin anew behind it.
     """
-    best, *step = assess(problem, base)
+    best, *step = assess(problem, path)
     stride, even = 1.0, bool(problem.even.all())
     for turn in range(rounds):
         if not np.isfinite(best.chi2):
             break
-        knobs, slack = even_step(problem, best) if even else step
-        moved = take_step(problem, best.explanation, stride * knobs, stride * slack)
-        there, before = nudge(problem, moved, best.base), best
-        if turn == 0 and not _chi2(problem, there) <= best.chi2 and some_diverged(problem, best.base, there):
-            there, before = rebase(problem, moved, best.base), None
+        terms, slack = even_step(problem, best) if even else step
+        moved = take_step(problem, best.explanation, stride * terms, stride * slack)
+        there, before = nudge(problem, moved, best.path), best
+        if turn == 0 and not _chi2(problem, there) <= best.chi2 and some_diverged(problem, best.path, there):
+            there, before = path_under(problem, moved, best.path), None
         if not _chi2(problem, there) <= best.chi2 + 0.1:  # NaN where it diverges
             stride, even = (0.3 * stride if even else stride), True
             continue
@@ -134,18 +134,18 @@ def _descend(problem: Problem, base: Base, rounds: int) -> Judged:
     return best
 
 
-def _chi2(problem: Problem, base: Base) -> float:
-    """What :func:`assess` weighs the explanation of a base by, without the marks that a step takes: these take long."""
-    slack = slack_now(problem, base.explanation)
-    return float(chi2_by_window(problem, base.state).sum() + slack @ problem.slack_precision @ slack)
+def _chi2(problem: Problem, path: WindowPath) -> float:
+    """What :func:`assess` weighs the explanation of a path by, without the marks that a step takes: these take long."""
+    slack = slack_now(problem, path.explanation)
+    return float(chi2_by_window(problem, path.state).sum() + slack @ problem.slack_precision @ slack)
 
 
-def measure_noise(problem: Problem, judged: Judged) -> Problem:
+def measure_noise(problem: Problem, fit: Fit) -> Problem:
     """The problem with the sensor noise measured again under a better vehicle; the same where that is no other."""
     if problem.windows.whitening is not None:  # it was made for this noise
         return problem
-    state = judged.base.state
-    free, _ = settle_state(problem, judged.base.vehicle, state, problem.freedom(state, problem.wide))
+    state = fit.path.state
+    free, _ = settle_state(problem, fit.path.vehicle, state, problem.freedom(state, problem.wide))
     measured = sensor_noise(problem.windows, free, problem.sigma, problem.wide)
     if len(measured) < len(problem.sigma):  # too few samples for a free force: the disturbance leaves more of them
         measured = sensor_noise(problem.windows, state, problem.sigma, problem.floor) | measured
@@ -155,9 +155,9 @@ def measure_noise(problem: Problem, judged: Judged) -> Problem:
     return replace(problem, sigma=sigma) if changed else problem
 
 
-def reassess(problem: Problem, judged: Judged) -> Judged:
+def reassess(problem: Problem, fit: Fit) -> Fit:
     """Weigh an explanation again, after the noise was measured anew."""
-    base = nudge(problem, judged.explanation, judged.base)
-    if some_diverged(problem, judged.base, base):
-        base = rebase(problem, judged.explanation, judged.base)
-    return replace(assess(problem, base)[0], slack_marks=None)
+    path = nudge(problem, fit.explanation, fit.path)
+    if some_diverged(problem, fit.path, path):
+        path = path_under(problem, fit.explanation, fit.path)
+    return replace(assess(problem, path)[0], slack_marks=None)

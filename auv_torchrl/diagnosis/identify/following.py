@@ -6,7 +6,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
-from auv_torchrl.diagnosis.identify.judged import Base, force_of_slack, slack_now
+from auv_torchrl.diagnosis.identify.paths import WindowPath, force_of_slack, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
@@ -44,7 +44,7 @@ from auv_torchrl.vehicle import Vehicle
 NOTHING = Explanation()
 
 
-def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tuple[Problem, Base]:
+def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tuple[Problem, WindowPath]:
     """The windows under an explanation, by default none, with a wide force, and the problem with what that shows.
 
     It shows outliers, the noise, where windows begin, and in which of them the motion is known.
@@ -79,18 +79,18 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
         measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
         sigma = problem.believed({n: min(measured.get(n, size), size) for n, size in problem.sigma.items()})
     states = flown(actuate(problem.windows, vehicle), problem.layout, *_one_row(state)[:2])[1]
-    base = Base(explanation, vehicle, state, states[:, 0], problem.windows)
+    path = WindowPath(explanation, vehicle, state, states[:, 0], problem.windows)
     problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)
     if problem.known is not None:
-        problem = hold_unseen(problem, base)
-    return replace(problem, slack_size=force_of_slack(problem, base)), base
+        problem = hold_unseen(problem, path)
+    return replace(problem, slack_size=force_of_slack(problem, path)), path
 
 
 def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tuple[Problem, Smoothed]:
     """Take weight from samples that no force could have reached, and follow their windows again.
 
     The loss is redescending: beyond the threshold a sample counts the less the farther it is off, so that what is
-    left of chi-square is about the rest. Samples are judged where the simulator's error plays no part; later, a
+    left of chi-square is about the rest. Samples are fit where the simulator's error plays no part; later, a
     large residual may be the simulator's.
     """
     windows = problem.windows
@@ -126,7 +126,7 @@ def follow_freely(problem: Problem, windows: Windows, vehicle: Vehicle, prior: F
     return follow(windows, vehicle, problem.layout, problem.sigma, problem.wide if prior is None else prior, begin)
 
 
-def rebase(problem: Problem, explanation: Explanation, start: Base) -> Base:
+def path_under(problem: Problem, explanation: Explanation, start: WindowPath) -> WindowPath:
     """The windows under another explanation, from what is left of the force when the explanation is taken out."""
     vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
     explained = start.course.forces(coefficients(vehicle))[:, 0, :, problem.layout.dof]
@@ -135,46 +135,46 @@ def rebase(problem: Problem, explanation: Explanation, start: Base) -> Base:
     explained = np.moveaxis(explained, 0, -1)  # an index array behind a slice puts its axis first
     bins = start.state.bins - np.add.reduceat(explained, edges, axis=1) / counts[:, None]
     state = local_slopes(problem.windows, vehicle, problem.layout, start.state.start, bins)
-    base = settle_base(problem, explanation, vehicle, state)
-    lost = misfit(problem.windows, base.state.residual, problem.sigma) > LOST
+    path = settle_path(problem, explanation, vehicle, state)
+    lost = misfit(problem.windows, path.state.residual, problem.sigma) > LOST
     if lost.any() and lost.mean() < MOSTLY_LOST:  # the start was no good; it may be under the right vehicle
         fresh = follow_freely(problem, problem.windows.subset(lost), vehicle, problem.floor)
-        base = settle_base(
-            problem, explanation, vehicle, replaced(problem.windows, vehicle, problem.layout, base.state, lost, fresh)
+        path = settle_path(
+            problem, explanation, vehicle, replaced(problem.windows, vehicle, problem.layout, path.state, lost, fresh)
         )
-    return hand_on(problem, base)
+    return hand_on(problem, path)
 
 
-def hand_on(problem: Problem, base: Base) -> Base:
+def hand_on(problem: Problem, path: WindowPath) -> WindowPath:
     """Windows that got stuck begin anew: where a free force had them begin, or where the one before them ends."""
     windows = problem.windows
     follows = (windows.episode[:, None] == windows.episode) & (windows.start[:, None] == windows.start + windows.steps)
     before = np.where(follows.any(1), follows.argmax(1), -1)
-    chi2 = chi2_by_window(problem, base.state)
+    chi2 = chi2_by_window(problem, path.state)
     astray = np.flatnonzero(~(chi2 < LOST_START * np.median(chi2)))
-    if len(astray) and _stuck(problem, base).mean() <= MOSTLY_LOST:
-        base = _begun_anew(problem, base, astray, problem.seen_start[astray])
+    if len(astray) and _stuck(problem, path).mean() <= MOSTLY_LOST:
+        path = _begun_anew(problem, path, astray, problem.seen_start[astray])
     for _ in range(HEIRS):
-        stuck = _stuck(problem, base)
+        stuck = _stuck(problem, path)
         heirs = np.flatnonzero(stuck & (before >= 0) & ~stuck[before])
         if not len(heirs) or stuck.mean() > MOSTLY_LOST:
             break
-        ends = base.course.sensors.reported_start(base.states[:, -1])  # (W, 12), as the start of what follows
-        fresh = _begun_anew(problem, base, heirs, ends[before[heirs]])
-        if fresh is base:
+        ends = path.course.sensors.reported_start(path.states[:, -1])  # (W, 12), as the start of what follows
+        fresh = _begun_anew(problem, path, heirs, ends[before[heirs]])
+        if fresh is path:
             break
-        base = fresh
-    return base
+        path = fresh
+    return path
 
 
-def _stuck(problem: Problem, base: Base) -> np.ndarray:
+def _stuck(problem: Problem, path: WindowPath) -> np.ndarray:
     """(W,) windows that leave more than an explanation that is about right would."""
-    return ~(chi2_by_window(problem, base.state) < STUCK * problem.windows.numbers_of_each)
+    return ~(chi2_by_window(problem, path.state) < STUCK * problem.windows.numbers_of_each)
 
 
-def some_diverged(problem: Problem, *bases: Base) -> bool:
+def some_diverged(problem: Problem, *bases: WindowPath) -> bool:
     """Whether some windows, but few, diverge in one of these."""
-    astray = [chi2_by_window(problem, base.state) >= DIVERGED for base in bases]
+    astray = [chi2_by_window(problem, path.state) >= DIVERGED for path in bases]
     return any(lost.any() for lost in astray) and all(lost.mean() < FEW_LOST for lost in astray)
 
 
@@ -183,30 +183,30 @@ def chi2_by_window(problem: Problem, state: Smoothed) -> Floats:
     return chi_square(problem.windows, problem.layout, problem.freedom(state), *_one_row(state))[:, 0]
 
 
-def _begun_anew(problem: Problem, base: Base, rows: np.ndarray, starts: Floats) -> Base:
-    """The base with some windows settled from other starts (rows, 12), where that is better."""
-    layout, state = problem.layout, base.state
+def _begun_anew(problem: Problem, path: WindowPath, rows: np.ndarray, starts: Floats) -> WindowPath:
+    """The path with some windows settled from other starts (rows, 12), where that is better."""
+    layout, state = problem.layout, path.state
     some = problem.windows.subset(rows)
-    fresh = local_slopes(some, base.vehicle, layout, starts, np.zeros_like(state.bins[rows]))
+    fresh = local_slopes(some, path.vehicle, layout, starts, np.zeros_like(state.bins[rows]))
     freedom = Freedom.of(some, layout, fresh.slope, problem.sigma, problem.floor)
-    start, bins, residual, _ = settle(some, base.vehicle, layout, freedom, *_one_row(fresh), SETTLING)
+    start, bins, residual, _ = settle(some, path.vehicle, layout, freedom, *_one_row(fresh), SETTLING)
     chi2 = chi_square(some, layout, freedom, start, bins, residual)[:, 0]
     better = chi2 < chi2_by_window(problem, state)[rows]
     if not better.any():
-        return base
+        return path
     fresh = replace(fresh, start=start[:, 0], bins=bins[:, 0], residual=residual[:, 0])
-    state = replaced(problem.windows, base.vehicle, problem.layout, state, rows[better], fresh.rows(better))
-    return settle_base(problem, base.explanation, base.vehicle, state)
+    state = replaced(problem.windows, path.vehicle, problem.layout, state, rows[better], fresh.rows(better))
+    return settle_path(problem, path.explanation, path.vehicle, state)
 
 
-def nudge(problem: Problem, explanation: Explanation, start: Base) -> Base:
+def nudge(problem: Problem, explanation: Explanation, start: WindowPath) -> WindowPath:
     """The windows under an explanation that differs a little from that of ``start``."""
     vehicle, state = batch(problem.vehicle, [explanation.values(problem.vehicle)]), start.state
     fresh = settle(problem.windows, vehicle, problem.layout, problem.freedom(state), *_one_row(state)[:2])
-    return Base(explanation, vehicle, *_taken_on(state, fresh), problem.windows)
+    return WindowPath(explanation, vehicle, *_taken_on(state, fresh), problem.windows)
 
 
-def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base, steps: int = 1) -> Floats:
+def nudged_chi2(problem: Problem, explanations: list[Explanation], start: WindowPath, steps: int = 1) -> Floats:
     """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
     vehicles = batch(problem.vehicle, [explanation.values(problem.vehicle) for explanation in explanations])
     freedom = problem.freedom(start.state)
@@ -218,10 +218,10 @@ def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Base, 
     return chi2 + ((slack @ problem.slack_precision) * slack).sum(-1)
 
 
-def settle_base(problem: Problem, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> Base:
+def settle_path(problem: Problem, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> WindowPath:
     """The windows under an explanation, settled from a state near by whose residual is that of the vehicle."""
     settled = settle_state(problem, vehicle, state, problem.freedom(state))
-    return Base(explanation, vehicle, *settled, problem.windows)
+    return WindowPath(explanation, vehicle, *settled, problem.windows)
 
 
 def settle_state(problem: Problem, vehicle: Vehicle, state: Smoothed, freedom: Freedom) -> tuple[Smoothed, Floats]:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.fit import reassess
-from auv_torchrl.diagnosis.identify.judged import Base, Judged
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.sysid.trace import SearchTrace
@@ -17,10 +17,10 @@ class Found:
     """The explanations of a log that were simulated, the best of them, and what they rest on."""
 
     problem: Problem  # with the sensor noise that was found
-    follow: Base  # nominal vehicle, the gap in a free force
-    none: Judged
-    best: Judged
-    fits: tuple[Judged, ...]  # all that were simulated, the highest evidence first
+    follow: WindowPath  # nominal vehicle, the gap in a free force
+    none: Fit
+    best: Fit
+    fits: tuple[Fit, ...]  # all that were simulated, the highest evidence first
     field: Field  # responses to all changes at the nominal vehicle
     trace: SearchTrace
 
@@ -39,5 +39,5 @@ class Found:
         if problem.known is None or not problem.known.of_itself:
             return self.excess
         stated = np.array(problem.settings.floor_force)[problem.layout.dof]
-        judged = reassess(replace(problem, floor=stated), self.best)
-        return judged.excess
+        fit = reassess(replace(problem, floor=stated), self.best)
+        return fit.excess

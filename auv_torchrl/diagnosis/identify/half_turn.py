@@ -24,24 +24,27 @@ NEARLY = 0.1  # rad away from half a turn, in which a value of a scan or of a fi
 def turned_round(problem: Problem, found: Found) -> list[tuple[str, str]]:
     """What of the best explanation exchanges thrusters, and what leaves the same mark with the heading turned round."""
     best = found.best.explanation
-    exchanged = [knob for knob in best.knobs if knob.discrete]
+    exchanged = [term for term in best.terms if term.discrete]
     if not exchanged:
         return []
     turned = [
-        knob for knob in best.knobs if not knob.discrete and _angle(problem, Explanation((knob,))) > np.pi - NEARLY
+        term for term in best.terms if not term.discrete and _angle(problem, Explanation((term,))) > np.pi - NEARLY
     ]
-    rest = replace(best, knobs=tuple(knob for knob in best.knobs if knob not in (*exchanged, *turned)))
+    rest = replace(best, terms=tuple(term for term in best.terms if term not in (*exchanged, *turned)))
     turns = [([], rest)] if turned else _half_turns(problem, rest)
     others = [
-        (" with ".join([*turn, _exchange(atom.effect, atom.values)]), around.with_atom(atom, problem.vehicle))
+        (
+            " with ".join([*turn, _exchange(candidate.effect, candidate.values)]),
+            around.with_candidate(candidate, problem.vehicle),
+        )
         for turn, around in turns
-        for atom in problem.atoms
-        if atom.discrete
+        for candidate in problem.candidates
+        if candidate.discrete
     ]
     if not others:
         return []
-    own = _exchange(exchanged[0].effect, [knob.members[0] for knob in exchanged])
-    mine = " with ".join([*(knob.effect for knob in turned), own])
+    own = _exchange(exchanged[0].effect, [term.members[0] for term in exchanged])
+    mine = " with ".join([*(term.effect for term in turned), own])
     same = _same_mark(problem, found, [best, *(other for _, other in others)])
     return [(mine, name) for (name, _), is_same in zip(others, same, strict=True) if is_same]
 
@@ -49,10 +52,10 @@ def turned_round(problem: Problem, found: Found) -> list[tuple[str, str]]:
 def _half_turns(problem: Problem, rest: Explanation) -> list[tuple[list[str], Explanation]]:
     """``rest`` with the heading turned round, by each change of a sensor that can do so."""
     found = []
-    for atom in problem.atoms:
-        angle = 0.0 if atom.discrete else _angle(problem, Explanation().with_atom(atom, problem.vehicle))
+    for candidate in problem.candidates:
+        angle = 0.0 if candidate.discrete else _angle(problem, Explanation().with_candidate(candidate, problem.vehicle))
         if angle > np.pi - NEARLY:
-            found.append(([atom.effect], rest.with_atom(atom, problem.vehicle, np.pi / angle)))
+            found.append(([candidate.effect], rest.with_candidate(candidate, problem.vehicle, np.pi / angle)))
     return found
 
 

@@ -23,10 +23,10 @@ DEFAULT_SCAN = 7  # values across the bounds of a parameter that declares no val
 
 
 @dataclass(frozen=True)
-class Atom:
+class Candidate:
     """One concrete change: parameters of one effect at given values.
 
-    A continuous atom may act by any amount near 1 (``elastic``) or at all (not), 0 being the nominal vehicle.
+    A continuous candidate may act by any amount near 1 (``elastic``) or at all (not), 0 being the nominal vehicle.
     """
 
     effect: str
@@ -114,44 +114,44 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
     return changed.whole if isinstance(changed, Changing) else changed
 
 
-def make_atoms(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effect] = EFFECTS) -> list[Atom]:
+def make_candidates(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effect] = EFFECTS) -> list[Candidate]:
     """All changes to try on this vehicle."""
-    atoms: list[Atom] = []
+    candidates: list[Candidate] = []
     for name, effect in effects.items():
         if name in settings.left_out:
             continue
         together, scans = settings.together_of(effect), settings.scans_of(effect)
         if any(p.discrete for p in effect.parameters):
-            atoms += _permutations(effect, vehicle)
+            candidates += _permutations(effect, vehicle)
         elif together:
-            atoms += [Atom(name, dict(values)) for values in together]
+            candidates += [Candidate(name, dict(values)) for values in together]
         else:
             for p in effect.parameters:
-                atoms += _one_by_one(effect, p, vehicle, scans.get(p.name))
-    acts = do_change(vehicle, [(atom.effect, atom.values) for atom in atoms])
-    return [atom for atom, does in zip(atoms, acts, strict=True) if does]
+                candidates += _one_by_one(effect, p, vehicle, scans.get(p.name))
+    acts = do_change(vehicle, [(candidate.effect, candidate.values) for candidate in candidates])
+    return [candidate for candidate, does in zip(candidates, acts, strict=True) if does]
 
 
-def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Scan | None) -> list[Atom]:
+def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Scan | None) -> list[Candidate]:
     members = p.members(vehicle)
     nominal = {member: p.nominal_value(vehicle, member) for member in members}
     scan = scan or Scan(tuple(float(v) for v in np.linspace(p.low, p.high, DEFAULT_SCAN)))
     groups: list[tuple[str, ...]] = [(member,) for member in members]
     if len(members) > 1 and scan.all and len(set(nominal.values())) == 1:
-        groups.append(members)  # a knob is one value; members that differ have none in common
+        groups.append(members)  # a term is one value; members that differ have none in common
     found = []
     for group in groups:
         now = nominal[group[0]]
         values = [v * now if scan.relative else v for v in scan.values]
         found += [
-            Atom(effect.name, dict.fromkeys(group, float(value)), elastic=not scan.linear)
+            Candidate(effect.name, dict.fromkeys(group, float(value)), elastic=not scan.linear)
             for value in values
             if p.low <= value <= p.high and value != now
         ]
     return found
 
 
-def _permutations(effect: Effect, vehicle: Vehicle) -> list[Atom]:
+def _permutations(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
     """Exchanges of two thrusters, and 3-cycles of those that push alike (all horizontal, or all vertical)."""
     n = vehicle.thrusters
     rings: list[tuple[int, ...]] = [(i, j) for i, j in combinations(range(1, n + 1), 2)]
@@ -162,7 +162,7 @@ def _permutations(effect: Effect, vehicle: Vehicle) -> list[Atom]:
             rings += [(first, *order) for order in permutations(rest)]
     key = effect.parameters[0].name
     return [
-        Atom(
+        Candidate(
             effect.name,
             {f"{key}_{receiver}": float(giver) for giver, receiver in zip(ring, ring[1:] + ring[:1], strict=True)},
             discrete=True,

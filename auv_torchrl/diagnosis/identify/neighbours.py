@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field, moves_all
 from auv_torchrl.diagnosis.identify.steps import bounded_step, change_of_chi2, take_step
@@ -37,13 +37,13 @@ class Neighbour:
     """An explanation to fit, and the windows from which its fit begins."""
 
     explanation: Explanation
-    base: Base
+    path: WindowPath
 
     @property
     def key(self) -> Key:
         """Which values it sets, whatever they are; those of discrete parameters count."""
-        knobs = self.explanation.knobs
-        return tuple(sorted((*knob.key, knob.value if knob.discrete else 0.0) for knob in knobs))
+        terms = self.explanation.terms
+        return tuple(sorted((*term.key, term.value if term.discrete else 0.0) for term in terms))
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class Neighbourhood:
     """The neighbours of the best fit so far."""
 
     problem: Problem
-    follow: Base  # the measured motion
+    follow: WindowPath  # the measured motion
     field: Field  # responses to all changes along it, without an effect
-    best: Judged
+    best: Fit
     is_known: Callable[[Proposal[Neighbour]], bool]  # whether a proposal was fitted before, and promises no more
 
     @cached_property
@@ -74,14 +74,14 @@ class Neighbourhood:
         problem, mine = self.problem, set(self.best.explanation.effects)
         if len(mine) >= MOST_EFFECTS:
             return []
-        fields = [(Field.of(problem, self.best.base), self.best.base)] if mine else [(self.field, self.follow)]
+        fields = [(Field.of(problem, self.best.path), self.best.path)] if mine else [(self.field, self.follow)]
         if mine and leaves_much(problem, self.best):
             fields.append((Field.of(problem, self.follow, self.best.explanation), self.follow))
         promised: dict[Key, Proposal[Neighbour]] = {}
-        for field, base in fields:
+        for field, path in fields:
             here = field.none().evidence
             for one in field.families():
-                what, added = Neighbour(one.explanation, base), set(one.explanation.effects) - mine
+                what, added = Neighbour(one.explanation, path), set(one.explanation.effects) - mine
                 if self._are_twins(added, mine):
                     continue
                 how = f"with {_words(added)}" if added else "with more values of what is there"
@@ -110,10 +110,10 @@ class Neighbourhood:
 
     def smaller(self) -> list[Proposal[Neighbour]]:
         """Without one value or one effect, unless the quadratic of the best fit excludes that."""
-        knobs, here = self.best.explanation.knobs, self.here
-        parts: set[tuple[int, ...]] = {(place,) for place in range(len(knobs))}
+        terms, here = self.best.explanation.terms, self.here
+        parts: set[tuple[int, ...]] = {(place,) for place in range(len(terms))}
         effects = self.best.explanation.effects
-        parts |= {tuple(p for p, knob in enumerate(knobs) if knob.effect == name) for name in effects}
+        parts |= {tuple(p for p, term in enumerate(terms) if term.effect == name) for name in effects}
         found: dict[tuple[int, ...], Proposal[Neighbour]] = {one: self._without(one) for one in sorted(parts)}
         together: tuple[int, ...] = ()  # what may go at once, the least needed first
         for places in sorted(found, key=lambda places: -promise(found[places])):
@@ -129,40 +129,40 @@ class Neighbourhood:
 
     def _without(self, places: tuple[int, ...]) -> Proposal[Neighbour]:
         """Without the values at some places of the best fit."""
-        knobs = self.best.explanation.knobs
-        nominal = [declared(knob.effect, self.problem.vehicle).nominal[knob.members[0]] for knob in knobs]
+        terms = self.best.explanation.terms
+        nominal = [declared(term.effect, self.problem.vehicle).nominal[term.members[0]] for term in terms]
         moved, rise = held_at(self.problem, self.best, {place: nominal[place] for place in places})
-        kept = tuple(knob for place, knob in enumerate(moved.knobs) if place not in places)
-        gone = [f"{knobs[place].effect} {knobs[place].members[0]}" for place in places]
+        kept = tuple(term for place, term in enumerate(moved.terms) if place not in places)
+        gone = [f"{terms[place].effect} {terms[place].members[0]}" for place in places]
         how = f"without {_words(gone) if len(gone) < 3 else f'{len(gone)} values'}"
         return self._fewer(Explanation(kept, moved.slack), rise, how)
 
     def _merged(self) -> list[Proposal[Neighbour]]:
         """With one value for all members of a family of which most have a value of their own."""
-        found, knobs = [], self.best.explanation.knobs
-        whole = [atom for atom in self.problem.atoms if moves_all(self.problem, atom)]
-        for effect, members in dict.fromkeys((atom.effect, tuple(atom.values)) for atom in whole):
-            own = [p for p, knob in enumerate(knobs) if knob.effect == effect and set(knob.members) < set(members)]
+        found, terms = [], self.best.explanation.terms
+        whole = [candidate for candidate in self.problem.candidates if moves_all(self.problem, candidate)]
+        for effect, members in dict.fromkeys((candidate.effect, tuple(candidate.values)) for candidate in whole):
+            own = [p for p, term in enumerate(terms) if term.effect == effect and set(term.members) < set(members)]
             if 2 * len(own) <= len(members):
                 continue
-            shared = float(np.median([knobs[place].value for place in own]))
+            shared = float(np.median([terms[place].value for place in own]))
             moved, rise = held_at(self.problem, self.best, dict.fromkeys(own, shared))
-            others = tuple(knob for place, knob in enumerate(moved.knobs) if place not in own)
-            one = Explanation((*others, Knob(effect, members, shared)), moved.slack)
+            others = tuple(term for place, term in enumerate(moved.terms) if place not in own)
+            one = Explanation((*others, Term(effect, members, shared)), moved.slack)
             found.append(self._fewer(one, rise, f"with one value for all of {_words([effect])}"))
         return found
 
     def _fewer(self, explanation: Explanation, rise: float, how: str) -> Proposal[Neighbour]:
         prior = self.problem.prior
         gain = prior.structure(explanation) - prior.structure(self.best.explanation) - 0.5 * rise
-        return self._proposal(Neighbour(explanation, self.best.base), gain, self.best.chi2 + rise, how)
+        return self._proposal(Neighbour(explanation, self.best.path), gain, self.best.chi2 + rise, how)
 
     def exchanged(self) -> list[Proposal[Neighbour]]:
         """With the likeliest other effect in place of one of several."""
         effects, found = self.best.explanation.effects, []
         for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
-            for one in Field.of(self.problem, self.best.base, self.best.explanation.without(effect)).families():
-                what, added = Neighbour(one.explanation, self.best.base), set(one.explanation.effects) - set(effects)
+            for one in Field.of(self.problem, self.best.path, self.best.explanation.without(effect)).families():
+                what, added = Neighbour(one.explanation, self.best.path), set(one.explanation.effects) - set(effects)
                 if not added or self._are_twins(added, (effect,)):
                     continue
                 how = f"with {_words(added)} in place of {_words([effect])}"
@@ -203,20 +203,20 @@ def weighed(
     return Record(names, flat, evidence - structure, weight, misfit, proposed, outcome)
 
 
-def held_at(problem: Problem, judged: Judged, values: Mapping[int, float]) -> tuple[Explanation, float]:
+def held_at(problem: Problem, fit: Fit, values: Mapping[int, float]) -> tuple[Explanation, float]:
     """An explanation with values, by place, held, all else moved as fits best, and by how much chi-square rises.
 
     The rise is that of its quadratic, from its minimum on; where a discrete value is among them, 0 is returned.
     """
-    knobs = judged.explanation.knobs
-    if any(knobs[place].discrete for place in values) or not np.isfinite(judged.chi2):
-        return judged.explanation, 0.0
-    order = {place: i for i, place in enumerate(p for p, knob in enumerate(knobs) if not knob.discrete)}
+    terms = fit.explanation.terms
+    if any(terms[place].discrete for place in values) or not np.isfinite(fit.chi2):
+        return fit.explanation, 0.0
+    order = {place: i for i, place in enumerate(p for p, term in enumerate(terms) if not term.discrete)}
     first = len(problem.slack)
-    held = {first + order[p]: (value - knobs[p].value) / judged.steps[order[p]] for p, value in values.items()}
-    step = bounded_step(problem, judged, held)
-    rise = change_of_chi2(problem, judged, *step) - change_of_chi2(problem, judged, *bounded_step(problem, judged))
-    return take_step(problem, judged.explanation, *step), rise
+    held = {first + order[p]: (value - terms[p].value) / fit.steps[order[p]] for p, value in values.items()}
+    step = bounded_step(problem, fit, held)
+    rise = change_of_chi2(problem, fit, *step) - change_of_chi2(problem, fit, *bounded_step(problem, fit))
+    return take_step(problem, fit.explanation, *step), rise
 
 
 def promise(proposal: Proposal[Neighbour]) -> float:

@@ -8,7 +8,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate_prepared
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -27,7 +27,7 @@ class Onset:
     behind: np.ndarray  # (W,) bool
 
 
-def find_onset(problem: Problem, follow: Base) -> Onset | None:
+def find_onset(problem: Problem, follow: WindowPath) -> Onset | None:
     """The moment at which the missing force sets in, None where it is not small before and large behind.
 
     The force in each degree of freedom is taken as white with one size before the moment and another behind it, and
@@ -69,7 +69,7 @@ def find_onset(problem: Problem, follow: Base) -> Onset | None:
     return Onset(float(passed) + within, int(windows.number[window]), within, early, late)
 
 
-def _wakes_up(windows: Windows, follow: Base, early: np.ndarray, late: np.ndarray) -> bool:
+def _wakes_up(windows: Windows, follow: WindowPath, early: np.ndarray, late: np.ndarray) -> bool:
     """Whether what the thrusters change and how the vehicle moves both grow from ``early`` to ``late`` windows (W,).
 
     By as much as the missing force must: what is wrong with a vehicle shows in proportion to them.
@@ -89,7 +89,7 @@ def blocks(problem: Problem) -> tuple[int, int]:
     return layout.bins // width, width
 
 
-def force_scatter(problem: Problem, follow: Base) -> tuple[Floats, float]:
+def force_scatter(problem: Problem, follow: WindowPath) -> tuple[Floats, float]:
     """What the mean force in :func:`blocks` scatters by, (D,) or (W, count, D), and its square that is noise.
 
     White noise is the same everywhere, and it takes no size. Other errors come with manoeuvres, which begin and end: a

@@ -14,7 +14,7 @@ def effect_probabilities(found: Found, unknown: float) -> dict[str, float]:
     that something outside the library acts: what is found beside it may stand in for it.
     """
     tempering = found.problem.settings.tempering
-    probability = dict.fromkeys(sorted({atom.effect for atom in found.problem.atoms}), 0.0)
+    probability = dict.fromkeys(sorted({candidate.effect for candidate in found.problem.candidates}), 0.0)
     probability |= probabilities(found.trace, tempering, NONE)
     for name in probability:
         probability[name] *= 1 - (unknown if name == NONE else STANDS_IN * unknown)

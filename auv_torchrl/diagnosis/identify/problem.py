@@ -1,4 +1,4 @@
-"""What explanations of one log are judged by: windows, vehicle, settings, noise, disturbance and slack."""
+"""What explanations of one log are fit by: windows, vehicle, settings, noise, disturbance and slack."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -8,7 +8,14 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from auv_torchrl.diagnosis.identify.evidence import Prior
-from auv_torchrl.diagnosis.identify.hypotheses import Atom, Settings, batch, make_atoms, sensor_slack, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import (
+    Candidate,
+    Settings,
+    batch,
+    make_candidates,
+    sensor_slack,
+    slack_parameters,
+)
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
@@ -21,7 +28,7 @@ from auv_torchrl.vehicle import Vehicle
 
 Slack = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
 LEAST_REACH = 0.1  # N, N m, where thrusters make nothing
-FREEDOMS_KEPT = 4  # those of the base, of a trial and of their wide force; each holds as much as the slopes,
+FREEDOMS_KEPT = 4  # those of the path, of a trial and of their wide force; each holds as much as the slopes,
 FREEDOMS_BYTES = 128 << 20  # and no more than this together
 
 
@@ -56,7 +63,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Problem:
-    """A log cut into windows, the vehicle that should explain it, and all that an explanation is judged by.
+    """A log cut into windows, the vehicle that should explain it, and all that an explanation is fit by.
 
     It is never changed: following the log, measuring its noise again or learning what slack explains gives another one.
     """
@@ -70,7 +77,7 @@ class Problem:
     floor: Floats  # (D,) N, N m: standard deviation of the disturbance in the measured degrees of freedom
     reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom, or in one alike
     wide: Floats  # (D,) N, N m: prior of the force while a wrong model follows the log
-    atoms: tuple[Atom, ...]  # changes to try
+    candidates: tuple[Candidate, ...]  # changes to try
     slack: tuple[Slack, ...]
     slack_covariance: Floats  # (k, k)
     slack_precision: Floats  # (k, k)
@@ -104,7 +111,7 @@ class Problem:
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
         asked = {name: effect for name, effect in EFFECTS.items() if effect.is_asked(windows.channels)}
         shown = {name: effect for name, effect in asked.items() if effect.shows_in(windows.errors.drift)}
-        atoms = tuple(make_atoms(vehicle, settings, shown))
+        candidates = tuple(make_candidates(vehicle, settings, shown))
         return Problem(
             given=windows,
             windows=windows,
@@ -115,11 +122,11 @@ class Problem:
             floor=floor[layout.dof],
             reach=_or_alike(reach),
             wide=reach[layout.dof] * np.where(layout.felt, FELT_ALONE, 1.0),
-            atoms=atoms,
+            candidates=candidates,
             slack=slack,
             slack_covariance=covariance,
             slack_precision=np.linalg.inv(covariance),
-            prior=Prior(vehicle, len({atom.effect for atom in atoms}), settings.prior_none),
+            prior=Prior(vehicle, len({candidate.effect for candidate in candidates}), settings.prior_none),
             rough_noise=rough,
             noisier=noisier,
             sigma=believed_noise(known, noisier, rough),

@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
-from auv_torchrl.diagnosis.identify.judged import Base, slack_now
+from auv_torchrl.diagnosis.identify.paths import WindowPath, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import marks, reading_changes
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, SlackMarks, pooled, reduce
@@ -21,7 +21,7 @@ MARKS_BYTES = 32 << 20  # of the marks of all changes; some such arrays are in u
 
 def quadratic(
     problem: Problem,
-    base: Base,
+    path: WindowPath,
     changes: list[Explanation],
     around: Explanation | None = None,
     slack_marks: SlackMarks | None = None,
@@ -29,58 +29,58 @@ def quadratic(
 ) -> Quadratic:
     """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
 
-    It is taken ``around`` an explanation, by default that of the base; another one acts as the force that it makes
-    along the motion of the base. ``slack_marks`` are those of :func:`mark_slack` if they are known, ``chosen`` is
+    It is taken ``around`` an explanation, by default that of the path; another one acts as the force that it makes
+    along the motion of the path. ``slack_marks`` are those of :func:`mark_slack` if they are known, ``chosen`` is
     a mask (W,) of the windows that count, by default all.
     """
     if slack_marks is None:
-        slack_marks = mark_slack(problem, base, base.explanation if around is None else around)
+        slack_marks = mark_slack(problem, path, path.explanation if around is None else around)
     if chosen is None:
         chosen = np.ones(len(problem.windows), bool)
-    return pooled(_parts(problem, base, changes, around, slack_marks), chosen)
+    return pooled(_parts(problem, path, changes, around, slack_marks), chosen)
 
 
 def _parts(
-    problem: Problem, base: Base, changes: list[Explanation], around: Explanation | None, slack_marks: SlackMarks
+    problem: Problem, path: WindowPath, changes: list[Explanation], around: Explanation | None, slack_marks: SlackMarks
 ) -> Iterator[Parts]:
     """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
-    freedom = problem.freedom(base.state)
+    freedom = problem.freedom(path.state)
     slack = slack_marks.under(freedom)
-    for some, columns, there in _marks_in_pieces(problem, base, changes, around):
-        windows, state = base.course.rows(some).windows, base.state.rows(some)
+    for some, columns, there in _marks_in_pieces(problem, path, changes, around):
+        windows, state = path.course.rows(some).windows, path.state.rows(some)
         if there is not None:
             state = replace(state, residual=state.residual - there)
         yield reduce(windows, problem.layout, freedom.rows(some), state, columns, slack.rows(some))
 
 
-def mark_slack(problem: Problem, base: Base, at: Explanation) -> SlackMarks:
-    """Marks of the slack parameters around an explanation on the windows of a base."""
+def mark_slack(problem: Problem, path: WindowPath, at: Explanation) -> SlackMarks:
+    """Marks of the slack parameters around an explanation on the windows of a path."""
     moved, steps = [], np.empty(len(problem.slack))
     for column, parameter in enumerate(problem.slack):
         key = parameter[:2]
         steps[column] = problem.slack_step(parameter)
         moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
-    pieces = _marks_in_pieces(problem, base, moved, None if at == base.explanation else at)
+    pieces = _marks_in_pieces(problem, path, moved, None if at == path.explanation else at)
     marked = np.concatenate([columns for _, columns, _ in pieces]) / steps
-    freedom = problem.freedom(base.state)
+    freedom = problem.freedom(path.state)
     return SlackMarks(freedom, freedom.reduced(marked))
 
 
 def _marks_in_pieces(
-    problem: Problem, base: Base, changes: list[Explanation], around: Explanation | None
+    problem: Problem, path: WindowPath, changes: list[Explanation], around: Explanation | None
 ) -> Iterator[tuple[slice, Floats, Floats | None]]:
-    """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the base."""
+    """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the path."""
     rows = [change.values(problem.vehicle) for change in (*changes, *([around] if around else []))]
     changed = prepare(batch(problem.vehicle, rows)).numpy() if rows else None
-    now = base.coefficients
-    for some in in_pieces(len(problem.windows), len(rows), base.state.residual[0].size):
+    now = path.coefficients
+    for some in in_pieces(len(problem.windows), len(rows), path.state.residual[0].size):
         if changed is None:
-            yield some, np.empty((*base.state.residual[some].shape, 0)), None
+            yield some, np.empty((*path.state.residual[some].shape, 0)), None
             continue
-        course = base.course.rows(some)
+        course = path.course.rows(some)
         windows, forces = course.windows, course.forces(changed)
-        columns = marks(windows, now, problem.layout, base.state.rows(some), forces)
-        read = reading_changes(windows, now, changed, base.states[some])
+        columns = marks(windows, now, problem.layout, path.state.rows(some), forces)
+        read = reading_changes(windows, now, changed, path.states[some])
         columns = columns if read is None else columns + read
         if around is None:
             yield some, columns, None

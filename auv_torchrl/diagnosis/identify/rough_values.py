@@ -5,7 +5,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.assess import assess
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
-from auv_torchrl.diagnosis.identify.judged import Judged, leaves_much, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import moved_along
 from auv_torchrl.diagnosis.identify.valley import walks
@@ -21,7 +21,7 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Valley
 
 
-def search_thresholds(problem: Problem, best: Judged) -> Judged:
+def search_thresholds(problem: Problem, best: Fit) -> Fit:
     """Try values near by for effects that switch single samples, because there chi-square is rough.
 
     The smooth numbers go along with each. Slack of thresholds is tried too, however well the log is explained: fits
@@ -29,10 +29,10 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
     """
     if not np.isfinite(best.chi2):
         return best
-    for order, knob in enumerate(best.explanation.fitted):
-        if problem.settings.is_rough(knob.effect):
+    for order, term in enumerate(best.explanation.fitted):
+        if problem.settings.is_rough(term.effect):
             for reach in THRESHOLD_REACH:
-                width = reach * problem.prior.width(knob.effect, knob.members[0])
+                width = reach * problem.prior.width(term.effect, term.members[0])
                 best = _best_along(problem, best, [{len(problem.slack) + order: width * u} for u in TRIED_STEPS])
     for column, (effect, _, _, width) in enumerate(problem.slack):
         if problem.settings.is_rough(effect):
@@ -46,7 +46,7 @@ def search_thresholds(problem: Problem, best: Judged) -> Judged:
     return best
 
 
-def _search_valley(problem: Problem, best: Judged, effect: str, valley: Valley) -> Judged:
+def _search_valley(problem: Problem, best: Fit, effect: str, valley: Valley) -> Fit:
     """Try values near by of a number, with others moved so that the vehicle does about the same."""
     there = {(name, (member,)) for name, member, _, _ in problem.slack} | {k.key for k in best.explanation.fitted}
     name, member = valley.beside
@@ -62,19 +62,19 @@ def _search_valley(problem: Problem, best: Judged, effect: str, valley: Valley) 
     return best
 
 
-def _best_along(problem: Problem, best: Judged, amounts: list[dict[int, float]]) -> Judged:
+def _best_along(problem: Problem, best: Fit, amounts: list[dict[int, float]]) -> Fit:
     """The best of an explanation and of those with some numbers moved by amounts, alone or the others along."""
     return _best_of(problem, best, [moved_along(problem, best, some, on) for on in (True, False) for some in amounts])
 
 
-def _best_of(problem: Problem, best: Judged, trials: list[Explanation]) -> Judged:
+def _best_of(problem: Problem, best: Fit, trials: list[Explanation]) -> Fit:
     """The best of an explanation and of some that differ a little from it.
 
     Chi-square says to second order what it would be once starts and disturbance have settled: few need to settle.
     """
-    foretold = nudged_chi2(problem, trials, best.base, steps=0)
+    foretold = nudged_chi2(problem, trials, best.path, steps=0)
     likely = [trials[row] for row in foretold.argsort()[:SETTLED_TRIALS]]
-    chi2 = nudged_chi2(problem, likely, best.base)
+    chi2 = nudged_chi2(problem, likely, best.path)
     if not chi2.min() < best.chi2 - 0.1:
         return best
-    return assess(problem, nudge(problem, likely[int(chi2.argmin())], best.base), before=best)[0]
+    return assess(problem, nudge(problem, likely[int(chi2.argmin())], best.path), before=best)[0]

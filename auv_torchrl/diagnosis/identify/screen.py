@@ -1,4 +1,4 @@
-"""Which effects could explain a log, or what an explanation leaves: all atoms judged at once on one quadratic."""
+"""Which effects could explain a log, or what an explanation leaves: all candidates fit at once on one quadratic."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,19 +6,19 @@ from itertools import combinations
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import knob_changes, log_evidence
+from auv_torchrl.diagnosis.identify.assess import log_evidence, term_changes
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import volume
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.hypotheses import Atom
-from auv_torchrl.diagnosis.identify.judged import Base, slack_now
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate
+from auv_torchrl.diagnosis.identify.paths import WindowPath, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
 from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
 from auv_torchrl.diagnosis.motion.minimum import SINGULAR, bounded_minimum, solve_semidefinite
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_KNOBS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
+from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_TERMS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
 
 
 @dataclass(frozen=True)
@@ -32,43 +32,43 @@ class Screened:
 
 @dataclass(frozen=True)
 class Field:
-    """The quadratic of all atoms at a base, slack and the values of its explanation fitted."""
+    """The quadratic of all candidates at a path, slack and the values of its explanation fitted."""
 
     problem: Problem
-    explanation: Explanation  # on top of which the atoms act
-    quadratic: Quadratic  # of slack, the values of the explanation, and atoms
+    explanation: Explanation  # on top of which the candidates act
+    quadratic: Quadratic  # of slack, the values of the explanation, and candidates
     values: tuple[Floats, Floats, Floats]  # (m,) prior precision of steps of these values, and their bounds in steps
     b: Floats  # (N,) slack fitted
     A: Floats  # (N, N) slack fitted
-    pull: Floats  # (N,) prior precision of each amount, about 1 for scanned atoms, else about 0
+    pull: Floats  # (N,) prior precision of each amount, about 1 for scanned candidates, else about 0
     centre: Floats  # (N,)
 
     @property
     def seen(self) -> np.ndarray:
-        """(N,) atoms that leave any mark on this log."""
+        """(N,) candidates that leave any mark on this log."""
         return np.diag(self.A) > SEEN_AT_ALL
 
     @staticmethod
-    def of(problem: Problem, base: Base, around: Explanation | None = None) -> "Field":
-        """Mark every atom on the windows of ``base``, on top of its explanation or of another one."""
-        explanation = base.explanation if around is None else around
-        moved, steps = knob_changes(problem, explanation)
-        atoms = [explanation.with_atom(atom, problem.vehicle) for atom in problem.atoms]
-        q = quadratic(problem, base, [*moved, *atoms], around, chosen=problem.followed)
+    def of(problem: Problem, path: WindowPath, around: Explanation | None = None) -> "Field":
+        """Mark every candidate on the windows of ``path``, on top of its explanation or of another one."""
+        explanation = path.explanation if around is None else around
+        moved, steps = term_changes(problem, explanation)
+        candidates = [explanation.with_candidate(candidate, problem.vehicle) for candidate in problem.candidates]
+        q = quadratic(problem, path, [*moved, *candidates], around, chosen=problem.followed)
         b, A = without_slack(problem, q, explanation)
         b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
         values = value_steps(problem, explanation, steps)
-        width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.atoms]
-        centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in problem.atoms])
+        width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.candidates]
+        centre = np.array([1.0 if a.discrete or a.elastic else 0.0 for a in problem.candidates])
         return Field(problem, explanation, q, values, b, A, np.array(width) ** -2.0, centre)
 
     @property
     def constant(self) -> float:
-        """Chi-square of the explanation of the base, slack and values fitted."""
+        """Chi-square of the explanation of the path, slack and values fitted."""
         return self.fit([])[0]
 
     def fit(self, chosen: list[int], amounts: Floats | None = None) -> tuple[float, Floats]:
-        """Chi-square and amounts of some atoms together, or chi-square at given amounts.
+        """Chi-square and amounts of some candidates together, or chi-square at given amounts.
 
         Slack is fitted too, but no further than slack goes: what lies beyond must be an effect. So are the values that
         the explanation has already, because what is added may take over a part of what they do.
@@ -107,20 +107,20 @@ class Field:
         return H, g, low, high, float(toward @ pull @ toward)
 
     def judge(self, chosen: list[int]) -> Screened:
-        """Weigh some atoms together, on top of the explanation of the base."""
+        """Weigh some candidates together, on top of the explanation of the path."""
         amounts = self.fit(chosen)[1]
         problem, explanation = self.problem, self.explanation
         units, widths, fitted, reached = [], [], [], []
         for i, amount in zip(chosen, amounts, strict=True):
-            atom = problem.atoms[i]
+            candidate = problem.candidates[i]
             before = explanation
-            explanation = explanation.with_atom(atom, problem.vehicle, float(amount))
-            if not atom.discrete:
-                unit, width = self._unit(atom)
+            explanation = explanation.with_candidate(candidate, problem.vehicle, float(amount))
+            if not candidate.discrete:
+                unit, width = self._unit(candidate)
                 units.append(unit)
                 widths.append(width)
                 fitted.append(i)
-                reached.append(self._reached(atom, before, explanation, float(amount)))
+                reached.append(self._reached(candidate, before, explanation, float(amount)))
             else:
                 reached.append(1.0)
         curvature = self.A[np.ix_(fitted, fitted)] / np.outer(units, units)
@@ -128,27 +128,32 @@ class Field:
         evidence = log_evidence(problem, chi2, explanation) + volume(curvature, np.array(widths))
         return Screened(explanation, chi2, evidence)
 
-    def _unit(self, atom: Atom) -> tuple[float, float]:
-        """Change of the parameter that an atom moves most, and the plausible range of that parameter."""
-        most = self.moved_most(atom)
-        nominal = declared(atom.effect, self.problem.vehicle).nominal[most]
-        return atom.values[most] - nominal, self.problem.prior.width(atom.effect, most)
+    def _unit(self, candidate: Candidate) -> tuple[float, float]:
+        """Change of the parameter that an candidate moves most, and the plausible range of that parameter."""
+        most = self.moved_most(candidate)
+        nominal = declared(candidate.effect, self.problem.vehicle).nominal[most]
+        return candidate.values[most] - nominal, self.problem.prior.width(candidate.effect, most)
 
-    def moved_most(self, atom: Atom) -> str:
-        """The parameter that an atom moves most, for its plausible range."""
-        nominal = declared(atom.effect, self.problem.vehicle).nominal
+    def moved_most(self, candidate: Candidate) -> str:
+        """The parameter that an candidate moves most, for its plausible range."""
+        nominal = declared(candidate.effect, self.problem.vehicle).nominal
         width = self.problem.prior.width
-        return max(atom.values, key=lambda name: abs(atom.values[name] - nominal[name]) / width(atom.effect, name))
+        return max(
+            candidate.values,
+            key=lambda name: abs(candidate.values[name] - nominal[name]) / width(candidate.effect, name),
+        )
 
-    def _reached(self, atom: Atom, before: Explanation, after: Explanation, amount: float) -> float:
+    def _reached(self, candidate: Candidate, before: Explanation, after: Explanation, amount: float) -> float:
         """The amount that the bounds of the parameters leave, of the ``amount`` asked for."""
-        unbound = amount * self._unit(atom)[0]
-        name = self.moved_most(atom)
-        moved = _value(after, atom.effect, name, self.problem) - _value(before, atom.effect, name, self.problem)
+        unbound = amount * self._unit(candidate)[0]
+        name = self.moved_most(candidate)
+        moved = _value(after, candidate.effect, name, self.problem) - _value(
+            before, candidate.effect, name, self.problem
+        )
         return amount * moved / unbound if unbound else 0.0
 
     def none(self) -> Screened:
-        """The explanation of the base alone."""
+        """The explanation of the path alone."""
         constant = self.constant
         return Screened(self.explanation, constant, log_evidence(self.problem, constant, self.explanation))
 
@@ -162,7 +167,7 @@ class Field:
         size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
         same = np.abs(self.A) > SAME_MARK * np.outer(size, size)
         rows = {
-            name: [i for i, a in enumerate(self.problem.atoms) if a.effect == name and self.seen[i]]
+            name: [i for i, a in enumerate(self.problem.candidates) if a.effect == name and self.seen[i]]
             for name in self._names
         }
         return {
@@ -173,31 +178,31 @@ class Field:
 
     @property
     def _names(self) -> list[str]:
-        return list(dict.fromkeys(self.problem.atoms[i].effect for i in np.flatnonzero(self.seen)))
+        return list(dict.fromkeys(self.problem.candidates[i].effect for i in np.flatnonzero(self.seen)))
 
     def _family(self, name: str) -> Screened:
         """The best explanation by members of a family."""
-        inside = [i for i, atom in enumerate(self.problem.atoms) if atom.effect == name and self.seen[i]]
+        inside = [i for i, candidate in enumerate(self.problem.candidates) if candidate.effect == name and self.seen[i]]
         # once all members are moved, none is added
-        alone = [i for i in inside if not moves_all(self.problem, self.problem.atoms[i])]
+        alone = [i for i in inside if not moves_all(self.problem, self.problem.candidates[i])]
         ways = [inside, alone] if 0 < len(alone) < len(inside) else [inside]
         return max((self._grown(way) for way in ways), key=lambda grown: grown.evidence)
 
     def _grown(self, inside: list[int]) -> Screened:
-        """The best explanation by the first atom of some, and by further ones while that pays."""
+        """The best explanation by the first candidate of some, and by further ones while that pays."""
         chosen = [inside[int(with_each(self, [], inside).argmin())]]
         best = self.judge(chosen)
-        while len(chosen) < MOST_KNOBS and (free := [i for i in inside if not _overlaps(self, i, chosen)]):
+        while len(chosen) < MOST_TERMS and (free := [i for i in inside if not _overlaps(self, i, chosen)]):
             chosen = [*chosen, free[int(with_each(self, chosen, free).argmin())]]
-            judged = self.judge(chosen)
-            if judged.evidence <= best.evidence:
+            fit = self.judge(chosen)
+            if fit.evidence <= best.evidence:
                 break
-            best = judged
+            best = fit
         return best
 
 
 def with_each(field: Field, chosen: list[int], others: list[int]) -> Floats:
-    """Chi-square (N,) of chosen atoms and one of ``N`` others, as :meth:`Field.fit` has it: one solution serves all."""
+    """Chi-square (N,) of chosen candidates and one of ``N`` others, as :meth:`Field.fit` has it, by one solution."""
     H, g, low, high, paid = field._pulled
     first = len(low)
     inside, beside = [*range(first), *(first + i for i in chosen)], [first + i for i in others]
@@ -222,10 +227,10 @@ def with_each(field: Field, chosen: list[int], others: list[int]) -> Floats:
 
 
 def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
-    """Whether an atom says the same as chosen ones, or moves what they move."""
-    mine = field.problem.atoms[i]
+    """Whether an candidate says the same as chosen ones, or moves what they move."""
+    mine = field.problem.candidates[i]
     for j in chosen:
-        other = field.problem.atoms[j]
+        other = field.problem.candidates[j]
         if abs(field.A[i, j]) > SAME_MARK * np.sqrt(field.A[i, i] * field.A[j, j]):
             return True
         if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
@@ -233,10 +238,14 @@ def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
     return False
 
 
-def moves_all(problem: Problem, atom: Atom) -> bool:
-    """Whether an atom moves all members of a family of parameters by one value."""
-    parameters = declared(atom.effect, problem.vehicle).parameters
-    return len(atom.values) > 1 and not atom.discrete and len({parameters[name].name for name in atom.values}) == 1
+def moves_all(problem: Problem, candidate: Candidate) -> bool:
+    """Whether an candidate moves all members of a family of parameters by one value."""
+    parameters = declared(candidate.effect, problem.vehicle).parameters
+    return (
+        len(candidate.values) > 1
+        and not candidate.discrete
+        and len({parameters[name].name for name in candidate.values}) == 1
+    )
 
 
 def _value(explanation: Explanation, effect: str, member: str, problem: Problem) -> float:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Knob
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import (
     fit_by_simulation,
     fitted_on,
@@ -20,8 +20,8 @@ from auv_torchrl.diagnosis.identify.fit import (
     rescued,
 )
 from auv_torchrl.diagnosis.identify.found import Found
-from auv_torchrl.diagnosis.identify.judged import Base, Judged, leaves_much
 from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, promise, weighed
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.thresholds import (
@@ -43,7 +43,7 @@ Progress = Callable[[str, float], None]
 
 
 def search(
-    problem: Problem, follow: Base, progress: Progress, begin: Sequence[Explanation] = (), further: bool = True
+    problem: Problem, follow: WindowPath, progress: Progress, begin: Sequence[Explanation] = (), further: bool = True
 ) -> Found:
     """The explanation with the highest posterior, and all that were looked at on the way to it.
 
@@ -70,10 +70,10 @@ def search(
     return replace(whole, trace=found.trace.instead(names, Outcome.STEP))
 
 
-class _EffectSearch(Search[Neighbour, Judged]):
+class _EffectSearch(Search[Neighbour, Fit]):
     """A search for effects on its way."""
 
-    def __init__(self, problem: Problem, follow: Base, progress: Progress) -> None:
+    def __init__(self, problem: Problem, follow: WindowPath, progress: Progress) -> None:
         super().__init__()
         self._problem, self._follow, self._progress = problem, follow, progress
         self._tried: dict[Key, list[float]] = {}  # log posteriors of the fits of each explanation
@@ -99,7 +99,7 @@ class _EffectSearch(Search[Neighbour, Judged]):
         fits = tuple(one if one is best or one is none else one.set_aside() for one in ranked)
         return Found(self._problem, self._follow, none, best, fits, self._field, trace)
 
-    def neighbours(self, way: Way, best: Judged) -> Sequence[Proposal[Neighbour]]:
+    def neighbours(self, way: Way, best: Fit) -> Sequence[Proposal[Neighbour]]:
         """See :meth:`Search.neighbours`."""
         self._progress("comparing explanations", min(0.9, 0.45 + 0.02 * len(self.fits)))
         for place, one in enumerate(self.fits):  # slopes of what is far behind would fill the memory
@@ -108,19 +108,19 @@ class _EffectSearch(Search[Neighbour, Judged]):
         around = Neighbourhood(self._problem, self._follow, self._field, best, self._is_known)
         return {Way.LARGER: around.larger, Way.SMALLER: around.smaller, Way.EXCHANGED: around.exchanged}[way]()
 
-    def fit(self, proposal: Proposal[Neighbour], best: Judged) -> Judged:
+    def fit(self, proposal: Proposal[Neighbour], best: Fit) -> Fit:
         """See :meth:`Search.fit`; what comes near the best is fitted to the end before the two are compared."""
         fitted = self._fitted(proposal.what)
         near = self.posterior(best) - CONTENDS < self.posterior(fitted) < self.posterior(best)
         contends = near and not leaves_much(self._problem, best)
         return fitted_on(self._problem, fitted) if contends else fitted
 
-    def record(self, fitted: Judged, proposed: str, outcome: Outcome) -> Record:
+    def record(self, fitted: Fit, proposed: str, outcome: Outcome) -> Record:
         """See :meth:`Search.record`."""
         numbers = self._field.quadratic.numbers
         return weighed(self._problem, fitted.explanation, fitted.evidence, fitted.excess, numbers, proposed, outcome)
 
-    def settled(self, best: Judged) -> Judged:
+    def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
 
         The noise is measured again under an explanation that leaves little.
@@ -131,7 +131,7 @@ class _EffectSearch(Search[Neighbour, Judged]):
         anew = measure_noise(self._problem, fitted)
         return fitted if anew is self._problem else self._under_other_noise(anew, best, fitted)
 
-    def _without_effects(self) -> Judged:
+    def _without_effects(self) -> Fit:
         """No effect; where an effect promises far more, the nuisance parameters need not be fitted."""
         problem, none, numbers = self._problem, self._field.none(), self._field.quadratic.numbers
         first = max((one.evidence for one in self._field.families()), default=-np.inf)
@@ -139,9 +139,9 @@ class _EffectSearch(Search[Neighbour, Judged]):
         fitted = fit_by_simulation(problem, Explanation(), self._follow, rounds=0 if hopeless else 4)
         return fitted if hopeless else rescued(problem, fitted, self._follow)
 
-    def _fitted(self, what: Neighbour) -> Judged:
+    def _fitted(self, what: Neighbour) -> Fit:
         enough = FAR_BEHIND * min(one.chi2 for one in self.fits)
-        fitted = fit_by_simulation(self._problem, what.explanation, what.base, enough=enough)
+        fitted = fit_by_simulation(self._problem, what.explanation, what.path, enough=enough)
         fitted = rescued(self._problem, fitted, self._follow, enough)
         self._tried.setdefault(what.key, []).append(self.posterior(fitted))
         return fitted
@@ -151,7 +151,7 @@ class _EffectSearch(Search[Neighbour, Judged]):
         before = self._tried.get(proposal.what.key, [])
         return len(before) >= FITTED_FROM or promise(proposal) < max(before, default=-np.inf) + SETTLED
 
-    def _under_other_noise(self, problem: Problem, noted: Judged, best: Judged) -> Judged:
+    def _under_other_noise(self, problem: Problem, noted: Fit, best: Fit) -> Fit:
         """The best explanation under another noise, and with it those that contend; all else changes by as much."""
         contend = [one for one in self.fits if self.posterior(one) > self.posterior(noted) - CONTENDS]
         self._problem, again = problem, reassess(problem, best)
@@ -159,25 +159,25 @@ class _EffectSearch(Search[Neighbour, Judged]):
         self.records = [replace(record, log_evidence=record.log_evidence + shift) for record in self.records]
         self._tried = {key: [before + shift for before in fits] for key, fits in self._tried.items()}
         for one in contend:
-            if one is not noted and one.base.state.slope.size:
+            if one is not noted and one.path.state.slope.size:
                 self.exchange(one, reassess(problem, one))
         return again
 
-    def _by_plainer_names(self, best: Judged) -> Judged:
+    def _by_plainer_names(self, best: Fit) -> Fit:
         """The same vehicle where a value of one effect is one of a plainer effect, as no thrust limit is no gain."""
-        tried = {atom.effect for atom in self._problem.atoms}
+        tried = {candidate.effect for candidate in self._problem.candidates}
 
-        def plainer(knob: Knob) -> Knob:
-            same_as = EFFECTS[knob.effect].same_as
-            same = [same_as(best.base.vehicle, member, knob.value) if same_as else None for member in knob.members]
+        def plainer(term: Term) -> Term:
+            same_as = EFFECTS[term.effect].same_as
+            same = [same_as(best.path.vehicle, member, term.value) if same_as else None for member in term.members]
             known = [one for one in same if one is not None and one[0] in tried]
             if len(known) < len(same):
-                return knob
-            return Knob(known[0][0], tuple(member for _, member, _ in known), known[0][2])
+                return term
+            return Term(known[0][0], tuple(member for _, member, _ in known), known[0][2])
 
-        knobs = tuple(plainer(knob) for knob in best.explanation.knobs)
-        if knobs == best.explanation.knobs:
+        terms = tuple(plainer(term) for term in best.explanation.terms)
+        if terms == best.explanation.terms:
             return best
-        renamed = fit_by_simulation(self._problem, replace(best.explanation, knobs=knobs), best.base)
+        renamed = fit_by_simulation(self._problem, replace(best.explanation, terms=terms), best.path)
         self.exchange(best, renamed)
         return renamed

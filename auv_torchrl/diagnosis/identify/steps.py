@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.motion.within import minimum_within
@@ -15,40 +15,40 @@ from auv_torchrl.diagnosis.motion.within import minimum_within
 
 def value_steps(problem: Problem, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:
     """Prior precision and bounds (m,) of the fitted values, in ``steps`` away from where they are."""
-    bounds = [declared(knob.effect, problem.vehicle).parameters[knob.members[0]] for knob in explanation.fitted]
-    widths = np.array([problem.prior.width(knob.effect, knob.members[0]) for knob in explanation.fitted])
+    bounds = [declared(term.effect, problem.vehicle).parameters[term.members[0]] for term in explanation.fitted]
+    widths = np.array([problem.prior.width(term.effect, term.members[0]) for term in explanation.fitted])
     room = np.array([
-        sorted(((p.low - knob.value) / step, (p.high - knob.value) / step))
-        for p, knob, step in zip(bounds, explanation.fitted, steps, strict=True)
+        sorted(((p.low - term.value) / step, (p.high - term.value) / step))
+        for p, term, step in zip(bounds, explanation.fitted, steps, strict=True)
     ]).reshape(-1, 2)  # fmt: skip
     return (steps / widths) ** 2, room[:, 0], room[:, 1]
 
 
-def moved_along(problem: Problem, judged: Judged, amounts: Mapping[int, float], along: bool = True) -> Explanation:
-    """The explanation with some numbers, of slack or fitted knobs, moved by amounts.
+def moved_along(problem: Problem, fit: Fit, amounts: Mapping[int, float], along: bool = True) -> Explanation:
+    """The explanation with some numbers, of slack or fitted terms, moved by amounts.
 
-    ``amounts`` are by column of the quadratic: slack first, then fitted knobs. The others go ``along`` as fits
+    ``amounts`` are by column of the quadratic: slack first, then fitted terms. The others go ``along`` as fits
     best, or stay.
     """
-    units = np.concatenate([np.ones(len(problem.slack)), judged.steps])
+    units = np.concatenate([np.ones(len(problem.slack)), fit.steps])
     held = dict.fromkeys(range(0 if along else len(units)), 0.0)
     held |= {column: amount / units[column] for column, amount in amounts.items()}
-    return take_step(problem, judged.explanation, *bounded_step(problem, judged, held))
+    return take_step(problem, fit.explanation, *bounded_step(problem, fit, held))
 
 
-def even_step(problem: Problem, judged: Judged) -> tuple[Floats, Floats]:
-    """Gauss-Newton step of knobs and slack in which no slack of a threshold moves."""
-    return bounded_step(problem, judged, dict.fromkeys(np.flatnonzero(~problem.even).tolist(), 0.0))
+def even_step(problem: Problem, fit: Fit) -> tuple[Floats, Floats]:
+    """Gauss-Newton step of terms and slack in which no slack of a threshold moves."""
+    return bounded_step(problem, fit, dict.fromkeys(np.flatnonzero(~problem.even).tolist(), 0.0))
 
 
-def bounded_step(problem: Problem, judged: Judged, held: Mapping[int, float] | None = None) -> tuple[Floats, Floats]:
-    """Gauss-Newton step of knobs and slack, all within their bounds: slack goes no further than slack does.
+def bounded_step(problem: Problem, fit: Fit, held: Mapping[int, float] | None = None) -> tuple[Floats, Floats]:
+    """Gauss-Newton step of terms and slack, all within their bounds: slack goes no further than slack does.
 
     Some columns may be ``held`` at an amount.
     """
-    q, steps = judged.quadratic, judged.steps
-    k, at = len(problem.slack), slack_now(problem, judged.explanation)
-    stiffness, least, most = value_steps(problem, judged.explanation, steps)
+    q, steps = fit.quadratic, fit.steps
+    k, at = len(problem.slack), slack_now(problem, fit.explanation)
+    stiffness, least, most = value_steps(problem, fit.explanation, steps)
     pull = joint_precision(problem.slack_precision, stiffness)
     toward = np.concatenate([-problem.slack_precision @ at, np.zeros(len(steps))])
     least_slack, most_slack = problem.slack_bounds
@@ -61,23 +61,23 @@ def bounded_step(problem: Problem, judged: Judged, held: Mapping[int, float] | N
 
 
 def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_step: Floats) -> Explanation:
-    """The explanation after a step of its knobs and of its slack, within bounds."""
+    """The explanation after a step of its terms and of its slack, within bounds."""
     amounts, order = {}, 0
-    for place, knob in enumerate(explanation.knobs):
-        if knob.discrete:
+    for place, term in enumerate(explanation.terms):
+        if term.discrete:
             continue
-        p = declared(knob.effect, problem.vehicle).parameters[knob.members[0]]
-        amounts[place] = float(np.clip(knob.value + step[order], p.low, p.high))
+        p = declared(term.effect, problem.vehicle).parameters[term.members[0]]
+        amounts[place] = float(np.clip(term.value + step[order], p.low, p.high))
         order += 1
     moved = np.clip(slack_now(problem, explanation) + slack_step, *problem.slack_bounds).tolist()
     slack = {(effect, member): value for (effect, member, _, _), value in zip(problem.slack, moved, strict=True)}
     return replace(explanation.moved(amounts), slack=slack)
 
 
-def change_of_chi2(problem: Problem, judged: Judged, step: Floats, slack_step: Floats) -> float:
-    """What a step of the fitted knobs and of slack adds to chi-square, by the quadratic of an explanation."""
-    q, at = judged.quadratic, slack_now(problem, judged.explanation)
-    x = np.concatenate([slack_step, step / judged.steps])
+def change_of_chi2(problem: Problem, fit: Fit, step: Floats, slack_step: Floats) -> float:
+    """What a step of the fitted terms and of slack adds to chi-square, by the quadratic of an explanation."""
+    q, at = fit.quadratic, slack_now(problem, fit.explanation)
+    x = np.concatenate([slack_step, step / fit.steps])
     moved = at + slack_step
     prior = moved @ problem.slack_precision @ moved - at @ problem.slack_precision @ at
     return float(x @ q.A @ x - 2 * q.b @ x + prior)
@@ -95,9 +95,9 @@ def parted_from_slack(problem: Problem, explanation: Explanation) -> Explanation
     at = slack_now(problem, explanation)
     pull = np.linalg.inv(problem.known.slack_covariance) if problem.known else problem.slack_precision
     by = np.linalg.lstsq(own.T @ pull @ own, own.T @ pull @ at, rcond=None)[0]
-    places = [place for place, knob in enumerate(explanation.knobs) if not knob.discrete]
-    values = [knob.value + amount for knob, amount in zip(explanation.fitted, by.tolist(), strict=True)]
-    bounds = [declared(knob.effect, problem.vehicle).parameters[knob.members[0]] for knob in explanation.fitted]
+    places = [place for place, term in enumerate(explanation.terms) if not term.discrete]
+    values = [term.value + amount for term, amount in zip(explanation.fitted, by.tolist(), strict=True)]
+    bounds = [declared(term.effect, problem.vehicle).parameters[term.members[0]] for term in explanation.fitted]
     if not all(p.low <= value <= p.high for p, value in zip(bounds, values, strict=True)):
         return explanation
     slack = dict(zip([entry[:2] for entry in problem.slack], (at - own @ by).tolist(), strict=True))
@@ -108,10 +108,10 @@ def shared_with_slack(problem: Problem, explanation: Explanation) -> Floats:
     """(k, m) 1 where slack changes a member of a fitted value, and the two add up in all members of that value."""
     own = np.zeros((len(problem.slack), len(explanation.fitted)))
     rows = {entry[:2]: row for row, entry in enumerate(problem.slack)}
-    for column, knob in enumerate(explanation.fitted):
-        parameters = declared(knob.effect, problem.vehicle).parameters
-        if all((knob.effect, member) in rows and not parameters[member].loose for member in knob.members):
-            own[[rows[knob.effect, member] for member in knob.members], column] = 1.0
+    for column, term in enumerate(explanation.fitted):
+        parameters = declared(term.effect, problem.vehicle).parameters
+        if all((term.effect, member) in rows and not parameters[member].loose for member in term.members):
+            own[[rows[term.effect, member] for member in term.members], column] = 1.0
     return own
 
 

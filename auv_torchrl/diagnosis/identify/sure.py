@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.judged import Judged, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, slack_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import (
     joint_precision,
@@ -32,7 +32,7 @@ class Minimum:
     curvature: Floats  # (n, n) there
 
 
-def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
+def as_sure(problem: Problem, fit: Fit) -> tuple[Explanation, Floats]:
     """The explanation with its values, and their covariance (m, m), where slack is as wide as this log shows it.
 
     Its share of the width that slack may have is the likeliest one (type II maximum likelihood): of a vehicle that
@@ -45,13 +45,13 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     does, whose direction shows what heave is to sway: then values go with it. Else they are as unsure as what they owe
     to it (Schmidt 1966, consider covariance).
     """
-    explanation, known = parted_from_slack(problem, judged.explanation), problem.known
-    k, n = len(problem.slack), len(judged.quadratic.b)
+    explanation, known = parted_from_slack(problem, fit.explanation), problem.known
+    k, n = len(problem.slack), len(fit.quadratic.b)
     scales = np.empty((k, 0)) if known is None or known.scales is None else known.scales
-    numbers = np.concatenate([_as_one_number(problem, judged), np.pad(scales, ((0, n - k), (0, 0)))], axis=1)
-    A, b = numbers.T @ judged.quadratic.A @ numbers, numbers.T @ judged.quadratic.b
+    numbers = np.concatenate([_as_one_number(problem, fit), np.pad(scales, ((0, n - k), (0, 0)))], axis=1)
+    A, b = numbers.T @ fit.quadratic.A @ numbers, numbers.T @ fit.quadratic.b
     width, measured = (known.slack_covariance, known.shrinks) if known else (problem.slack_covariance, None)
-    given = problem, explanation, judged.steps
+    given = problem, explanation, fit.steps
     at_fit = next(_by_share(*given, A[:n, :n], b[:n], problem.slack_covariance)).step
     left = np.linalg.inv(max(_by_share(*given, A, b, width, measured), key=LIKELIHOOD).curvature)[n:, n:]
     size, directions = np.linalg.eigh(left)
@@ -64,20 +64,20 @@ def as_sure(problem: Problem, judged: Judged) -> tuple[Explanation, Floats]:
     owed = np.concatenate([-np.linalg.solve(best.curvature, A[:free, free:]), held])
     covariance = np.pad(np.linalg.inv(best.curvature), (0, len(held))) + owed @ owed.T
     of_scales, by = _of_a_share(problem, explanation) @ scales, step[:n] - at_fit
-    said = take_step(problem, explanation, by[k:] * judged.steps + of_scales @ step[n:], by[:k])
-    to_values = np.concatenate([np.diag(judged.steps), of_scales], axis=1)
+    said = take_step(problem, explanation, by[k:] * fit.steps + of_scales @ step[n:], by[:k])
+    to_values = np.concatenate([np.diag(fit.steps), of_scales], axis=1)
     return said, to_values @ covariance[k:, k:] @ to_values.T
 
 
-def likeliest(problem: Problem, judged: Judged) -> Explanation:
+def likeliest(problem: Problem, fit: Fit) -> Explanation:
     """The explanation at the minimum of its quadratic, all slack as wide as this log shows it.
 
     A fit that stopped short may have slack undo half of a value that is as good as nothing.
     """
-    q, k = judged.quadratic, len(problem.slack)
-    shares = _by_share(problem, judged.explanation, judged.steps, q.A, q.b, problem.slack_covariance)
+    q, k = fit.quadratic, len(problem.slack)
+    shares = _by_share(problem, fit.explanation, fit.steps, q.A, q.b, problem.slack_covariance)
     step = max(shares, key=LIKELIHOOD).step
-    return parted_from_slack(problem, take_step(problem, judged.explanation, step[k:] * judged.steps, step[:k]))
+    return parted_from_slack(problem, take_step(problem, fit.explanation, step[k:] * fit.steps, step[:k]))
 
 
 def _by_share(
@@ -107,17 +107,17 @@ def _by_share(
         yield Minimum(float(0.5 * (slope @ step - at @ pull @ at - volumes)), step, curvature)
 
 
-def _as_one_number(problem: Problem, judged: Judged) -> Floats:
-    """What slack and fitted knobs do (k + m, k + m), where slack of a number that a knob has does what the knob does.
+def _as_one_number(problem: Problem, fit: Fit) -> Floats:
+    """What slack and fitted terms do (k + m, k + m), where slack of a number that a term has does what the term does.
 
     Their slopes differ by rounding alone, and a log that tells the number well would part them by that.
     """
-    shared = shared_with_slack(problem, judged.explanation)
+    shared = shared_with_slack(problem, fit.explanation)
     k, m = shared.shape
     as_one = np.eye(k + m)
     for order in np.flatnonzero(shared.sum(0) == 1):
         column = int(shared[:, order].argmax())
-        as_one[column, column], as_one[k + order, column] = 0.0, 1 / judged.steps[order]
+        as_one[column, column], as_one[k + order, column] = 0.0, 1 / fit.steps[order]
     return as_one
 
 
@@ -125,8 +125,8 @@ def _of_a_share(problem: Problem, explanation: Explanation) -> Floats:
     """What (m, k) values of factors gain where slack moves the vehicle that they are factors of: half stays half."""
     own = shared_with_slack(problem, explanation).T
     gained = np.zeros_like(own)
-    for row, knob in enumerate(explanation.fitted):
-        parameters, nominal, _ = declared(knob.effect, problem.vehicle)
-        if own[row].any() and parameters[knob.members[0]].is_factor:
-            gained[row] = (1 - knob.value / nominal[knob.members[0]]) * own[row] / own[row].sum()
+    for row, term in enumerate(explanation.fitted):
+        parameters, nominal, _ = declared(term.effect, problem.vehicle)
+        if own[row].any() and parameters[term.members[0]].is_factor:
+            gained[row] = (1 - term.value / nominal[term.members[0]]) * own[row] / own[row].sum()
     return gained

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic
 from auv_torchrl.diagnosis.thresholds import TELLS, UNTOLD
 
 
-def hold_unseen(problem: Problem, follow: Base) -> Problem:
+def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
     """The problem with slack that keeps its width only along directions of which its windows tell something.
 
     Healthy flights leave open what moves nothing, as twice the inertia with twice the thrust and drag. To first order

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.judged import Base
+from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import marks
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, reduce
@@ -31,12 +31,12 @@ STICTIONS = (0.05, 0.1, 0.2)  # of the full command, by which it must change bef
 
 
 @DIVERGING
-def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str, float]]:
+def attribute(problem: Problem, path: WindowPath) -> tuple[dict[str, float], dict[str, float]]:
     """Shares of the gap by origin and by thruster, each summing to 1; both empty where nothing predicts the gap.
 
     The second is empty too unless most of the gap comes from the thrusters.
     """
-    groups = forces(problem, base)
+    groups = forces(problem, path)
     names = list(groups)
     owner = np.repeat(np.arange(len(names)), [groups[name].shape[1] for name in names])
     columns = np.concatenate([groups[name] for name in names], axis=1)
@@ -47,7 +47,7 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
     size = np.sqrt(((columns[..., problem.layout.dof] / problem.wide) ** 2).sum(-1).mean((0, 2)))
     kept = size > 1e-6
     owner, columns = owner[kept], columns[:, kept] / size[kept][None, :, None, None]
-    folds = _folds(problem, base, columns, known)
+    folds = _folds(problem, path, columns, known)
 
     def predicted(players: Sequence[int]) -> float:
         return _predicted(folds, np.flatnonzero(np.isin(owner, list(players))))
@@ -68,15 +68,15 @@ def attribute(problem: Problem, base: Base) -> tuple[dict[str, float], dict[str,
     )
 
 
-def forces(problem: Problem, base: Base) -> dict[int | Origin, Floats]:
+def forces(problem: Problem, path: WindowPath) -> dict[int | Origin, Floats]:
     """Forces (W, k, S, 6) in N and N m along the measured motion: by thruster (from 1), and by the other origins."""
-    windows, motion = problem.windows, base.motion
+    windows, motion = problem.windows, path.motion
     command = on_grid(windows, windows.commands)
     earlier = [on_grid(windows, windows.commands, ago) for ago in EARLIER]
     sticking = [on_grid(windows, stuck(windows.commands, width)) for width in STICTIONS]
     smooth = (command, command * np.abs(command), command / np.hypot(command, SOFT), np.abs(command))
     shapes = (*smooth, *earlier, *sticking)
-    c = base.coefficients
+    c = path.coefficients
     push = (c.allocation * c.full_thrust[:, None])[0]  # (6, n)
     found: dict[int | Origin, Floats] = {}
     for i in range(command.shape[-1]):
@@ -111,7 +111,7 @@ def on_grid(windows: Windows, commands: Floats, ago: int = 0) -> Floats:
     return commands[windows.episode[:, None], np.maximum(grid - ago, 0)]
 
 
-def input_mappable(problem: Problem, follow: Base) -> float | None:
+def input_mappable(problem: Problem, follow: WindowPath) -> float | None:
     """Share of the gap that a force affine in the commands closes, best fit; None without a gap."""
     windows, layout = problem.windows, problem.layout
     commands = on_grid(windows, windows.commands)
@@ -157,24 +157,26 @@ def _by_dof(motion: Floats, dof: np.ndarray) -> Floats:
     return np.stack([motion * (np.arange(6) == d) for d in dof], axis=1)
 
 
-def _folds(problem: Problem, base: Base, forces: Floats, followed: np.ndarray) -> list[tuple[Quadratic, Quadratic]]:
+def _folds(
+    problem: Problem, path: WindowPath, forces: Floats, followed: np.ndarray
+) -> list[tuple[Quadratic, Quadratic]]:
     """Windows to fit to and windows to predict, in turn, and what forces (W, N, S, 6) predict of them."""
     turn = np.arange(len(followed)) % FOLDS
-    tests = _quadratics(problem, base, forces, [followed & (turn == k) for k in range(FOLDS)])
+    tests = _quadratics(problem, path, forces, [followed & (turn == k) for k in range(FOLDS)])
     others = [[tests[j] for j in range(FOLDS) if j != k] for k in range(FOLDS)]
     return [(sum(rest[1:], rest[0]), test) for rest, test in zip(others, tests, strict=True)]
 
 
-def _quadratics(problem: Problem, base: Base, forces: Floats, chosen: list[np.ndarray]) -> list[Quadratic]:
+def _quadratics(problem: Problem, path: WindowPath, forces: Floats, chosen: list[np.ndarray]) -> list[Quadratic]:
     """Chi-square of amounts of forces (W, N, S, 6) on some windows each, masks (W,).
 
     The marks of all forces on all windows would fill the memory: they are reduced piece by piece.
     """
-    freedom, each = problem.freedom(base.state), 8 * base.state.residual[0].size * forces.shape[1]
+    freedom, each = problem.freedom(path.state), 8 * path.state.residual[0].size * forces.shape[1]
     whole, numbers = [np.zeros((1, 1)) for _ in chosen], 0.0
     for some in chunks(len(problem.windows), each, MARKS_BYTES):
-        windows, state = problem.windows.subset(some), base.state.rows(some)
-        shown = marks(windows, base.coefficients, problem.layout, state, forces[some])
+        windows, state = problem.windows.subset(some), path.state.rows(some)
+        shown = marks(windows, path.coefficients, problem.layout, state, forces[some])
         parts = reduce(windows, problem.layout, freedom.rows(some), state, shown)
         whole = [sums + parts.pooled(mask[some]) for sums, mask in zip(whole, chosen, strict=True)]
         numbers += parts.numbers

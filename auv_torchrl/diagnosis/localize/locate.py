@@ -3,8 +3,8 @@
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.found import Found
-from auv_torchrl.diagnosis.identify.judged import Base
 from auv_torchrl.diagnosis.identify.onset import Onset, blocks, force_scatter
+from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.attribute import attribute, on_grid
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -25,9 +25,9 @@ def locate(
     size = gap_by_window(problem, found.follow)
     origin, thruster = by_origin(effects), by_thruster(problem, effects)
     if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED):
-        base = found.best.base if effects else found.follow
+        path = found.best.path if effects else found.follow
         known = min(sum(effect.gap_closed or 0.0 for effect in effects), 1.0)
-        rest, rest_thruster = attribute(problem, base)
+        rest, rest_thruster = attribute(problem, path)
         origin, thruster = mixed(origin, rest, known), mixed(thruster, rest_thruster, known)
     return Where(
         dof=by_dof(problem, found.follow, size),
@@ -47,7 +47,7 @@ def mixed(known: dict[str, float], rest: dict[str, float], share: float) -> dict
     return {name: share * known[name] + (1 - share) * rest[name] for name in known}
 
 
-def mean_force(problem: Problem, follow: Base) -> Floats:
+def mean_force(problem: Problem, follow: WindowPath) -> Floats:
     """(W, D) missing force over each window in units of the thrusters' reach: root mean square of means over blocks."""
     bins = follow.state.bins / problem.wide
     count, width = blocks(problem)
@@ -55,12 +55,12 @@ def mean_force(problem: Problem, follow: Base) -> Floats:
     return np.sqrt((kept.reshape(len(bins), count, width, -1).mean(2) ** 2).mean(1))
 
 
-def gap_by_window(problem: Problem, follow: Base) -> Floats:
+def gap_by_window(problem: Problem, follow: WindowPath) -> Floats:
     """Size (W,) of the missing force in each window."""
     return np.sqrt((mean_force(problem, follow) ** 2).sum(1))
 
 
-def by_dof(problem: Problem, follow: Base, size: Floats) -> dict[str, float]:
+def by_dof(problem: Problem, follow: WindowPath, size: Floats) -> dict[str, float]:
     """Energy of the missing force of some ``size`` (W,), each degree of freedom in units of its thrusters' reach.
 
     Less what errors that are no white noise account for, where the log says how large they are.
@@ -98,7 +98,7 @@ def by_thruster(problem: Problem, effects: tuple[FoundEffect, ...]) -> dict[str,
     return {str(i + 1): float(s) for i, s in enumerate(share / share.sum())} if share.any() else {}
 
 
-def regimes(problem: Problem, follow: Base, size: Floats) -> tuple[Regime, ...]:
+def regimes(problem: Problem, follow: WindowPath, size: Floats) -> tuple[Regime, ...]:
     """Circumstances in which the gap is larger than elsewhere, the worst first."""
     known = np.isfinite(size)
     whole = float(np.sqrt((size[known] ** 2).mean())) if known.any() else np.inf
@@ -112,7 +112,7 @@ def regimes(problem: Problem, follow: Base, size: Floats) -> tuple[Regime, ...]:
     return tuple(sorted(found, key=lambda regime: -regime.gap)[:MOST_REGIMES])
 
 
-def circumstances(problem: Problem, follow: Base) -> dict[str, np.ndarray]:
+def circumstances(problem: Problem, follow: WindowPath) -> dict[str, np.ndarray]:
     """Windows (W,) in which something is small or large, by command size, speed, heading, place and time."""
     windows, motion = problem.windows, follow.motion
     command = np.abs(on_grid(windows, windows.commands))

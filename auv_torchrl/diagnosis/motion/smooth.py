@@ -2,7 +2,7 @@
 
 The force is what the simulator misses, in newtons, without differentiating a noisy position. With a wide prior on the
 force the fit is a smoother and its residual is sensor noise; with the narrow prior of a disturbance the same
-quantities are the innovations that hypotheses are judged by.
+quantities are the innovations that hypotheses are fit by.
 """
 
 from dataclasses import dataclass, replace

@@ -31,8 +31,8 @@ def unforeseen(healthy: Sequence[FlightLog], sound: Calibration | None, settings
     if len(fits) != len(healthy):
         return {}
     missed: dict[str, list[tuple[Floats, Floats]]] = {}
-    for log, (problem, judged) in zip(healthy, fits, strict=True):
-        own = apply_values(problem.vehicle, judged.explanation.values(problem.vehicle))
+    for log, (problem, fit) in zip(healthy, fits, strict=True):
+        own = apply_values(problem.vehicle, fit.explanation.values(problem.vehicle))
         p = predict_by(problem, log, [own], settings)
         beyond = np.clip(p.error[:, 0] ** 2, None, (FLEW_OFF * p.spread) ** 2) - p.spread**2
         time = p.windows.sampled

@@ -21,7 +21,7 @@ from auv_torchrl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
-class Base:
+class WindowPath:
     """Windows that follow the log under one explanation."""
 
     explanation: Explanation
@@ -45,7 +45,7 @@ class Base:
         """(W, S, 13) in the middle of each grid step."""
         return middles(self.states)
 
-    def without_slopes(self) -> "Base":
+    def without_slopes(self) -> "WindowPath":
         """The motion alone, in a fifteenth of the memory: to compare with or to begin from, not to linearise about."""
         nothing = np.empty(0)
         return replace(
@@ -54,16 +54,16 @@ class Base:
 
 
 @dataclass(frozen=True)
-class Judged:
+class Fit:
     """An explanation with its values fitted."""
 
     explanation: Explanation
     chi2: float  # with the cost of slack
     evidence: float
-    covariance: Floats  # (k, k) of the fitted knobs, slack included
-    base: Base
-    quadratic: Quadratic  # of slack, then fitted knobs, at the base
-    steps: Floats  # (k,) one unit of the quadratic, of each fitted knob
+    covariance: Floats  # (k, k) of the fitted terms, slack included
+    path: WindowPath
+    quadratic: Quadratic  # of slack, then fitted terms, at the path
+    steps: Floats  # (k,) one unit of the quadratic, of each fitted term
     slack_marks: SlackMarks | None  # that it was made of, while its values are being fitted
 
     @property
@@ -71,9 +71,9 @@ class Judged:
         """Chi-square per number."""
         return self.chi2 / self.quadratic.numbers
 
-    def set_aside(self) -> "Judged":
+    def set_aside(self) -> "Fit":
         """A fit that lost: what it is worth and the motion under it, without the slopes that fill the memory."""
-        return replace(self, base=self.base.without_slopes(), slack_marks=None)
+        return replace(self, path=self.path.without_slopes(), slack_marks=None)
 
     @property
     def nothing_left(self) -> bool:
@@ -86,40 +86,40 @@ def slack_now(problem: Problem, explanation: Explanation) -> Floats:
     return np.array([explanation.slack.get((effect, member), 0.0) for effect, member, _, _ in problem.slack])
 
 
-def leaves_much(problem: Problem, judged: Judged) -> bool:
+def leaves_much(problem: Problem, fit: Fit) -> bool:
     """Whether an explanation leaves more than the physics may be wrong by."""
-    return judged.chi2 > problem.settings.excess * judged.quadratic.numbers
+    return fit.chi2 > problem.settings.excess * fit.quadratic.numbers
 
 
-def spread(judged: Judged) -> float:
+def spread(fit: Fit) -> float:
     """By how much chi-square must fall before that is more than chance."""
-    return SATISFIED * float(np.sqrt(2 * judged.quadratic.numbers))
+    return SATISFIED * float(np.sqrt(2 * fit.quadratic.numbers))
 
 
-def strained(problem: Problem, judged: Judged) -> set[tuple[str, str]]:
+def strained(problem: Problem, fit: Fit) -> set[tuple[str, str]]:
     """The slack, as (effect, parameter), that an explanation stretches further than calibration is likely to be off."""
-    each = zip(problem.slack, slack_now(problem, judged.explanation), strict=True)
+    each = zip(problem.slack, slack_now(problem, fit.explanation), strict=True)
     return {(effect, member) for (effect, member, _, width), at in each if abs(at) > STRAINED * width}
 
 
-def slack_does(problem: Problem, judged: Judged) -> bool:
+def slack_does(problem: Problem, fit: Fit) -> bool:
     """Whether slack alone explains the log, all of it together no further off than calibration is likely to be.
 
     One by one its numbers may be likely where together they are not: healthy flights that leave the scale of all gains
     open still tell how much one gain differs from the next.
     """
-    at = slack_now(problem, judged.explanation)
+    at = slack_now(problem, fit.explanation)
     likely = len(at) + STRAINED * np.sqrt(2 * len(at))
-    return not leaves_much(problem, judged) and bool(at @ problem.slack_precision @ at < likely)
+    return not leaves_much(problem, fit) and bool(at @ problem.slack_precision @ at < likely)
 
 
-def log_likelihood(problem: Problem, judged: Judged) -> float:
+def log_likelihood(problem: Problem, fit: Fit) -> float:
     """Log evidence of the samples, the free start and the disturbance of every window integrated out.
 
-    Unlike :attr:`Judged.evidence` it pays for the free numbers of the windows and for the sensor noise, so that
+    Unlike :attr:`Fit.evidence` it pays for the free numbers of the windows and for the sensor noise, so that
     problems with other degrees of freedom can be compared.
     """
-    windows, whole = problem.windows, judged.base.state.slope
+    windows, whole = problem.windows, fit.path.state.slope
     noise_of_each, grams = noise_per_sample(windows, problem.sigma)[:, None], []
     precision = local_precision(problem.layout, windows.dt, problem.floor)
     for some in chunks(len(windows), whole[:1].nbytes):
@@ -129,10 +129,10 @@ def log_likelihood(problem: Problem, judged: Judged) -> float:
     volumes = float((np.linalg.slogdet(np.concatenate(grams))[1] - np.linalg.slogdet(precision)[1]).sum())
     counts = (windows.trust**2).sum((0, 1))
     noise = sum(np.log(problem.sigma[c]) * count for c, count in zip(windows.channels, counts, strict=True))
-    return judged.evidence - 0.5 * volumes - float(noise)
+    return fit.evidence - 0.5 * volumes - float(noise)
 
 
-def force_of_slack(problem: Problem, base: Base) -> float:
+def force_of_slack(problem: Problem, path: WindowPath) -> float:
     """Size of the force that slack alone makes on this log, in units of the thrusters' reach."""
     size, direction = np.linalg.eigh(problem.slack_covariance)
     keys = [(effect, member) for effect, member, _, _ in problem.slack]
@@ -140,17 +140,17 @@ def force_of_slack(problem: Problem, base: Base) -> float:
         Explanation(slack=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
         for s, d in zip(size, direction.T, strict=True)
     ]
-    return float(np.sqrt((sizes(problem, each, base) ** 2).sum()))
+    return float(np.sqrt((sizes(problem, each, path) ** 2).sum()))
 
 
 @DIVERGING
-def sizes(problem: Problem, explanations: list[Explanation], base: Base) -> Floats:
+def sizes(problem: Problem, explanations: list[Explanation], path: WindowPath) -> Floats:
     """Root mean square force of explanations beyond the nominal vehicle, in units of the thrusters' reach."""
     if not problem.followed.any() or not explanations:
         return np.zeros(len(explanations))
     values = [{}, *(explanation.values(problem.vehicle) for explanation in explanations)]
     c = prepare(batch(problem.vehicle, values)).numpy()
     moves = problem.layout.start[: len(problem.layout.start) // 2]  # unseen ones too: some effects act through a tilt
-    course = Course.of(problem.windows, c.rows(slice(1)), base.motion)
+    course = Course.of(problem.windows, c.rows(slice(1)), path.motion)
     scaled = (course.forces(c.rows(slice(1, None)))[..., moves] / problem.reach[moves])[problem.followed]
     return np.sqrt((scaled**2).mean((0, 2)).sum(-1))
