@@ -87,7 +87,7 @@ def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
     What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
     large fault sound samples look like outliers.
     """
-    best = replace(found.best.explanation, slack={})
+    best = replace(found.best.explanation, nuisance={})
     if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
         return found
     hints = _each_once([found.best, *found.fits])[:SIMULATED]
@@ -173,7 +173,7 @@ def _each_once(ranked: Sequence[Fit]) -> list[Explanation]:
     once: dict[tuple[str, ...], Explanation] = {}
     for fit in ranked:
         if fit.explanation.effects:
-            once.setdefault(tuple(sorted(fit.explanation.effects)), replace(fit.explanation, slack={}))
+            once.setdefault(tuple(sorted(fit.explanation.effects)), replace(fit.explanation, nuisance={}))
     return list(once.values())
 
 

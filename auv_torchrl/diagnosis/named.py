@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
-from auv_torchrl.diagnosis.verdict import NO_MARK, Estimate, FoundEffect
+from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 
 
@@ -72,7 +72,7 @@ def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tu
     sentences = [
         *(f"{name} hides behind the filter of the autopilot" for name in filtered),
         *unseen(problem),
-        *(f"{name} {NO_MARK}" for name in blind),
+        *(f"{name} {NOT_SHOWN}" for name in blind),
     ]
     for term in found.best.explanation.fitted:
         p = EFFECTS[term.effect].member_parameters(problem.vehicle)[term.members[0]]
@@ -87,7 +87,7 @@ def _found_effect(
 ) -> FoundEffect:
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(problem.vehicle), effect.nominal(problem.vehicle)
-    values = explanation.values(problem.vehicle, slack=False)[name]  # where two terms move a member, both count
+    values = explanation.values(problem.vehicle, nuisance=False)[name]  # where two terms move a member, both count
     parameters: dict[str, Estimate] = {}
     thrusters: set[int] = set()
     sentences = []

@@ -13,10 +13,10 @@ from auv_torchrl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
-class Slack:
-    """What ``diagnosis.slack`` says of one parameter of an effect."""
+class NuisanceEntry:
+    """What ``diagnosis.nuisance`` says of one parameter of an effect."""
 
-    deviation: Annotated[float, In("(0, 10]")]  # relative; 0 would be a parameter without slack: leave it out
+    deviation: Annotated[float, In("(0, 10]")]  # relative; 0 would be a parameter that is exact: leave it out
 
 
 def read_settings(content: Mapping[str, Any], vehicle: Vehicle) -> Settings:
@@ -37,11 +37,11 @@ def read_settings(content: Mapping[str, Any], vehicle: Vehicle) -> Settings:
     for key in ("ignored", "thresholds"):
         for name in getattr(settings, key) or ():
             _effect(name, f"diagnosis.{key}")
-    for name, deviations in _mapping(settings.slack, "diagnosis.slack").items():
-        for parameter, deviation in _mapping(deviations, f"diagnosis.slack.{name}").items():
-            where = f"diagnosis.slack.{name}.{parameter}"
+    for name, deviations in _mapping(settings.nuisance, "diagnosis.nuisance").items():
+        for parameter, deviation in _mapping(deviations, f"diagnosis.nuisance.{name}").items():
+            where = f"diagnosis.nuisance.{name}.{parameter}"
             _parameter(name, parameter, where)
-            check(Slack, {"deviation": deviation}, where)
+            check(NuisanceEntry, {"deviation": deviation}, where)
     for name, scan in _mapping(settings.scan, "diagnosis.scan").items():
         _check_scan(name, _mapping(scan, f"diagnosis.scan.{name}"), vehicle)
     return settings

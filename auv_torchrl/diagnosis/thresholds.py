@@ -105,14 +105,16 @@ REACH_WIDTH = 1.0  # prior standard deviation of each force that locates the gap
 RANGE_CAP = {"m": 6.0, "N/m": 60.0, "N": 60.0}  # plausible widths where the bounds of a parameter only exclude nonsense
 
 # Fitting: slopes and slack
-SLACK_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
+NUISANCE_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
 # Of the plausible range of a parameter. Where a tether comes taut, a slope over a long step is wrong in the few samples
 # between, and that is much of what tells two values apart that nearly make up for each other. But thrust that leaves a
 # dead band jumps, and of such jumps a short step meets none.
 SHORT_STEP = 0.0004
 LONG_STEP = 0.004  # likewise, of slack and of what changes thrust
-SLACK_LIMIT = 4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
-SLACK_STEP = 0.05  # relative step of slack derivatives
+NUISANCE_LIMIT = (
+    4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
+)
+NUISANCE_STEP = 0.05  # relative step of slack derivatives
 TELLS = 1.0  # chi-square of one standard deviation of slack, below which a log does not tell it; it then keeps ...
 UNTOLD = 0.03  # ... this share of its width
 # Of the deviation that healthy flights leave of a scale of the vehicle, what a log that tells it leaves at most: a fit
@@ -129,12 +131,12 @@ THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
 TRIED_STEPS = np.linspace(-1.0, 1.0, 9)  # of each reach
 SETTLED_TRIALS = 3  # of those that are tried, the likeliest
 WALKS = 3  # at most, along a valley
-SLACK_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
-SLACK_NEAR = 0.4  # ... and then about the best of these
+NUISANCE_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
+NUISANCE_NEAR = 0.4  # ... and then about the best of these
 
 # Screening by marks
 ELASTIC_WIDTH = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
-SAME_MARK = 0.9995  # cosine between two marks, slack, start and disturbance fitted
+SAME_RESPONSE = 0.9995  # cosine between two marks, slack, start and disturbance fitted
 FIXED_WIDTH = 1e-5  # a discrete change acts wholly
 SEEN_AT_ALL = 1e-6  # chi-square of a whole candidate
 MOST_TERMS = 6  # of one family

@@ -16,7 +16,7 @@ from auv_torchrl.flightlog import Finding
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.sysid.trace import Outcome
 
-NO_MARK = "would leave no mark on this log"  # of an effect, in Diagnosis.cannot_tell
+NOT_SHOWN = "would leave no mark on this log"  # of an effect, in Diagnosis.cannot_tell
 
 
 def how_sure(clause: str, probability: float) -> str:

@@ -38,7 +38,7 @@ thruster_gain = Effect(
     wears={"gain": -1},
     advice=advice.thruster_gain,
     scans={"gain": Scan((0.0,), linear=True, all=True)},
-    slack={"gain": 0.03},
+    nuisance={"gain": 0.03},
 )
 
 
@@ -202,7 +202,7 @@ reaction_torque = Effect(
     change=sets(arm="reaction"),
     advice=advice.reaction_torque,
     scans={"arm": Scan((0.03,), linear=True)},
-    slack={"arm": 0.1},  # of the torque of a propeller at one thrust
+    nuisance={"arm": 0.1},  # of the torque of a propeller at one thrust
 )
 
 EFFECTS = (thruster_gain, thruster_swap, thruster_misalignment, thrust_limit, thruster_place, reaction_torque)

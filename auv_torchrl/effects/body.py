@@ -43,7 +43,7 @@ added_mass = Effect(
         "look for water caught in frames and shells; if it belongs there, enter the inertia in the vehicle file"
     ),
     scans={"scale": Scan((0.5, 0.8, 1.25, 1.6, 2.2, 3.0), all=True)},
-    slack={"scale": 0.03},
+    nuisance={"scale": 0.03},
 )
 
 

@@ -133,7 +133,9 @@ class Effect:
     shows: str = ""  # what a pilot sees of it where it is fitted: "axes", "idle" or "turning", answers to commands
     advice: Callable[[Mapping[str, float], Mapping[str, float]], tuple[Advice, ...]] | None = None  # what to do then
     scans: Mapping[str, Scan] = field(default_factory=dict)  # by parameter, what the diagnosis tries; else its bounds
-    slack: Mapping[str, float] = field(default_factory=dict)  # by parameter, relative: how far sound vehicles are off
+    nuisance: Mapping[str, float] = field(
+        default_factory=dict
+    )  # by parameter, relative: how far sound vehicles are off
     together: tuple[Mapping[str, float], ...] = ()  # values that the diagnosis tries, of several parameters at once
     shown_by: tuple[str, ...] = ()  # channels without all of which nothing shows it, and it is not looked for
     unfiltered: tuple[str, ...] = ()  # channels that show it if a sensor measured them, and not as a filter has them
@@ -146,7 +148,7 @@ class Effect:
 
     def __post_init__(self):
         known = [p.name for p in self.parameters if not p.discrete]
-        for key, given in (("scans", self.scans), ("slack", self.slack)):
+        for key, given in (("scans", self.scans), ("nuisance", self.nuisance)):
             if odd := set(given) - set(known):
                 raise ValueError(f"effect {self.name}: {key} of {', '.join(sorted(odd))}: {choices(odd, known)}")
 

@@ -115,7 +115,7 @@ def _drag(order: str, change: Callable[[Vehicle, Tensor], Vehicle]) -> Effect:
         wears={"scale": 1},
         advice=advice.said(_LOOK),
         scans={"scale": Scan((1.5,), linear=True, all=True)},
-        slack={"scale": 0.03},
+        nuisance={"scale": 0.03},
     )
 
 

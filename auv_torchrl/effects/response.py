@@ -52,7 +52,7 @@ dead_band = Effect(
         "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
     ),
     scans={"width": Scan((0.0, 2.5, 7.5, 10.0, 12.5, 15.0, 20.0, 25.0))},
-    slack={"width": 0.03},
+    nuisance={"width": 0.03},
     is_rough=True,
 )
 

@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.paths import slack_now
+from auv_torchrl.diagnosis.identify.paths import nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -154,9 +154,9 @@ def learn_reference(
     file_widths = calibration.centred.nuisance.width.tolist()
     parameters = tuple(
         tracked_parameter(effect, member, nominal, calibration.vehicle, width, settings.is_rough(effect))
-        for (effect, member, nominal, _), width in zip(known.slack, file_widths, strict=True)
+        for (effect, member, nominal, _), width in zip(known.nuisance, file_widths, strict=True)
     )
-    baseline = Baseline(parameters, known.slack_covariance, known.rough_noise, calibration.findings)
+    baseline = Baseline(parameters, known.nuisance_covariance, known.rough_noise, calibration.findings)
     return Reference(calibration, baseline, settings)
 
 
@@ -171,15 +171,15 @@ def follow_dive(log: FlightLog, reference: Reference, begun: str = "") -> Dive:
     settings, known, baseline = reference.settings, reference.calibration.known, reference.baseline
     open_to = baseline.covariance + np.diag(baseline.width**2)
     sizes = np.sqrt(np.diag(open_to)).tolist()
-    slack = tuple((*entry[:3], size) for entry, size in zip(known.slack, sizes, strict=True))
+    nuisance = tuple((*entry[:3], size) for entry, size in zip(known.nuisance, sizes, strict=True))
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     problem = Problem.of(
-        windows, reference.calibration.vehicle, settings, replace(known, slack=slack, slack_covariance=open_to)
+        windows, reference.calibration.vehicle, settings, replace(known, nuisance=nuisance, nuisance_covariance=open_to)
     )
     problem, follow = follow_windows(problem)
     # Along the measured motion first: a large change would lose windows that are simulated.
     begin = fit_along_motion(problem, Explanation(), follow)
     fitted = fit_by_simulation(problem, begin.explanation, begin.path)
-    tells = FlightInformation.of(fitted.quadratic, slack_now(problem, fitted.explanation))
+    tells = FlightInformation.of(fitted.quadratic, nuisance_now(problem, fitted.explanation))
     excess = fitted.excess
     return Dive(log.name, tells.A, tells.h, dict(problem.rough_noise), excess, log.duration, begun, log.findings)

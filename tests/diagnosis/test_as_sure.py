@@ -67,13 +67,13 @@ def test_forces_are_as_unsure_as_the_scale_of_the_vehicle_and_shares_are_not():
     centred = Centred.at(HELD, guessed(HELD, SETTINGS, (), windows))
     covariance = 1e-4 * centred.covariance
     first = Problem.of(windows, HELD, SETTINGS)
-    known = Known(np.array(SETTINGS.floor_force), first.sigma, first.rough_noise, centred.nuisance.slack, covariance)
+    known = Known(np.array(SETTINGS.floor_force), first.sigma, first.rough_noise, centred.nuisance.entries, covariance)
     problem, follow = follow_windows(Problem.of(windows, HELD, SETTINGS, known))
     terms = Term(GAIN[0], (GAIN[1],), 0.6), Term("buoyancy", ("force",), 6.0)
     fit = fit_by_simulation(problem, Explanation(terms), follow)
     open_still = replace(known, scales=scales_left_open(centred))
     (held, before), (said, after) = (
-        as_sure(replace(problem, known=one.beside(problem.slack)), fit) for one in (known, open_still)
+        as_sure(replace(problem, known=one.beside(problem.nuisance)), fit) for one in (known, open_still)
     )
     assert said.terms == held.terms
     share, force = np.sqrt(np.diag(after) / np.diag(before))
@@ -87,8 +87,8 @@ def test_forces_are_as_unsure_as_the_scale_of_the_vehicle_and_shares_are_not():
 def test_a_value_is_the_same_however_a_fit_shares_it_with_slack(weak, by):
     """Slack of a gain does what its value does: a fit that stops anywhere between the two tells one value."""
     problem, fit = weak
-    (term,), slack = fit.explanation.terms, fit.explanation.slack
-    shared = Explanation((replace(term, value=term.value - by),), {**slack, GAIN: slack[GAIN] + by})
+    (term,), nuisance = fit.explanation.terms, fit.explanation.nuisance
+    shared = Explanation((replace(term, value=term.value - by),), {**nuisance, GAIN: nuisance[GAIN] + by})
     (told,), covariance = as_sure(problem, fit)[0].terms, as_sure(problem, fit)[1]
     (again,) = as_sure(problem, replace(fit, explanation=shared))[0].terms
     assert again.value == pytest.approx(told.value, abs=1e-6)
@@ -97,8 +97,8 @@ def test_a_value_is_the_same_however_a_fit_shares_it_with_slack(weak, by):
 
 def with_flights(problem, share):
     """The problem where flights have told its slack, and leave ``share`` of the covariance open of the vehicle."""
-    covariance = problem.slack_covariance
-    known = Known(problem.floor, problem.sigma, problem.rough_noise, problem.slack, covariance)
+    covariance = problem.nuisance_covariance
+    known = Known(problem.floor, problem.sigma, problem.rough_noise, problem.nuisance, covariance)
     return replace(problem, known=replace(known, shrinks=share * covariance))
 
 
@@ -107,8 +107,8 @@ def test_what_flights_leave_open_of_a_vehicle_stays_open(weak, share):
     """A log that shows a vehicle near its calibrated numbers makes these no surer than the flights have made them."""
     problem, fit = weak
     narrowed = as_sure(problem, fit)[1][0, 0]
-    wide, least = as_sure(with_flights(problem, share), fit)[1][0, 0], share * problem.slack_covariance[3, 3]
-    assert problem.slack[3][:2] == GAIN
+    wide, least = as_sure(with_flights(problem, share), fit)[1][0, 0], share * problem.nuisance_covariance[3, 3]
+    assert problem.nuisance[3][:2] == GAIN
     assert wide > 0.99 * max(narrowed, least)
     assert wide < 1.01 * fit.covariance[0, 0]
 
@@ -120,7 +120,7 @@ def test_a_value_is_no_surer_for_slack_that_its_fit_has_held():
     problem, follow = follow_windows(problem)
     fit = fit_by_simulation(problem, Explanation(tuple(Term("tether", (k,), v) for k, v in values.items())), follow)
     told = as_sure(problem, fit)[1].diagonal()
-    held = np.linalg.inv(fit.quadratic.A + joint_precision(problem.slack_precision, np.zeros(4)))
-    held = held.diagonal()[len(problem.slack) :] * fit.steps**2
+    held = np.linalg.inv(fit.quadratic.A + joint_precision(problem.nuisance_precision, np.zeros(4)))
+    held = held.diagonal()[len(problem.nuisance) :] * fit.steps**2
     assert (told > 0.99 * held).all()
     assert (told > 1.1 * held).any()

@@ -8,7 +8,7 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import search
-from auv_torchrl.diagnosis.identify.steps import parted_from_slack
+from auv_torchrl.diagnosis.identify.steps import parted_from_nuisance
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from tests.diagnosis.flown_logs import fly
 from tests.diagnosis.healthy_flights import FAULT, FILE, OWN, flown
@@ -57,6 +57,6 @@ def test_a_value_is_said_whole_whatever_slack_undoes_of_it(sound):
     """A gain of 0.75 of which slack takes 0.15 is said as 0.6, and the vehicle stays the same."""
     problem = searched(sound, FAULT, (FAULTY,)).problem
     split = Explanation((Term("thruster_gain", ("gain_3",), 0.75),), {("thruster_gain", "gain_3"): -0.15})
-    said = parted_from_slack(problem, split)
+    said = parted_from_nuisance(problem, split)
     assert said.terms[0].value == pytest.approx(0.6, abs=0.005)
     assert said.values(problem.vehicle)["thruster_gain"]["gain_3"] == pytest.approx(0.6)

@@ -132,13 +132,13 @@ def test_the_round_trip_keeps_what_the_logs_tell_together(mine):
     vehicle = load_vehicle(mine)
     kept = load_kept(mine, vehicle)
     assert kept is not None
-    places = [i for i, entry in enumerate(kept.slack) if entry[1] in ("gain_1", "gain_2")]
-    inside = kept.known.slack_covariance[np.ix_(places, places)]
+    places = [i for i, entry in enumerate(kept.nuisance) if entry[1] in ("gain_1", "gain_2")]
+    inside = kept.known.nuisance_covariance[np.ix_(places, places)]
     assert kept.known.scales is not None
     by_scale = kept.known.scales[places]
     np.testing.assert_allclose(by_scale[0], by_scale[1], rtol=1e-3)
     assert inside[0, 0] + inside[1, 1] - 2 * inside[0, 1] < 0.2 * (inside[0, 0] + (by_scale[0] ** 2).sum())
-    assert np.linalg.eigvalsh(kept.known.slack_covariance).min() > 0
+    assert np.linalg.eigvalsh(kept.known.nuisance_covariance).min() > 0
 
 
 def test_no_healthy_logs_are_needed_any_more(mine):
@@ -185,9 +185,9 @@ def test_a_file_that_does_not_say_what_more_flights_would_tell_is_read_as_ever(m
     assert kept is not None and older is not None
     now, before = kept.known, older.known
     assert now.flights == 1 and now.shrinks is not None
-    assert np.linalg.eigvalsh(now.slack_covariance - now.shrinks).min() > -1e-6
+    assert np.linalg.eigvalsh(now.nuisance_covariance - now.shrinks).min() > -1e-6
     assert (before.flights, before.shrinks) == (0, None)
-    assert np.array_equal(before.slack_covariance, now.slack_covariance)
+    assert np.array_equal(before.nuisance_covariance, now.nuisance_covariance)
 
 
 HOSTILE = {

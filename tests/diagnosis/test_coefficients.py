@@ -182,11 +182,11 @@ def test_what_a_log_leaves_open_is_as_wide_as_the_fit_is_unsure():
     sure = np.diag((0.1 * np.array([c.width for c in UNCERTAIN])) ** 2)
     fitted = Fitted(np.array([c.nominal + 0.5 * c.width for c in UNCERTAIN]), sure, np.ones(1))
     known = left_open(fitted_about(GIVEN, UNCERTAIN, fitted), SETTINGS, ("x", "y", "z", "yaw"))
-    width = {entry[:2]: entry[3] for entry in known.slack}
+    width = {entry[:2]: entry[3] for entry in known.nuisance}
     assert width["hull", "linear_surge"] == pytest.approx(0.1 * GUESSED["hull"]["linear_surge"])
     assert width["thruster_gain", "gain_1"] == pytest.approx(0.03)
     assert not {name for name, _ in width} & {"linear_drag", "quadratic_drag", "added_mass"}
-    np.testing.assert_allclose(np.sqrt(np.diag(known.slack_covariance)), list(width.values()))
+    np.testing.assert_allclose(np.sqrt(np.diag(known.nuisance_covariance)), list(width.values()))
 
 
 def test_a_calibration_that_does_not_carry_over_is_vetoed(monkeypatch):

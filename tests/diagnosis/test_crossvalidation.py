@@ -51,7 +51,7 @@ def test_a_flight_is_left_out_of_a_calibration_as_if_it_had_not_been_there():
     alone = calibrate(flights[:2], FILE, SETTINGS)
     assert without is not None
     assert without.known.flights == 2
-    own, anew = ({entry[:2]: entry[2:] for entry in c.centred.nuisance.slack} for c in (without, alone))
+    own, anew = ({entry[:2]: entry[2:] for entry in c.centred.nuisance.entries} for c in (without, alone))
     shared = own.keys() & anew.keys()
     assert len(shared) > 20
     apart = np.array([(own[key][0] - anew[key][0]) / anew[key][1] for key in shared])

@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.force import Course, marks, middles, reading_changes
+from auv_torchrl.diagnosis.motion.force import Course, middles, reading_changes, responses
 from auv_torchrl.diagnosis.motion.rough import rough_force
 from auv_torchrl.diagnosis.motion.smooth import Layout, flown, follow
 from auv_torchrl.diagnosis.verdict import Verdict
@@ -147,14 +147,14 @@ def test_the_mark_of_a_sensor_is_the_difference_of_two_simulations(effect, axes)
     other = batch(HELD, [{effect: {name: 1.0 + size}}])
     motion = middles(states[:, 0])
     before, after = (prepare(its).numpy() for its in (one, other))
-    mark = marks(windows, before, layout, state, Course.of(windows, before, motion).forces(after))
+    response = responses(windows, before, layout, state, Course.of(windows, before, motion).forces(after))
     read = reading_changes(windows, before, after, states[:, 0])
-    mark = (mark if read is None else mark + read)[..., 0]
+    response = (response if read is None else response + read)[..., 0]
     moved, _ = flown(actuate(windows, other), layout, state.start[:, None], state.bins[:, None])
     simulated = state.residual - moved[:, 0]
-    apart = (simulated - mark).reshape(windows.measured.shape)
+    apart = (simulated - response).reshape(windows.measured.shape)
     shown = np.abs(simulated).max()
     if shown < 1e-6:  # a sensor that the log does not have
-        assert np.abs(mark).max() < 1e-6
+        assert np.abs(response).max() < 1e-6
     else:
         assert np.sqrt((apart**2).mean()) < 0.15 * np.sqrt((simulated**2).mean())

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 import pytest
 import yaml
 
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_candidates, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_candidates, nuisance_parameters
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.paths import CONF, OWN
@@ -15,7 +15,7 @@ from tests.own_python import FOULING
 PAPER = load_vehicle("paper")
 DECLARED = """
     scans={"factor": Scan((1.4, 2.0, 2.8))},
-    slack={"factor": 0.05},
+    nuisance={"factor": 0.05},
     is_rough=True,
 )
 
@@ -38,19 +38,19 @@ def test_an_effect_from_outside_needs_no_entry_in_the_settings(lab):
     assert "fouling" not in (CONF / "diagnosis" / "default.yaml").read_text()
     tried = [candidate.values for candidate in make_candidates(PAPER, settings) if candidate.effect == "fouling"]
     assert tried == [{"factor": 1.4}, {"factor": 2.0}, {"factor": 2.8}]
-    assert ("fouling", "factor", 1.0, 0.05) in slack_parameters(PAPER, settings)
+    assert ("fouling", "factor", 1.0, 0.05) in nuisance_parameters(PAPER, settings)
     assert settings.is_rough("fouling")
 
 
 def test_settings_stand_in_place_of_what_an_effect_declares(lab):
     """Other values, no slack, slopes, and not looked for at all."""
     settings = replace(
-        load_settings(), scan={"fouling": {"factor": {"values": [3.0]}}}, slack={"fouling": {}}, thresholds=()
+        load_settings(), scan={"fouling": {"factor": {"values": [3.0]}}}, nuisance={"fouling": {}}, thresholds=()
     )
     assert [candidate.values for candidate in make_candidates(PAPER, settings) if candidate.effect == "fouling"] == [
         {"factor": 3.0}
     ]
-    assert "fouling" not in {effect for effect, *_ in slack_parameters(PAPER, settings)}
+    assert "fouling" not in {effect for effect, *_ in nuisance_parameters(PAPER, settings)}
     assert not settings.is_rough("fouling")
     unsought = replace(settings, ignored=("fouling",))
     assert "fouling" not in {candidate.effect for candidate in make_candidates(PAPER, unsought)}
@@ -59,7 +59,7 @@ def test_settings_stand_in_place_of_what_an_effect_declares(lab):
 def test_the_shipped_settings_name_no_effect():
     """What they could say of one, the effects say themselves."""
     content = yaml.safe_load((CONF / "diagnosis" / "default.yaml").read_text())
-    assert not content["scan"] and not content["slack"]
+    assert not content["scan"] and not content["nuisance"]
     assert content["ignored"] is None and content["thresholds"] is None
 
 
@@ -71,10 +71,10 @@ def test_what_an_effect_declares_could_stand_in_the_settings(name):
     scan = {parameter: asdict(scan) for parameter, scan in effect.scans.items()}
     if effect.together:
         scan = {"together": [dict(row) for row in effect.together]}
-    read_settings({**content, "scan": {name: scan}, "slack": {name: dict(effect.slack)}}, PAPER)
+    read_settings({**content, "scan": {name: scan}, "nuisance": {name: dict(effect.nuisance)}}, PAPER)
 
 
-@pytest.mark.parametrize("key", ["scans", "slack"])
+@pytest.mark.parametrize("key", ["scans", "nuisance"])
 def test_an_effect_declares_nothing_of_a_parameter_that_it_lacks(key):
     """The message names it and what there is."""
     known = EFFECTS["current"]

@@ -21,8 +21,8 @@ KEEN = 1e6  # 1 / N², by which each flight tells its own trim
 
 def shared(*trims):
     """What flights with these trims in N share."""
-    slack = (("buoyancy", "force", 0.0, float(np.hypot(SPREAD, FILE))),)
-    nuisance = Nuisance(slack, np.array([FILE]), (np.array([[SPREAD**2]]),), np.zeros(1))
+    entries = (("buoyancy", "force", 0.0, float(np.hypot(SPREAD, FILE))),)
+    nuisance = Nuisance(entries, np.array([FILE]), (np.array([[SPREAD**2]]),), np.zeros(1))
     flights = [Told(np.array([[KEEN]]), np.array([KEEN * trim])) for trim in trims]
     return share(flights, Centred.at(load_vehicle("paper"), nuisance))
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings, nuisance_parameters
 from auv_torchrl.diagnosis.lengths import MOST_S, stretches_of
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
@@ -76,10 +76,12 @@ def without(name):
 @pytest.mark.parametrize("name", ZEROS)
 def test_what_is_zero_has_no_relative_slack(name):
     """Each slack has a width above 0 and changes something; the others stay."""
-    slack = {(effect, member) for effect, member, _, width in slack_parameters(without(name), SETTINGS) if width > 0}
-    usual = {(effect, member) for effect, member, *_ in slack_parameters(PAPER, SETTINGS)}
-    assert len(slack) == len(slack_parameters(without(name), SETTINGS))
-    assert usual - slack == {entry for entry in usual if entry[0] in ZEROS[name]}
+    nuisance = {
+        (effect, member) for effect, member, _, width in nuisance_parameters(without(name), SETTINGS) if width > 0
+    }
+    usual = {(effect, member) for effect, member, *_ in nuisance_parameters(PAPER, SETTINGS)}
+    assert len(nuisance) == len(nuisance_parameters(without(name), SETTINGS))
+    assert usual - nuisance == {entry for entry in usual if entry[0] in ZEROS[name]}
 
 
 def test_a_vehicle_without_dead_band_is_diagnosed():

@@ -8,7 +8,7 @@ import pytest
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.force import Course, marks, middles, reading_changes
+from auv_torchrl.diagnosis.motion.force import Course, middles, reading_changes, responses
 from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
 from auv_torchrl.effects import EFFECTS
@@ -39,9 +39,9 @@ def simulated_and_marked(values):
     windows, layout, one, state, samples, states = flown()
     changed = batch(VEHICLE, [values])
     c, beyond = (prepare(its).numpy() for its in (one, changed))
-    marked = marks(windows, c, layout, state, Course.of(windows, c, middles(states)).forces(beyond))
+    responded = responses(windows, c, layout, state, Course.of(windows, c, middles(states)).forces(beyond))
     read = reading_changes(windows, c, beyond, states)
-    marked = (marked if read is None else marked + read)[..., 0]
+    responded = (responded if read is None else responded + read)[..., 0]
     after = fly(actuate(windows, changed), windows.guess[:, None])[0][:, 0]
     simulated = windows.residual(samples) - windows.residual(after)
     weight = np.tile([1 / NOISE.get(name, 2e-3) for name in windows.channels], windows.measured.shape[1])
@@ -51,7 +51,7 @@ def simulated_and_marked(values):
         change = (change.reshape(len(windows), -1) * weight)[..., None]
         return (change - slopes @ np.linalg.pinv(slopes) @ change)[..., 0]
 
-    return fitted(simulated), fitted(marked)
+    return fitted(simulated), fitted(responded)
 
 
 def moved(effect):
@@ -72,11 +72,11 @@ def test_two_simulations_differ_by_the_mark(name):
     """Every effect, of a sensor or of the vehicle, marks the samples as two simulations of a small change differ."""
     closest = np.inf
     for values in moved(EFFECTS[name]):
-        simulated, marked = simulated_and_marked({name: values})
+        simulated, responded = simulated_and_marked({name: values})
         if np.sqrt((simulated**2).mean()) > SHOWS:
-            closest = min(closest, np.linalg.norm(marked - simulated) / np.linalg.norm(simulated))
+            closest = min(closest, np.linalg.norm(responded - simulated) / np.linalg.norm(simulated))
             if closest < 0.4:
                 return
         elif name in SILENT:
-            assert np.sqrt((marked**2).mean()) < SHOWS
+            assert np.sqrt((responded**2).mean()) < SHOWS
     assert name in SILENT or closest < 0.55, f"off by {closest:.0%}"  # a whole exchange of two thrusters is not small

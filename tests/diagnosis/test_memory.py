@@ -44,7 +44,7 @@ def test_pieces_hold_every_window_once(windows, changes):
     pieces = list(quadratics.in_pieces(windows, changes))
     rows = np.concatenate([np.arange(windows)[piece] for piece in pieces])
     np.testing.assert_array_equal(rows, np.arange(windows))
-    assert all((piece.stop - piece.start - 1) * changes <= quadratics.MARKS_AT_ONCE for piece in pieces)
+    assert all((piece.stop - piece.start - 1) * changes <= quadratics.RESPONSES_AT_ONCE for piece in pieces)
 
 
 @settings(max_examples=12, deadline=None)
@@ -125,7 +125,7 @@ def test_what_lost_keeps_its_motion_and_no_slopes(followed):
     assert found.best.path.state.slope.size and found.none.path.state.slope.size
     assert lost
     for fit in lost:
-        assert not fit.path.state.slope.size and fit.slack_marks is None
+        assert not fit.path.state.slope.size and fit.nuisance_responses is None
         assert fit.path.motion.shape[0] == len(problem.windows)
-    again = fit_by_simulation(problem, replace(lost[0].explanation, slack={}), lost[0].path, rounds=0)
+    again = fit_by_simulation(problem, replace(lost[0].explanation, nuisance={}), lost[0].path, rounds=0)
     assert again.path.state.slope.shape == found.none.path.state.slope.shape

@@ -23,7 +23,7 @@ SETTINGS = load_settings()
 
 
 @pytest.fixture(scope="module")
-def marked():
+def responded():
     """A problem with the marks of all changes on a short log."""
     log = fly(hold(PAPER), {}, seed=2, episodes=2, seconds=12.0)
     problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), hold(PAPER), SETTINGS)
@@ -31,17 +31,17 @@ def marked():
     return problem, Field.of(problem, follow), follow
 
 
-def found(marked, *terms) -> Any:
+def found(responded, *terms) -> Any:
     """As much of a search's outcome as is looked at: one explanation without rivals."""
-    _, field, follow = marked
+    _, field, follow = responded
     fit = SimpleNamespace(explanation=Explanation(terms), evidence=0.0, chi2=100.0)
     return SimpleNamespace(best=fit, fits=[fit], field=field, follow=follow)
 
 
-def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
+def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(responded):
     """A weak thruster 5 could be a weak 6 where both get the same command; turning about the long axis tells."""
-    problem = marked[0]
-    weak = found(marked, Term("thruster_gain", ("gain_5",), 0.4))
+    problem = responded[0]
+    weak = found(responded, Term("thruster_gain", ("gain_5",), 0.4))
     assert ("gain_5", "gain_6") in indistinguishable(problem, weak)
     (mine, theirs, other), *_ = [a for a in alternatives(problem, weak) if "gain_6" in a[1]]
     assert (mine, theirs) == ("gain_5", "gain_6")
@@ -51,22 +51,22 @@ def test_vertical_thrusters_with_one_command_are_told_apart_by_a_pulse(marked):
     assert "thruster" in plan.why and "tells “gain 5” and “gain 6” apart" in plan.why
 
 
-def test_explanations_of_several_effects_or_none_can_be_told_apart_by_eye(marked):
+def test_explanations_of_several_effects_or_none_can_be_told_apart_by_eye(responded):
     """The names of two explanations are quoted, and effects that act together are joined by a plus."""
-    both = found(marked, Term("battery_sag", ("rate",), 0.4), Term("thruster_gain", ("gain_5",), 0.4))
+    both = found(responded, Term("battery_sag", ("rate",), 0.4), Term("thruster_gain", ("gain_5",), 0.4))
     both.fits.append(SimpleNamespace(explanation=Explanation(()), evidence=-1.0))
-    plan = choose_experiment(marked[0], both, Verdict.EXPLAINED, Where())
+    plan = choose_experiment(responded[0], both, Verdict.EXPLAINED, Where())
     assert plan is not None
     assert "tells “battery sag + thruster gain” and “no effect” apart, by" in plan.why
 
 
-def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(marked):
+def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(responded):
     """Commands 2 and 3 exchanged look like no other exchange, unless the heading were turned round by half a turn."""
-    problem = marked[0]
+    problem = responded[0]
     terms = [Term("thruster_swap", (f"command_{i}",), j, discrete=True) for i, j in ((2, 3.0), (3, 2.0))]
     turned = ("heading_bias with thruster_swap 1 4", "thruster_swap 2 3")
-    assert indistinguishable(problem, found(marked, *terms)) == (turned,)
-    assert choose_experiment(problem, found(marked, *terms), Verdict.EXPLAINED, Where()) is None
+    assert indistinguishable(problem, found(responded, *terms)) == (turned,)
+    assert choose_experiment(problem, found(responded, *terms), Verdict.EXPLAINED, Where()) is None
 
 
 @pytest.mark.parametrize(

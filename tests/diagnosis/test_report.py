@@ -25,7 +25,7 @@ from auv_torchrl.diagnosis.report.charts import horizons, shares
 from auv_torchrl.diagnosis.report.svg import decades, ticks
 from auv_torchrl.diagnosis.report.wording import sentence
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.verdict import NO_MARK, Diagnosis, Errors, Estimate, FoundEffect, Verdict
+from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Diagnosis, Errors, Estimate, FoundEffect, Verdict
 from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
@@ -381,7 +381,7 @@ def test_the_table_warns_of_what_the_diagnosis_found_and_not_twice():
 
 def test_the_table_says_what_the_log_cannot_tell_but_for_effects_without_a_mark():
     """What is not measured and what is at its bound; effects without a mark, a dozen of them, are on the page alone."""
-    silent = ("yaw is not measured", f"gyro_bias {NO_MARK}", "thruster_lag: rate is at its bound 0.9 1/s")
+    silent = ("yaw is not measured", f"gyro_bias {NOT_SHOWN}", "thruster_lag: rate is at its bound 0.9 1/s")
     table = summary_table(replace(no_gap(), cannot_tell=silent))
     assert "  Yaw is not measured.\n" in table and "rate is at its bound 0.9" in table
     assert "Thruster lag: rate" in table and "gyro bias" not in table

@@ -30,8 +30,8 @@ def seen():
 def test_each_change_beside_others_costs_what_it_costs_alone(seen, beside):
     """One solution for all gives the chi-square of every change beside those that are chosen."""
     _, _, field = seen
-    marked = np.flatnonzero(field.seen).tolist()
-    chosen, others = marked[:: len(marked) // 3][:beside], marked[1::5]
+    responded = np.flatnonzero(field.seen).tolist()
+    chosen, others = responded[:: len(responded) // 3][:beside], responded[1::5]
     others = [i for i in others if i not in chosen]
     one_by_one = [field.fit([*chosen, i])[0] for i in others]
     np.testing.assert_allclose(with_each(field, chosen, others), one_by_one, rtol=1e-7)
@@ -42,7 +42,7 @@ def test_the_best_of_what_is_tried_is_foretold_before_starts_settle(seen, reach)
     """Of values near by, the one that leaves least once starts and disturbance have settled promises to before."""
     problem, follow, _ = seen
     for threshold in (("dead_band", "width"), ("thruster_gain", "gain_2")):
-        trials = [Explanation(slack={threshold: reach * step}) for step in TRIED_STEPS]
+        trials = [Explanation(nuisance={threshold: reach * step}) for step in TRIED_STEPS]
         foretold = nudged_chi2(problem, trials, follow, steps=0)
         settled = nudged_chi2(problem, trials, follow)
         assert np.ptp(settled) > 0

@@ -16,13 +16,13 @@ from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulati
 from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, path_under
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.neighbours import held_at
-from auv_torchrl.diagnosis.identify.paths import slack_now
+from auv_torchrl.diagnosis.identify.paths import nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
-from auv_torchrl.diagnosis.thresholds import SLACK_LIMIT
+from auv_torchrl.diagnosis.thresholds import NUISANCE_LIMIT
 from auv_torchrl.diagnosis.validate.predict import predict
 from auv_torchrl.diagnosis.validate.veto import falls_short
 from auv_torchrl.effects import EFFECTS
@@ -200,22 +200,24 @@ def test_an_effect_is_fitted_though_slack_is_at_its_limit():
     problem, follow = follow_windows(problem)
     lag = Explanation((Term("thruster_lag", ("time_constant",), 0.1),))
     sketch, polished = fit_along_motion(problem, lag, follow), fit_by_simulation(problem, lag, follow)
-    widths = np.array([width for *_, width in problem.slack])
+    widths = np.array([width for *_, width in problem.nuisance])
     for fit in (sketch, polished):
-        stretch = np.abs(slack_now(problem, fit.explanation)) / widths
-        assert stretch.max() == pytest.approx(SLACK_LIMIT)
+        stretch = np.abs(nuisance_now(problem, fit.explanation)) / widths
+        assert stretch.max() == pytest.approx(NUISANCE_LIMIT)
         assert fit.explanation.terms[0].value == pytest.approx(0.2, rel=0.25)
 
 
 def test_a_value_is_said_that_slack_is_stretched_for():
     """Of a current, both numbers: beside slack that has nearly all of one, a sketch promises nothing of it."""
     problem = problem_of(HELD, {"current": {"north": 0.15, "east": -0.1}}, seed=3, settings=FEW)
-    slack = (*problem.slack, *(("current", axis, 0.0, 0.02) for axis in ("north", "east")))
-    covariance = np.diag([width**2 for *_, width in slack])
-    problem = replace(problem, slack=slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance))
+    nuisance = (*problem.nuisance, *(("current", axis, 0.0, 0.02) for axis in ("north", "east")))
+    covariance = np.diag([width**2 for *_, width in nuisance])
+    problem = replace(
+        problem, nuisance=nuisance, nuisance_covariance=covariance, nuisance_precision=np.linalg.inv(covariance)
+    )
     problem, follow = follow_windows(problem)
     north = fit_by_simulation(problem, Explanation((Term("current", ("north",), 0.15),)), follow)
-    assert north.explanation.slack["current", "east"] == pytest.approx(-0.02 * SLACK_LIMIT)
+    assert north.explanation.nuisance["current", "east"] == pytest.approx(-0.02 * NUISANCE_LIMIT)
     best = search(problem, follow, lambda *_: None, [north.explanation.alone]).best.explanation
     assert best.values(HELD)["current"] == pytest.approx({"north": 0.15, "east": -0.1}, abs=0.01)
     assert best.effects == ("current",) and len(best.terms) == 2
@@ -224,7 +226,9 @@ def test_a_value_is_said_that_slack_is_stretched_for():
 def test_a_thrust_curve_is_fitted_together_with_the_dead_band():
     """A flatter curve with a wider dead band lets the same commands through; fits that begin there come back."""
     problem = problem_of(HELD, {"thrust_curve": {"exponent": 1.56}, "buoyancy": {"force": -9.5}}, seed=4)
-    ((key, width),) = (((effect, member), width) for effect, member, _, width in problem.slack if effect == "dead_band")
+    ((key, width),) = (
+        ((effect, member), width) for effect, member, _, width in problem.nuisance if effect == "dead_band"
+    )
     (problem, follow), found = follow_windows(problem), []
     for exponent, of_width in ((1.585, -0.8), (1.56, 0.0), (1.53, 0.8)):
         terms = Term("thrust_curve", ("exponent",), exponent), Term("buoyancy", ("force",), -9.5)
@@ -313,7 +317,7 @@ def test_a_fit_ends_at_the_same_dead_band_wherever_it_begins(seed):
     """The slack of a threshold, in which chi-square is rough, is found from two standard deviations to either side."""
     vehicle = with_slack(HELD, np.random.default_rng(seed))
     problem, follow = follow_windows(problem_of(vehicle, {"buoyancy": {"force": 6.0}}, seed=seed))
-    dead_band = next(parameter for parameter in problem.slack if problem.settings.is_rough(parameter[0]))
+    dead_band = next(parameter for parameter in problem.nuisance if problem.settings.is_rough(parameter[0]))
     ends = []
     for deviation in (-2, -1, 0, 1, 2):
         begin = Explanation((Term("buoyancy", ("force",), 5.5),), {dead_band[:2]: deviation * dead_band[3]})
@@ -328,7 +332,7 @@ def test_slack_is_asked_before_a_value_is_believed():
     fit = fit_by_simulation(problem, off, follow)
     moved, rise = held_at(problem, fit, {0: 1.0})
     assert rise < 10
-    nothing = fit_by_simulation(problem, Explanation(slack=moved.slack), fit.path)
+    nothing = fit_by_simulation(problem, Explanation(nuisance=moved.nuisance), fit.path)
     assert nothing.evidence > fit.evidence
     problem, follow = follow_windows(problem_of(HELD, {"thruster_gain": {"gain_2": 0.5}}, seed=4))
     fit = fit_by_simulation(problem, Explanation((Term("thruster_gain", ("gain_2",), 0.6),)), follow)

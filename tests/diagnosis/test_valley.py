@@ -35,9 +35,11 @@ def limited():
     log = fly(VEHICLE, {"thrust_limit": dict.fromkeys(LIMITS, LIMIT)}, seed=9)
     problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), VEHICLE, SETTINGS)
     widths = {"exponent": 0.025, "asymmetry": 0.0025}
-    slack = (*problem.slack, *(("thrust_curve", name, CURVE[name], width) for name, width in widths.items()))
-    covariance = np.diag([width**2 for *_, width in slack])
-    problem = replace(problem, slack=slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance))
+    nuisance = (*problem.nuisance, *(("thrust_curve", name, CURVE[name], width) for name, width in widths.items()))
+    covariance = np.diag([width**2 for *_, width in nuisance])
+    problem = replace(
+        problem, nuisance=nuisance, nuisance_covariance=covariance, nuisance_precision=np.linalg.inv(covariance)
+    )
     return follow_windows(problem)
 
 
@@ -59,7 +61,7 @@ def test_numbers_that_move_together_leave_one_mark(limited):
     """A step along the valley costs less than one of the same numbers by the mark of each, which switches samples."""
     problem, follow = limited
     fit = fit_by_simulation(problem, Explanation((Term("thrust_limit", LIMITS, LIMIT),)), follow)
-    column = {entry[:2]: place for place, entry in enumerate(problem.slack)}
+    column = {entry[:2]: place for place, entry in enumerate(problem.nuisance)}
     steps = np.array([-0.02, -0.01, 0.01, 0.02])
     moves = [VALLEY.moves(fit.path.vehicle, step) for step in steps.tolist()]
     by_each = [moved_along(problem, fit, {column[key]: by for key, by in some.items()}) for some in moves]

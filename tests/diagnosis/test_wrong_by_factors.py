@@ -49,7 +49,7 @@ def test_an_overall_scale_is_found_and_changes_no_motion(factor):
         (factor - 1) * nominal
         if effect == "hull" and member != "righting_arm" or effect in ("thruster_gain", "dead_band")
         else 0.0
-        for effect, member, nominal, _ in nuisance.slack
+        for effect, member, nominal, _ in nuisance.entries
     ]
     other = Centred.at(file, nuisance).shifted(np.array(scaled))
     back = scaled_as_the_file(other)
@@ -72,10 +72,10 @@ def guess():
 @given(factor=st.floats(1.05, 5.0), member=st.sampled_from(["scale_surge", "scale_sway", "scale_heave", "scale_yaw"]))
 def test_a_file_is_as_likely_to_have_a_half_as_twice_of_a_factor(guess, factor, member):
     """No scale of the vehicle is preferred because its file has more numbers too small than too large, or fewer."""
-    place = [entry[:2] for entry in guess.nuisance.slack].index(("linear_drag", member))
+    place = [entry[:2] for entry in guess.nuisance.entries].index(("linear_drag", member))
 
     def unlikely(times):
-        by = np.zeros(len(guess.nuisance.slack))
+        by = np.zeros(len(guess.nuisance.entries))
         by[place] = times - 1
         away, precision = guess.shifted(by).prior
         return away @ precision @ away
@@ -88,8 +88,8 @@ def test_a_factor_that_a_fit_takes_to_nothing_can_come_back():
     file = load_vehicle("paper")
     windows = cut_windows(fly(hold(file), {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
     about = Centred.at(file, guessed(file, SETTINGS, (), windows))
-    place = [entry[:2] for entry in about.nuisance.slack].index(("quadratic_drag", "scale_heave"))
-    away = np.zeros(len(about.nuisance.slack))
+    place = [entry[:2] for entry in about.nuisance.entries].index(("quadratic_drag", "scale_heave"))
+    away = np.zeros(len(about.nuisance.entries))
     away[place] = -1.0
     gone = about.shifted(away)
     drag, before = (float(c.vehicle.quadratic_drag[..., 2]) for c in (gone, about))
@@ -107,7 +107,7 @@ def test_corrections_are_shares_of_what_the_file_says():
     windows = cut_windows(fly(hold(file), {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
     about = Centred.at(file, guessed(file, SETTINGS, (), windows))
     by = {("thruster_gain", "gain_1"): 1.0, ("thruster_misalignment", "angle_1"): 0.01}
-    moved = about.shifted(np.array([by.get(entry[:2], 0.0) for entry in about.nuisance.slack]))
+    moved = about.shifted(np.array([by.get(entry[:2], 0.0) for entry in about.nuisance.entries]))
     assert moved.corrections["thruster_gain", "gain_1"] == pytest.approx(1.0)
     assert not any(effect == "thruster_misalignment" for effect, _ in moved.corrections)
 

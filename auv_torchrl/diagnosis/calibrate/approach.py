@@ -29,7 +29,7 @@ def approach(windows: Windows, file: Vehicle, nuisance: Nuisance) -> Centred:
     """
     if len(windows) > MOST_WINDOWS:
         windows = windows.subset(np.linspace(0, len(windows) - 1, MOST_WINDOWS).astype(int))
-    coefficients = as_coefficients(nuisance.slack, file)
+    coefficients = as_coefficients(nuisance.entries, file)
     fitted = fit(windows, file, coefficients)
     before = np.array([c.nominal for c in coefficients])
     near = Centred.at(file, nuisance).moved(fitted.values - before, fitted.covariance)
@@ -41,7 +41,7 @@ def approach(windows: Windows, file: Vehicle, nuisance: Nuisance) -> Centred:
 def settled(centred: Centred) -> Centred:
     """Without what a vehicle is for good and nobody looks for, as where its thrusters sit: that is no slack."""
     for_good = {name for name, effect in EFFECTS.items() if effect.is_property and not effect.is_searched}
-    left = [place for place, (effect, *_) in enumerate(centred.nuisance.slack) if effect not in for_good]
+    left = [place for place, (effect, *_) in enumerate(centred.nuisance.entries) if effect not in for_good]
     return Centred(
         centred.vehicle, centred.nuisance.only(left), centred.file[left], centred.covariance[np.ix_(left, left)]
     )
@@ -52,5 +52,5 @@ def _grown(nuisance: Nuisance, before: Floats) -> Floats:
 
     A drag of 2 that is guessed within 1 and turns out to be 10 was guessed within 5: guesses are wrong by factors.
     """
-    now = np.array([nominal for *_, nominal, _ in nuisance.slack])
+    now = np.array([nominal for *_, nominal, _ in nuisance.entries])
     return np.maximum(np.abs(now / np.where(before, before, np.inf)), 1.0)

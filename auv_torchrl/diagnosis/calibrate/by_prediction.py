@@ -54,10 +54,10 @@ def predicts_better(
     floor[problem.layout.dof] = problem.floor
     known = replace(own, floor=floor, noise=problem.sigma, rough_noise=problem.rough_noise, of_itself=False)
     widths = {(c.effect, c.member): c.width for c in coefficients}
-    width = np.array([widths.get(entry[:2], entry[3]) for entry in known.slack])
+    width = np.array([widths.get(entry[:2], entry[3]) for entry in known.nuisance])
     file, still = np.zeros_like(width), np.zeros_like(width)
     file[: len(about.file)] = about.file  # what was not fitted is as the file says
-    centred = Centred(corrected.vehicle, Nuisance(known.slack, width, (), still), file, known.slack_covariance)
+    centred = Centred(corrected.vehicle, Nuisance(known.nuisance, width, (), still), file, known.nuisance_covariance)
     return centred, known, fit.excess
 
 

@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
 from auv_torchrl.diagnosis.identify.following import chi2_by_window, follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -76,7 +76,7 @@ def draft(
     problem, follow = follow_windows(Problem.of(windows, guess.vehicle, settings))
     problem, refitted = _fit(problem, guess.nuisance, follow, FITS)
     if refitted.excess < excess:
-        moved = slack_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), guess)
+        moved = nuisance_now(problem, refitted.explanation), hold_scale(_left_open(problem, refitted), guess)
         centred = scaled_as_the_file(guess.moved(*moved))
         strays = _strays(settled(centred), settings)
         known = replace(known, noise=problem.sigma)
@@ -92,9 +92,9 @@ def parted(healthy: Sequence[FlightLog], windows: Windows) -> list[Windows]:
 
 def _fit(problem: Problem, nuisance: Nuisance, follow: WindowPath, fits: int) -> tuple[Problem, Fit]:
     """Fit what may be off on all flights at once, and measure the noise under it."""
-    covariance = np.diag(np.array([width for *_, width in nuisance.slack]) ** 2)
+    covariance = np.diag(np.array([width for *_, width in nuisance.entries]) ** 2)
     problem = replace(
-        problem, slack=nuisance.slack, slack_covariance=covariance, slack_precision=np.linalg.inv(covariance)
+        problem, nuisance=nuisance.entries, nuisance_covariance=covariance, nuisance_precision=np.linalg.inv(covariance)
     )
     fit = fit_by_simulation(problem, Explanation(), follow)
     for _ in range(1, fits):
@@ -118,16 +118,16 @@ def _usual_excess(problem: Problem, fit: Fit) -> float:
 
 def _left_open(problem: Problem, fit: Fit) -> Floats:
     """Covariance (k, k) of slack, as the log leaves it open."""
-    k = len(problem.slack)
-    return np.linalg.inv(fit.quadratic.A[:k, :k] + problem.slack_precision)
+    k = len(problem.nuisance)
+    return np.linalg.inv(fit.quadratic.A[:k, :k] + problem.nuisance_precision)
 
 
 def _strays(centred: Centred, settings: Settings) -> tuple[str, ...]:
     """Effects of which some coefficient differs from the file by more than slack, and than the logs leave open."""
     found = []
-    entries = zip(centred.nuisance.slack, centred.file, np.diag(centred.covariance), strict=True)
+    entries = zip(centred.nuisance.entries, centred.file, np.diag(centred.covariance), strict=True)
     for (effect, member, nominal, _), away, variance in entries:
-        width = settings.slack_of(EFFECTS[effect]).get(member.rsplit("_", 1)[0], 0.0) * abs(nominal)
+        width = settings.nuisance_of(EFFECTS[effect]).get(member.rsplit("_", 1)[0], 0.0) * abs(nominal)
         if abs(away) > STRAYS * np.hypot(width, np.sqrt(variance)):
             found.append(effect)
     return tuple(dict.fromkeys(found))

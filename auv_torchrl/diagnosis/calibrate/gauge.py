@@ -13,7 +13,7 @@ import numpy as np
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.identify.attitude import held_level
 from auv_torchrl.diagnosis.identify.hypotheses import batch
-from auv_torchrl.diagnosis.identify.problem import Slack
+from auv_torchrl.diagnosis.identify.problem import NuisanceEntry
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.motion.within import least_within
 from auv_torchrl.physics import ActiveTerms, prepare
@@ -40,7 +40,7 @@ def scaled_as_the_file(centred: Centred) -> Centred:
     for _ in range(STEPS):
         (away, nearer), reach = centred.prior, REACH * centred.nuisance.width
         low, high = centred.bounds
-        unseen = unseen_directions(centred.vehicle, centred.nuisance.slack)
+        unseen = unseen_directions(centred.vehicle, centred.nuisance.entries)
         bounds = np.maximum(low, -reach), np.minimum(high, reach)
         step = least_within(nearer, nearer @ away, bounds, unseen)
         centred = centred.shifted(step)
@@ -76,25 +76,25 @@ def scales_left_open(centred: Centred, hides: bool = False) -> Floats:
 def _unseen(centred: Centred, hides: bool) -> Floats:
     """Unseen directions (k, g) in the motions that logs show; ``hides`` is whether these lack its tilts."""
     vehicle = held_level(centred.vehicle) if hides else centred.vehicle
-    return unseen_directions(vehicle, centred.nuisance.slack)
+    return unseen_directions(vehicle, centred.nuisance.entries)
 
 
-def unseen_directions(vehicle: Vehicle, slack: Sequence[Slack]) -> Floats:
+def unseen_directions(vehicle: Vehicle, nuisance: Sequence[NuisanceEntry]) -> Floats:
     """Changes (k, g) of slack that leave every acceleration as it is, whatever the motion and the commands.
 
     What acts through time alone, as a delay does, and what changes reports is not among them.
     """
-    widths = np.array([width for *_, width in slack])
+    widths = np.array([width for *_, width in nuisance])
     rows = []
-    for (effect, member, nominal, _), width in zip(slack, widths.tolist(), strict=True):
+    for (effect, member, nominal, _), width in zip(nuisance, widths.tolist(), strict=True):
         rows += [{effect: {member: nominal + sign * STEP * width}} for sign in (1, -1)]
     moves = vehicle.free.numpy() > 0
     rates = _accelerations(batch(vehicle, rows), moves)
-    slopes = (rates[0::2] - rates[1::2]).reshape(len(slack), -1).T / (2 * STEP)
+    slopes = (rates[0::2] - rates[1::2]).reshape(len(nuisance), -1).T / (2 * STEP)
     acts = np.flatnonzero(np.abs(slopes).max(0) > UNSEEN * np.abs(slopes).max())
     _, size, directions = np.linalg.svd(slopes[:, acts], full_matrices=False)
     unseen = directions[size < UNSEEN * size[0]]
-    found = np.zeros((len(slack), len(unseen)))
+    found = np.zeros((len(nuisance), len(unseen)))
     found[acts] = unseen.T
     return found * widths[:, None]
 

@@ -187,9 +187,9 @@ def _findings(log: FlightLog, calibration: Calibration, settings: Settings) -> l
     found = [Finding(Severity.INFO, "floor_measured", sentence)]
     if calibration.as_stated > settings.excess:
         sentence = (
-            f"the vehicle's file is off by more than slack: {counted(len(known.slack), 'coefficient')} corrected on "
-            f"the healthy log {log.name} (chi-square {calibration.as_stated:.3g} per number before, {excess:.3g} "
-            "after); what is found is relative to the vehicle of that log"
+            f"the vehicle's file is off by more than a few per cent: {counted(len(known.nuisance), 'coefficient')} "
+            f"corrected on the healthy log {log.name} (chi-square {calibration.as_stated:.3g} per number before, "
+            f"{excess:.3g} after); what is found is relative to the vehicle of that log"
         )
         found.append(Finding(Severity.INFO, "coefficients_corrected", sentence))
     if calibration.has_gap:

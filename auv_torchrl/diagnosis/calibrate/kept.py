@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.calibrate.floor import sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.healthy import Calibration
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
-from auv_torchrl.diagnosis.identify.problem import Known, Slack
+from auv_torchrl.diagnosis.identify.problem import Known, NuisanceEntry
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, Severity
@@ -39,7 +39,7 @@ class Kept:
     floor: Floats  # (6,) N, N m
     noise: dict[str, float]  # by channel
     rough_noise: dict[str, float]  # by channel, from third differences
-    slack: tuple[Slack, ...]
+    nuisance: tuple[NuisanceEntry, ...]
     together: Floats  # (k, k) lower triangle whose product with its transpose is their correlation
     shrinks: Floats | None  # (k, k) likewise, of the part that falls with more flights; None in files without it
     scales: Floats | None  # (k, g) in widths, what scales that no log tells leave unsure; None where a file was right
@@ -47,9 +47,9 @@ class Kept:
     @property
     def known(self) -> Known:
         """What a diagnosis takes from healthy logs."""
-        width = np.array([width for *_, width in self.slack])[:, None]
+        width = np.array([width for *_, width in self.nuisance])[:, None]
         factor = width * self.together
-        known = Known(self.floor, self.noise, self.rough_noise, self.slack, factor @ factor.T)
+        known = Known(self.floor, self.noise, self.rough_noise, self.nuisance, factor @ factor.T)
         known = known if self.scales is None else replace(known, scales=width * self.scales)
         if self.shrinks is None:
             return known
@@ -58,10 +58,10 @@ class Kept:
 
     def calibration(self, vehicle: Vehicle) -> Calibration:
         """As if the healthy logs were here; ``vehicle`` is that of the file, roll and pitch held or free."""
-        k = len(self.slack)
-        nothing = Nuisance(self.slack, np.zeros(k), (), np.zeros(k))
+        k = len(self.nuisance)
+        nothing = Nuisance(self.nuisance, np.zeros(k), (), np.zeros(k))
         known = self.known
-        centred = Centred(vehicle, nothing, np.zeros(k), known.slack_covariance)
+        centred = Centred(vehicle, nothing, np.zeros(k), known.nuisance_covariance)
         sound = Calibration(centred, known, (), self.excess, self.excess, False, (self._finding(),))
         return sound if self.level else sound_free(sound)
 
@@ -110,7 +110,7 @@ def read_kept(content: Any, coefficients: tuple[Coefficient, ...]) -> Kept | Non
         floor=_positive(content["floor"], "floor", 6),
         noise=_by_channel(content["noise"], "noise"),
         rough_noise=_by_channel(content["rough_noise"], "rough_noise"),
-        slack=tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients),
+        nuisance=tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients),
         together=_correlation(_triangle(content["together"], "together", count)),
         shrinks=_triangle(content["shrinks"], "shrinks", count) if "shrinks" in content else None,
         scales=_columns(content["scales"], "scales", count) if "scales" in content else None,

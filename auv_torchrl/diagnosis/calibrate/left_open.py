@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.calibrate.output_error import Fitted
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
-from auv_torchrl.diagnosis.identify.hypotheses import Settings, slack_parameters
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, nuisance_parameters
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.effects import EFFECTS
@@ -33,11 +33,11 @@ def left_open(fitted: Centred, settings: Settings, channels: Collection[str]) ->
         settings: with the floor to begin from, and slack of what was not fitted.
         channels: of the log.
     """
-    slack = fitted.nuisance.slack
-    effects = {effect for effect, *_ in slack}
+    nuisance = fitted.nuisance.entries
+    effects = {effect for effect, *_ in nuisance}
     said = effects | {name for effect in effects for name in EFFECTS[effect].covers}
-    others = [entry for entry in slack_parameters(fitted.vehicle, settings, channels) if entry[0] not in said]
-    return Known(np.array(settings.floor_force), {}, {}, slack, fitted.covariance, of_itself=True).beside(others)
+    others = [entry for entry in nuisance_parameters(fitted.vehicle, settings, channels) if entry[0] not in said]
+    return Known(np.array(settings.floor_force), {}, {}, nuisance, fitted.covariance, of_itself=True).beside(others)
 
 
 def fitted_about(vehicle: Vehicle, coefficients: Sequence[Coefficient], fitted: Fitted) -> Centred:
@@ -48,8 +48,9 @@ def fitted_about(vehicle: Vehicle, coefficients: Sequence[Coefficient], fitted: 
         coefficients: of it, as the file says.
         fitted: the same (k,) as the log says, and how sure log and file are of them.
     """
-    slack, nothing = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients), np.zeros(len(coefficients))
-    about = Centred(vehicle, Nuisance(slack, nothing, (), nothing), nothing, fitted.covariance)
+    nothing = np.zeros(len(coefficients))
+    entries = tuple((c.effect, c.member, c.nominal, c.width) for c in coefficients)
+    about = Centred(vehicle, Nuisance(entries, nothing, (), nothing), nothing, fitted.covariance)
     return about.shifted(fitted.values - np.array([c.nominal for c in coefficients]))
 
 

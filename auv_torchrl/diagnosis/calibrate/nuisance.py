@@ -11,11 +11,11 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
     Settings,
     Values,
     apply_values,
-    sensor_slack,
-    slack_parameters,
+    nuisance_parameters,
+    sensor_nuisance,
     that_matter,
 )
-from auv_torchrl.diagnosis.identify.problem import Slack
+from auv_torchrl.diagnosis.identify.problem import NuisanceEntry
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import MENDED_REPEATS, REPEATS
 from auv_torchrl.effects import EFFECTS
@@ -32,7 +32,7 @@ SMALLEST_FACTOR = 0.1
 class Nuisance:
     """Numbers (k,) of a vehicle that no explanation is to be made of."""
 
-    slack: tuple[Slack, ...]  # of the vehicle's file; widths of the file and of flights together
+    entries: tuple[NuisanceEntry, ...]  # of the vehicle's file; widths of the file and of flights together
     width: Floats  # (k,) standard deviation of the file; 0 where it is right
     spread: tuple[Floats, ...]  # (k, k) covariances between flights, each with a size of its own that can be learnt
     repeats: Floats  # (k,) standard deviation within which every sound vehicle repeats itself
@@ -48,14 +48,14 @@ class Nuisance:
     def only(self, places: Sequence[int]) -> "Nuisance":
         """Some of the numbers."""
         spread = tuple(part[np.ix_(places, places)] for part in self.spread)
-        slack = tuple(self.slack[i] for i in places)
-        return replace(self, slack=slack, width=self.width[places], spread=spread, repeats=self.repeats[places])
+        entries = tuple(self.entries[i] for i in places)
+        return replace(self, entries=entries, width=self.width[places], spread=spread, repeats=self.repeats[places])
 
     def precision(self, width: Floats) -> Floats:
         """Precision (k, k) of a file that is right within ``width`` (k,)."""
-        total = np.array([entry[3] for entry in self.slack])
+        total = np.array([entry[3] for entry in self.entries])
         width = np.maximum(width, SURELY**0.5 * total)
-        members = [entry[:2] for entry in self.slack]
+        members = [entry[:2] for entry in self.entries]
         return np.linalg.inv(shared_covariance(members, width) if self.is_guess else np.diag(width**2))
 
 
@@ -77,8 +77,8 @@ def nuisance(vehicle: Vehicle, widths: Sequence[tuple[str, str, float, float]]) 
     repeats = _repeats(vehicle, keys, [nominal for nominal, _ in width.values()])
     own = np.array([size for _, size in width.values()])
     total = np.sqrt(own**2 + repeats**2 + sum(np.diag(part) for part in spread)).tolist()
-    slack = tuple((*key, width[key][0], size) for key, size in zip(keys, total, strict=True))
-    return Nuisance(slack, own, tuple(spread), repeats)
+    nuisance = tuple((*key, width[key][0], size) for key, size in zip(keys, total, strict=True))
+    return Nuisance(nuisance, own, tuple(spread), repeats)
 
 
 def _repeats(
@@ -91,7 +91,7 @@ def _repeats(
 
 def stated(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> Nuisance:
     """Of a vehicle whose file is right within the slack of the settings, in logs with these ``channels``."""
-    return nuisance(vehicle, slack_parameters(vehicle, settings, channels))
+    return nuisance(vehicle, nuisance_parameters(vehicle, settings, channels))
 
 
 def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coefficient], windows: Windows) -> Nuisance:
@@ -109,7 +109,7 @@ def guessed(vehicle: Vehicle, settings: Settings, coefficients: Sequence[Coeffic
     given += [entry for entry in guesses(vehicle) if entry[0] in left and entry[:2] not in members]
     if windows.errors.snapshot_s:
         given = [entry for entry in given if not EFFECTS[entry[0]].smooths]
-    found = nuisance(vehicle, [*given, *sensor_slack(vehicle, settings, windows.channels)])
+    found = nuisance(vehicle, [*given, *sensor_nuisance(vehicle, settings, windows.channels)])
     return replace(found, repeating=MENDED_REPEATS, is_guess=True)
 
 
@@ -138,7 +138,7 @@ class Centred:
     def at(file: Vehicle, nuisance: Nuisance) -> "Centred":
         """About the vehicle as its file says, before any flight."""
         covariance = np.diag(nuisance.width**2) + nuisance.between_flights()
-        return Centred(file, nuisance, np.zeros(len(nuisance.slack)), covariance)
+        return Centred(file, nuisance, np.zeros(len(nuisance.entries)), covariance)
 
     @property
     def corrections(self) -> dict[tuple[str, str], float]:
@@ -146,7 +146,7 @@ class Centred:
 
         Of an offset, which counts from nothing, there is no share.
         """
-        there = [(entry, entry[2] + away, away) for entry, away in zip(self.nuisance.slack, self.file, strict=True)]
+        there = [(entry, entry[2] + away, away) for entry, away in zip(self.nuisance.entries, self.file, strict=True)]
         return {
             (effect, member): float(-away / abs(value))
             for (effect, member, nominal, _), value, away in there
@@ -160,7 +160,7 @@ class Centred:
         Factors are as likely to be wrong by 2 as by a half: they are off by their logarithms. Squares of what they are
         off would take a vehicle of which no log tells the scale for too small a one.
         """
-        width, nominal = self.nuisance.width, np.array([entry[2] for entry in self.nuisance.slack])
+        width, nominal = self.nuisance.width, np.array([entry[2] for entry in self.nuisance.entries])
         is_factor = self._is_factor
         by = np.where(is_factor, nominal, 1.0)
         times = np.where(is_factor, np.maximum(1 + self.file / by, SMALLEST_FACTOR), 1.0)  # the file, of what it is
@@ -171,7 +171,7 @@ class Centred:
     @property
     def _is_factor(self) -> np.ndarray:
         """(k,) whether each number is a factor."""
-        members = (entry[:2] for entry in self.nuisance.slack)
+        members = (entry[:2] for entry in self.nuisance.entries)
         return np.array(
             [EFFECTS[effect].member_parameters(self.vehicle)[name].is_factor for effect, name in members], bool
         )
@@ -180,7 +180,7 @@ class Centred:
     def bounds(self) -> tuple[Floats, Floats]:
         """Least and most (k,) that each number may deviate by."""
         room = []
-        for effect, member, nominal, _ in self.nuisance.slack:
+        for effect, member, nominal, _ in self.nuisance.entries:
             p = EFFECTS[effect].member_parameters(self.vehicle)[member]
             room.append((p.low - nominal, p.high - nominal))
         low, high = np.array(room).T
@@ -200,32 +200,32 @@ class Centred:
         A factor counts from the vehicle that it changes: a gain of 0.8 that became 1 is as unsure as 0.8, over 0.8.
         """
         own = apply_values(self.vehicle, self._values(deviation))
-        nominal = [EFFECTS[effect].nominal(own)[member] for effect, member, *_ in self.nuisance.slack]
-        before = np.array([entry[2] for entry in self.nuisance.slack])
+        nominal = [EFFECTS[effect].nominal(own)[member] for effect, member, *_ in self.nuisance.entries]
+        before = np.array([entry[2] for entry in self.nuisance.entries])
         is_factor = self._is_factor
         gone = is_factor & (np.abs(before + deviation) < SMALLEST_FACTOR * np.abs(before))
         if gone.any():
             deviation = np.where(gone, (SMALLEST_FACTOR - 1) * before, deviation)
             own = apply_values(self.vehicle, self._values(deviation))
         factor = np.where(is_factor, before / np.where(is_factor, before + deviation, 1.0), 1.0)
-        slack = tuple((*s[:2], new, s[3]) for s, new in zip(self.nuisance.slack, nominal, strict=True))
-        keys = [(effect, member) for effect, member, *_ in slack]
+        entries = tuple((*s[:2], new, s[3]) for s, new in zip(self.nuisance.entries, nominal, strict=True))
+        keys = [(effect, member) for effect, member, *_ in entries]
         repeats = _repeats(own, keys, nominal, self.nuisance.repeating)
         width = self.nuisance.width * np.abs(factor)
-        nuisance = replace(self.nuisance, slack=slack, width=width, repeats=repeats)
+        nuisance = replace(self.nuisance, entries=entries, width=width, repeats=repeats)
         there = Centred(own, nuisance, (self.file - deviation) * factor, self.covariance)
         return there.sure(self.covariance * np.outer(factor, factor))
 
     def sure(self, covariance: Floats) -> "Centred":
         """The same, as sure as a covariance (k, k) says."""
         size = np.sqrt(np.diag(covariance)).tolist()
-        slack = tuple((*entry[:3], s) for entry, s in zip(self.nuisance.slack, size, strict=True))
-        return replace(self, nuisance=replace(self.nuisance, slack=slack), covariance=covariance)
+        entries = tuple((*entry[:3], s) for entry, s in zip(self.nuisance.entries, size, strict=True))
+        return replace(self, nuisance=replace(self.nuisance, entries=entries), covariance=covariance)
 
     def _values(self, deviation: Floats) -> Values:
         """Effect values within their bounds: a mean over flights knows of none."""
         values: Values = {}
-        for (effect, member, nominal, _), by in zip(self.nuisance.slack, deviation.tolist(), strict=True):
+        for (effect, member, nominal, _), by in zip(self.nuisance.entries, deviation.tolist(), strict=True):
             p = EFFECTS[effect].member_parameters(self.vehicle)[member]
             values.setdefault(effect, {})[member] = min(max(nominal + by, p.low), p.high)
         return values

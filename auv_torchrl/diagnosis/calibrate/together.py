@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, fitted_on, rescued
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, log_likelihood, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, log_likelihood, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Known, Problem
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import MOSTLY_LOST, NEAR
@@ -84,7 +84,7 @@ def follow_all(
     misfits, about, whole, fits, told, is_last, at_once = (), centred, centred, (), (), False, np.inf
     known = knew = replace(known, shrinks=None)  # what was learnt of a vehicle with other numbers
     for turn in range(passes):
-        known = replace(known, slack=centred.nuisance.slack, slack_covariance=centred.covariance)
+        known = replace(known, nuisance=centred.nuisance.entries, nuisance_covariance=centred.covariance)
         followed = tuple(follow_flight(own, centred.vehicle, settings, known) for own in flights)
         left = tuple((fit.chi2, fit.quadratic.numbers) for _, fit in followed)
         at_once = at_once if turn else _per_number(left)
@@ -141,8 +141,8 @@ def _shown(about: Centred, told: Sequence[Told], hides: bool) -> tuple[Centred, 
 def _knows(known: Known, centred: Centred, sizes: Sequence[float], flights: int) -> Known:
     """With the slack of a vehicle that some flights have shown, which differ by ``sizes`` of what is stated."""
     shrinks = centred.covariance - centred.nuisance.between_flights(sizes)
-    slack = {"slack": centred.nuisance.slack, "slack_covariance": centred.covariance}
-    return replace(known, **slack, flights=flights, shrinks=shrinks)
+    nuisance = {"nuisance": centred.nuisance.entries, "nuisance_covariance": centred.covariance}
+    return replace(known, **nuisance, flights=flights, shrinks=shrinks)
 
 
 def _floor(before: Floats, fits: Sequence[FlightFit]) -> Floats:
@@ -156,7 +156,7 @@ def _tells(problem: Problem, fit: Fit, floor: Floats) -> Told:
     """What a flight tells under another disturbance (6,), weighed where it was fitted: it has its slopes there."""
     problem = replace(problem, floor=floor[problem.layout.dof])
     fit = fit_by_simulation(problem, fit.explanation, fit.path, rounds=0)
-    return Told.of(fit.quadratic, slack_now(problem, fit.explanation))
+    return Told.of(fit.quadratic, nuisance_now(problem, fit.explanation))
 
 
 def _per_number(misfits: Sequence[tuple[float, float]]) -> float:

@@ -48,7 +48,7 @@ def vehicle_yaml(
     told = _told(sound, given)
     effect = ""
     for place in order:
-        its, member, *_ = sound.known.slack[place]
+        its, member, *_ = sound.known.nuisance[place]
         lines += [f"  {its}:"] if its != effect else []
         effect = its
         lines.append(f"    {member}: {width[place]:.{DIGITS}g}  # {told[place]}")
@@ -65,25 +65,25 @@ def vehicle_yaml(
         "calibration:",
         *("  " + line for line in yaml.safe_dump(kept, sort_keys=False, default_flow_style=None).splitlines()),
         "  together:  # times its transpose, the correlation of the numbers above, in their order",
-        *_rows(_root(sound, sound.known.slack_covariance, order)),
+        *_rows(_root(sound, sound.known.nuisance_covariance, order)),
     ]
     if sound.known.shrinks is not None:
         lines.append("  shrinks:  # likewise, in the same units, the part of it that falls with more flights")
         lines += _rows(_root(sound, sound.known.shrinks, order))
     if sound.known.scales is not None:
         lines.append("  scales:  # in the same units, how far each is off with each scale that no log tells")
-        size = np.sqrt(np.diag(sound.known.slack_covariance))[:, None]
+        size = np.sqrt(np.diag(sound.known.nuisance_covariance))[:, None]
         lines += [f"    - {flow(row)}" for row in (sound.known.scales / size)[order].tolist()]
     return "\n".join([*lines, ""])
 
 
 def _as_in_file(sound: Calibration, own: Vehicle) -> tuple[list[int], list[float]]:
     """The places of the slack parameters in the order in which a file is read, and their deviations in its units."""
-    slack = sound.known.slack
+    nuisance = sound.known.nuisance
     read = [(name, member) for name, effect in EFFECTS.items() for member in effect.member_parameters(own)]
-    order = sorted(range(len(slack)), key=lambda place: read.index(slack[place][:2]))
-    size = np.sqrt(np.diag(sound.known.slack_covariance)).tolist()
-    for place, (effect, member, nominal, _) in enumerate(slack):
+    order = sorted(range(len(nuisance)), key=lambda place: read.index(nuisance[place][:2]))
+    size = np.sqrt(np.diag(sound.known.nuisance_covariance)).tolist()
+    for place, (effect, member, nominal, _) in enumerate(nuisance):
         if nominal and (now := EFFECTS[effect].nominal(own)[member]):
             size[place] *= abs(now / nominal)  # gains are part of the thrusts and dead bands now
     return order, size
@@ -91,7 +91,7 @@ def _as_in_file(sound: Calibration, own: Vehicle) -> tuple[list[int], list[float
 
 def _root(sound: Calibration, covariance: Floats, order: list[int]) -> Floats:
     """Lower triangle (k, k) whose product with its transpose is a covariance, in deviations of the slack parameters."""
-    size = np.sqrt(np.diag(sound.known.slack_covariance))
+    size = np.sqrt(np.diag(sound.known.nuisance_covariance))
     scaled = (covariance / np.outer(size, size))[np.ix_(order, order)]
     value, vector = np.linalg.eigh(0.5 * (scaled + scaled.T))
     half = vector * np.sqrt(np.maximum(value, LEAST))
@@ -105,9 +105,9 @@ def _rows(triangle: Floats) -> list[str]:
 
 def _told(sound: Calibration, given: Vehicle) -> list[str]:
     """Each coefficient in words, against the file that was calibrated, with its 95 % interval."""
-    size, away = np.sqrt(np.diag(sound.known.slack_covariance)), sound.centred.file
+    size, away = np.sqrt(np.diag(sound.known.nuisance_covariance)), sound.centred.file
     told = []
-    for (effect, member, nominal, _), sd, file in zip(sound.known.slack, size.tolist(), away.tolist(), strict=True):
+    for (effect, member, nominal, _), sd, file in zip(sound.known.nuisance, size.tolist(), away.tolist(), strict=True):
         p = EFFECTS[effect].member_parameters(given)[member]
         before = p.nominal_value(given, member)
         if p.is_factor:

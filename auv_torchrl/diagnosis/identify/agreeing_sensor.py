@@ -31,7 +31,7 @@ def follow_agreeing(problem: Problem) -> tuple[Problem, WindowPath]:
         return problem, follow
     problem, follow = follow_windows(problem, sensor)
     fitted = fit_by_simulation(problem, sensor, follow).explanation  # a value nearby makes outliers of good samples
-    return follow_windows(problem, replace(fitted, slack={}))
+    return follow_windows(problem, replace(fitted, nuisance={}))
 
 
 def tells_twice(problem: Problem) -> bool:

@@ -5,9 +5,9 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import volume
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import mark_slack, quadratic, without_slack
+from auv_torchrl.diagnosis.identify.quadratics import quadratic, respond_to_nuisance, without_nuisance
 from auv_torchrl.diagnosis.identify.steps import bounded_step
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import LONG_STEP, SHORT_STEP
@@ -24,25 +24,25 @@ def assess(
     """
     explanation = path.explanation if sketched is None else sketched
     changes, steps = term_changes(problem, explanation)
-    slack_marks = None if before is None else before.slack_marks
-    if slack_marks is None:
-        slack_marks = mark_slack(problem, path, explanation)
-    q = quadratic(problem, path, changes, sketched, slack_marks, None if sketched is None else problem.followed)
-    at = slack_now(problem, explanation)
-    chi2 = q.constant + float(at @ problem.slack_precision @ at)
+    nuisance_responses = None if before is None else before.nuisance_responses
+    if nuisance_responses is None:
+        nuisance_responses = respond_to_nuisance(problem, path, explanation)
+    q = quadratic(problem, path, changes, sketched, nuisance_responses, None if sketched is None else problem.followed)
+    at = nuisance_now(problem, explanation)
+    chi2 = q.constant + float(at @ problem.nuisance_precision @ at)
     if not np.isfinite(chi2):  # the windows diverge under this vehicle
         nothing = np.zeros(len(explanation.fitted))
         return (
-            Fit(explanation, np.inf, -np.inf, np.diag(nothing), path, q, steps, slack_marks),
+            Fit(explanation, np.inf, -np.inf, np.diag(nothing), path, q, steps, nuisance_responses),
             nothing,
-            np.zeros(len(problem.slack)),
+            np.zeros(len(problem.nuisance)),
         )
-    _, A = without_slack(problem, q, explanation)
+    _, A = without_nuisance(problem, q, explanation)
     widths = np.array([problem.prior.width(term.effect, term.members[0]) for term in explanation.fitted])
     curvature = A / np.outer(steps, steps)
     covariance = covariance_of_values(curvature, widths)
     evidence = log_evidence(problem, chi2, explanation) + volume(curvature, widths)
-    fit = Fit(explanation, chi2, evidence, covariance, path, q, steps, slack_marks)
+    fit = Fit(explanation, chi2, evidence, covariance, path, q, steps, nuisance_responses)
     return fit, *bounded_step(problem, fit)
 
 
@@ -59,7 +59,7 @@ def covariance_of_values(curvature: Floats, widths: Floats) -> Floats:
 def term_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:
     """The explanation with each fitted term moved a little, and by how much."""
     moved, steps = [], []
-    at_slack = {parameter[:2]: problem.slack_step(parameter) for parameter in problem.slack}
+    at_slack = {parameter[:2]: problem.nuisance_step(parameter) for parameter in problem.nuisance}
     for place, term in enumerate(explanation.terms):
         if term.discrete:
             continue

@@ -8,7 +8,7 @@ from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.following import nudged_chi2
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import without_slack
+from auv_torchrl.diagnosis.identify.quadratics import without_nuisance
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FAINT, FOLLOWS, LITTLE, SHOWS
@@ -24,13 +24,15 @@ def detectable_sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estim
     Parameters that are ``hidden`` do not count.
     """
     known = field.problem.known
-    return _sizes(field if known is None else _under(field, known.slack_covariance), hidden)
+    return _sizes(field if known is None else _under(field, known.nuisance_covariance), hidden)
 
 
-def _under(field: Field, slack_covariance: Floats) -> Field:
+def _under(field: Field, nuisance_covariance: Floats) -> Field:
     """The same marks, where slack has another covariance (k, k)."""
-    problem = replace(field.problem, slack_covariance=slack_covariance, slack_precision=np.linalg.inv(slack_covariance))
-    b, A = without_slack(problem, field.quadratic, field.explanation)
+    problem = replace(
+        field.problem, nuisance_covariance=nuisance_covariance, nuisance_precision=np.linalg.inv(nuisance_covariance)
+    )
+    b, A = without_nuisance(problem, field.quadratic, field.explanation)
     first = len(field.values[0])
     return replace(field, problem=problem, b=b[first:], A=A[first:, first:])
 
@@ -63,7 +65,9 @@ def with_more_flights(field: Field, hidden: frozenset[Member]) -> dict[int, dict
     if known is None or known.shrinks is None:
         return {}
     return {
-        times * known.flights: _sizes(_under(field, known.slack_covariance - (1 - 1 / times) * known.shrinks), hidden)
+        times * known.flights: _sizes(
+            _under(field, known.nuisance_covariance - (1 - 1 / times) * known.shrinks), hidden
+        )
         for times in MORE_FLIGHTS
     }
 

@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.identify.half_turn import turned_round
 from auv_torchrl.diagnosis.identify.hypotheses import Candidate
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.thresholds import NOT_EXCLUDED, SAME_MARK
+from auv_torchrl.diagnosis.thresholds import NOT_EXCLUDED, SAME_RESPONSE
 
 
 def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], ...]:
@@ -58,7 +58,7 @@ def _same_candidates(problem: Problem, field: Field) -> Iterator[tuple[Candidate
     size = np.sqrt(np.maximum(np.diag(field.A), 0.0))
     rows = np.flatnonzero(field.seen)
     cosine = field.A[np.ix_(rows, rows)] / np.outer(size[rows], size[rows])
-    for a, b in zip(*np.nonzero(np.abs(np.triu(cosine, 1)) > SAME_MARK), strict=True):
+    for a, b in zip(*np.nonzero(np.abs(np.triu(cosine, 1)) > SAME_RESPONSE), strict=True):
         one, other = problem.candidates[rows[a]], problem.candidates[rows[b]]
         if _name(one, other) != _name(other, one):
             yield one, other, float(np.sign(cosine[a, b]) * size[rows[a]] / size[rows[b]])

@@ -27,7 +27,7 @@ class Explanation:
     """Knobs away from nominal, and small deviations of the slack parameters, added on top."""
 
     terms: tuple[Term, ...] = ()
-    slack: dict[tuple[str, str], float] = field(default_factory=dict)  # (effect, parameter) -> deviation
+    nuisance: dict[tuple[str, str], float] = field(default_factory=dict)  # (effect, parameter) -> deviation
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -37,7 +37,7 @@ class Explanation:
     @property
     def alone(self) -> "Explanation":
         """The effects without slack."""
-        return replace(self, slack={})
+        return replace(self, nuisance={})
 
     @property
     def fitted(self) -> tuple[Term, ...]:
@@ -49,10 +49,10 @@ class Explanation:
         """What terms set, as (effect, parameter)."""
         return {(term.effect, member) for term in self.terms for member in term.members}
 
-    def values(self, vehicle: Vehicle, slack: bool = True) -> Values:
+    def values(self, vehicle: Vehicle, nuisance: bool = True) -> Values:
         """Parameter values by effect, slack added unless told otherwise."""
         values: Values = {}
-        names = {term.effect for term in self.terms} | {effect for effect, _ in self.slack}
+        names = {term.effect for term in self.terms} | {effect for effect, _ in self.nuisance}
         known = {name: declared(name, vehicle) for name in names}
         for term in self.terms:
             parameters, nominal, _ = known[term.effect]
@@ -63,9 +63,9 @@ class Explanation:
                 else:  # two terms within bounds can add up to an inertia of nothing
                     both = row[member] + term.value - nominal[member]
                     row[member] = min(max(both, parameters[member].low), parameters[member].high)
-        if slack:
+        if nuisance:
             told = self.members
-            for (effect, member), deviation in self.slack.items():
+            for (effect, member), deviation in self.nuisance.items():
                 row, (parameters, nominal, _) = values.setdefault(effect, {}), known[effect]
                 p = parameters[member]
                 if p.loose and (effect, member) in told:
@@ -81,7 +81,7 @@ class Explanation:
     def starting_from(self, other: "Explanation") -> "Explanation":
         """The explanation with the slack of another one, and its values of the terms that both have."""
         known = {term.key: term for term in other.terms}
-        return Explanation(tuple(known.get(term.key, term) for term in self.terms), other.slack)
+        return Explanation(tuple(known.get(term.key, term) for term in self.terms), other.nuisance)
 
     def without(self, effect: str) -> "Explanation":
         """The explanation less one effect."""

@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.following import (
     settle_state,
     some_diverged,
 )
-from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
@@ -44,7 +44,7 @@ def fit_by_simulation(
     """
     best = _descend(problem, path_under(problem, explanation, start), rounds)
     if not rounds:
-        return replace(best, slack_marks=None)
+        return replace(best, nuisance_responses=None)
     searched = search_thresholds(problem, best)
     if searched is not best:
         best = _descend(problem, searched.path, rounds)
@@ -58,7 +58,7 @@ def fit_by_simulation(
         best = again
         if settled:
             break
-    return replace(best, slack_marks=None)
+    return replace(best, nuisance_responses=None)
 
 
 def fit_along_motion(problem: Problem, explanation: Explanation, follow: WindowPath, enough: float = np.inf) -> Fit:
@@ -67,21 +67,21 @@ def fit_along_motion(problem: Problem, explanation: Explanation, follow: WindowP
     Its forces are exact there, however wrong a simulation that lacks some other effect would go. One that would not
     come below a chi-square of ``enough`` by twice what its last step gained is left where it is.
     """
-    best, step, slack_step = assess(problem, follow, explanation)
+    best, step, nuisance_step = assess(problem, follow, explanation)
     stride = 1.0
     for _ in range(SKETCH_STEPS):
-        moved = take_step(problem, best.explanation, stride * step, stride * slack_step)
-        trial, trial_step, trial_slack_step = assess(problem, follow, moved, best)
+        moved = take_step(problem, best.explanation, stride * step, stride * nuisance_step)
+        trial, trial_step, trial_nuisance_step = assess(problem, follow, moved, best)
         gained = best.chi2 - trial.chi2
         if not gained > 0 and abs(gained) <= SAME_SKETCH * best.chi2:  # as at a bound: a shorter step brings no more
             break
         if not gained > 0:
             stride *= 0.3
             continue
-        best, step, slack_step = trial, trial_step, trial_slack_step
+        best, step, nuisance_step = trial, trial_step, trial_nuisance_step
         if gained < SKETCHED * trial.chi2 or best.chi2 - 2 * gained > enough:
             break
-    return replace(best, slack_marks=None)
+    return replace(best, nuisance_responses=None)
 
 
 def fitted_on(problem: Problem, fit: Fit) -> Fit:
@@ -102,7 +102,7 @@ def rescued(problem: Problem, fit: Fit, follow: WindowPath, enough: float = np.i
     """
     if problem.known is None or not problem.layout.moves_unseen or not leaves_much(problem, fit):
         return fit
-    begin = fit_along_motion(problem, replace(fit.explanation, slack={}), follow)
+    begin = fit_along_motion(problem, replace(fit.explanation, nuisance={}), follow)
     again = fit_by_simulation(problem, begin.explanation, follow, enough=enough)
     return min(fit, again, key=lambda one: one.chi2)
 
@@ -118,8 +118,8 @@ def _descend(problem: Problem, path: WindowPath, rounds: int) -> Fit:
     for turn in range(rounds):
         if not np.isfinite(best.chi2):
             break
-        terms, slack = even_step(problem, best) if even else step
-        moved = take_step(problem, best.explanation, stride * terms, stride * slack)
+        terms, nuisance = even_step(problem, best) if even else step
+        moved = take_step(problem, best.explanation, stride * terms, stride * nuisance)
         there, before = nudge(problem, moved, best.path), best
         if turn == 0 and not _chi2(problem, there) <= best.chi2 and some_diverged(problem, best.path, there):
             there, before = path_under(problem, moved, best.path), None
@@ -136,8 +136,8 @@ def _descend(problem: Problem, path: WindowPath, rounds: int) -> Fit:
 
 def _chi2(problem: Problem, path: WindowPath) -> float:
     """What :func:`assess` weighs the explanation of a path by, without the marks that a step takes: these take long."""
-    slack = slack_now(problem, path.explanation)
-    return float(chi2_by_window(problem, path.state).sum() + slack @ problem.slack_precision @ slack)
+    nuisance = nuisance_now(problem, path.explanation)
+    return float(chi2_by_window(problem, path.state).sum() + nuisance @ problem.nuisance_precision @ nuisance)
 
 
 def measure_noise(problem: Problem, fit: Fit) -> Problem:
@@ -160,4 +160,4 @@ def reassess(problem: Problem, fit: Fit) -> Fit:
     path = nudge(problem, fit.explanation, fit.path)
     if some_diverged(problem, fit.path, path):
         path = path_under(problem, fit.explanation, fit.path)
-    return replace(assess(problem, path)[0], slack_marks=None)
+    return replace(assess(problem, path)[0], nuisance_responses=None)

@@ -6,7 +6,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
-from auv_torchrl.diagnosis.identify.paths import WindowPath, force_of_slack, slack_now
+from auv_torchrl.diagnosis.identify.paths import WindowPath, force_of_nuisance, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
@@ -83,7 +83,7 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
     problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)
     if problem.known is not None:
         problem = hold_unseen(problem, path)
-    return replace(problem, slack_size=force_of_slack(problem, path)), path
+    return replace(problem, nuisance_size=force_of_nuisance(problem, path)), path
 
 
 def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tuple[Problem, Smoothed]:
@@ -213,9 +213,9 @@ def nudged_chi2(problem: Problem, explanations: list[Explanation], start: Window
     starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)
     bins = np.repeat(start.state.bins[:, None], len(explanations), axis=1)
     *settled, _ = settle(problem.windows, vehicles, problem.layout, freedom, starts, bins, steps=steps)
-    slack = np.stack([slack_now(problem, explanation) for explanation in explanations])
+    nuisance = np.stack([nuisance_now(problem, explanation) for explanation in explanations])
     chi2 = chi_square(problem.windows, problem.layout, freedom, *settled).sum(0)
-    return chi2 + ((slack @ problem.slack_precision) * slack).sum(-1)
+    return chi2 + ((nuisance @ problem.nuisance_precision) * nuisance).sum(-1)
 
 
 def settle_path(problem: Problem, explanation: Explanation, vehicle: Vehicle, state: Smoothed) -> WindowPath:

@@ -13,8 +13,8 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
-from auv_torchrl.diagnosis.thresholds import SAME_MARK
+from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_nuisance
+from auv_torchrl.diagnosis.thresholds import SAME_RESPONSE
 from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import Inverse
 
@@ -68,9 +68,9 @@ def _angle(problem: Problem, explanation: Explanation) -> float:
 def _same_mark(problem: Problem, found: Found, explanations: list[Explanation]) -> np.ndarray:
     """Whether each explanation but the first leaves the mark of the first one (N - 1,)."""
     q = quadratic(problem, found.follow, explanations, chosen=problem.followed)
-    _, A = without_slack(problem, q, found.follow.explanation)
+    _, A = without_nuisance(problem, q, found.follow.explanation)
     size = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    return A[0, 1:] > SAME_MARK * size[0] * size[1:]
+    return A[0, 1:] > SAME_RESPONSE * size[0] * size[1:]
 
 
 def _exchange(effect: str, members: Iterable[str]) -> str:

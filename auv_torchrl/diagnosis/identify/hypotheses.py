@@ -44,7 +44,7 @@ class Settings:
     bin_s: Annotated[float, In("[0.05, 10]")]
     floor_force: Annotated[tuple[float, ...], In("(0, 10000]"), Entries(6, 6)]
     prior_none: Annotated[float, In("(0, 1)")]
-    slack: dict[str, dict[str, float]]
+    nuisance: dict[str, dict[str, float]]
     scan: dict[str, dict[str, Any]]
     ignored: tuple[str, ...] | None
     thresholds: tuple[str, ...] | None
@@ -61,9 +61,9 @@ class Settings:
         """Whether chi-square is rough in the values of an effect."""
         return EFFECTS[effect].is_rough if self.thresholds is None else effect in self.thresholds
 
-    def slack_of(self, effect: Effect) -> Mapping[str, float]:
+    def nuisance_of(self, effect: Effect) -> Mapping[str, float]:
         """Relative standard deviations, by parameter, by which a sound vehicle is off."""
-        return self.slack.get(effect.name, effect.slack)
+        return self.nuisance.get(effect.name, effect.nuisance)
 
     def scans_of(self, effect: Effect) -> Mapping[str, Scan]:
         """Values to try, by parameter."""
@@ -182,7 +182,7 @@ def do_change(vehicle: Vehicle, changes: Sequence[tuple[str, dict[str, float]]])
     return does.tolist()
 
 
-def slack_parameters(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> list[Entry]:
+def nuisance_parameters(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> list[Entry]:
     """What no vehicle has exactly as modelled.
 
     A coefficient of 0 has no relative slack, and a scale of it changes nothing: both are left out. What sound sensors
@@ -192,7 +192,7 @@ def slack_parameters(vehicle: Vehicle, settings: Settings, channels: Collection[
     for name, effect in EFFECTS.items():
         if not effect.is_asked(channels):
             continue
-        widths = settings.slack_of(effect)
+        widths = settings.nuisance_of(effect)
         for member, p in effect.member_parameters(vehicle).items():
             nominal = p.nominal_value(vehicle, member)
             loose = p.loose_in(channels)
@@ -207,7 +207,7 @@ def that_matter(vehicle: Vehicle, entries: Sequence[Entry]) -> list[Entry]:
     return [entry for entry, does in zip(entries, acts, strict=True) if does]
 
 
-def sensor_slack(vehicle: Vehicle, settings: Settings, channels: Collection[str]) -> list[Entry]:
+def sensor_nuisance(vehicle: Vehicle, settings: Settings, channels: Collection[str]) -> list[Entry]:
     """That of the slack parameters which sound sensors are off by in logs with these ``channels``."""
-    found = slack_parameters(vehicle, settings, channels)
+    found = nuisance_parameters(vehicle, settings, channels)
     return [entry for entry in found if declared(entry[0], vehicle).parameters[entry[1]].loose_in(channels)]

@@ -135,7 +135,7 @@ class Neighbourhood:
         kept = tuple(term for place, term in enumerate(moved.terms) if place not in places)
         gone = [f"{terms[place].effect} {terms[place].members[0]}" for place in places]
         how = f"without {_words(gone) if len(gone) < 3 else f'{len(gone)} values'}"
-        return self._fewer(Explanation(kept, moved.slack), rise, how)
+        return self._fewer(Explanation(kept, moved.nuisance), rise, how)
 
     def _merged(self) -> list[Proposal[Neighbour]]:
         """With one value for all members of a family of which most have a value of their own."""
@@ -148,7 +148,7 @@ class Neighbourhood:
             shared = float(np.median([terms[place].value for place in own]))
             moved, rise = held_at(self.problem, self.best, dict.fromkeys(own, shared))
             others = tuple(term for place, term in enumerate(moved.terms) if place not in own)
-            one = Explanation((*others, Term(effect, members, shared)), moved.slack)
+            one = Explanation((*others, Term(effect, members, shared)), moved.nuisance)
             found.append(self._fewer(one, rise, f"with one value for all of {_words([effect])}"))
         return found
 
@@ -194,7 +194,7 @@ def weighed(
 ) -> Record:
     """What an explanation is worth; ``evidence`` is its log evidence with the prior of its structure."""
     structure = problem.prior.structure(explanation)
-    values = explanation.values(problem.vehicle, slack=False)
+    values = explanation.values(problem.vehicle, nuisance=False)
     flat = {f"{effect}.{name}": value for effect, row in values.items() for name, value in row.items()}
     # An unknown effect is not to be pieced together from known ones: what is left weighs more, the more there are.
     left = CLOSES * max(0.0, misfit - 1.0) * numbers / 2
@@ -212,7 +212,7 @@ def held_at(problem: Problem, fit: Fit, values: Mapping[int, float]) -> tuple[Ex
     if any(terms[place].discrete for place in values) or not np.isfinite(fit.chi2):
         return fit.explanation, 0.0
     order = {place: i for i, place in enumerate(p for p, term in enumerate(terms) if not term.discrete)}
-    first = len(problem.slack)
+    first = len(problem.nuisance)
     held = {first + order[p]: (value - terms[p].value) / fit.steps[order[p]] for p, value in values.items()}
     step = bounded_step(problem, fit, held)
     rise = change_of_chi2(problem, fit, *step) - change_of_chi2(problem, fit, *bounded_step(problem, fit))

@@ -111,6 +111,6 @@ def is_absent(problem: Problem, onset: Onset, explanation: Explanation, vehicle:
     """Whether an explanation of what lies behind an onset is wrong before it: then the vehicle did change."""
     early = Problem.of(problem.windows.subset(onset.before), vehicle, settings, problem.known)
     early, follow = follow_windows(early)
-    without = fit_by_simulation(early, Explanation(slack=explanation.slack), follow, rounds=0)
+    without = fit_by_simulation(early, Explanation(nuisance=explanation.nuisance), follow, rounds=0)
     with_it = fit_by_simulation(early, explanation, follow, rounds=0)
     return without.chi2 + SPEAKS < with_it.chi2

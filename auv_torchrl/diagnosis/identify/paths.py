@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import coefficients
 from auv_torchrl.diagnosis.motion.force import Course, middles
-from auv_torchrl.diagnosis.motion.reduce import Quadratic, SlackMarks, local_precision
+from auv_torchrl.diagnosis.motion.reduce import NuisanceResponses, Quadratic, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.slopes import Slopes, chunks
 from auv_torchrl.diagnosis.motion.smooth import TANGENT, Smoothed, noise_per_sample
@@ -64,7 +64,7 @@ class Fit:
     path: WindowPath
     quadratic: Quadratic  # of slack, then fitted terms, at the path
     steps: Floats  # (k,) one unit of the quadratic, of each fitted term
-    slack_marks: SlackMarks | None  # that it was made of, while its values are being fitted
+    nuisance_responses: NuisanceResponses | None  # that it was made of, while its values are being fitted
 
     @property
     def excess(self) -> float:
@@ -73,7 +73,7 @@ class Fit:
 
     def set_aside(self) -> "Fit":
         """A fit that lost: what it is worth and the motion under it, without the slopes that fill the memory."""
-        return replace(self, path=self.path.without_slopes(), slack_marks=None)
+        return replace(self, path=self.path.without_slopes(), nuisance_responses=None)
 
     @property
     def nothing_left(self) -> bool:
@@ -81,9 +81,9 @@ class Fit:
         return self.chi2 < self.quadratic.numbers + spread(self)
 
 
-def slack_now(problem: Problem, explanation: Explanation) -> Floats:
+def nuisance_now(problem: Problem, explanation: Explanation) -> Floats:
     """Slack deviations of an explanation, in the order of the slack parameters."""
-    return np.array([explanation.slack.get((effect, member), 0.0) for effect, member, _, _ in problem.slack])
+    return np.array([explanation.nuisance.get((effect, member), 0.0) for effect, member, _, _ in problem.nuisance])
 
 
 def leaves_much(problem: Problem, fit: Fit) -> bool:
@@ -98,19 +98,19 @@ def spread(fit: Fit) -> float:
 
 def strained(problem: Problem, fit: Fit) -> set[tuple[str, str]]:
     """The slack, as (effect, parameter), that an explanation stretches further than calibration is likely to be off."""
-    each = zip(problem.slack, slack_now(problem, fit.explanation), strict=True)
+    each = zip(problem.nuisance, nuisance_now(problem, fit.explanation), strict=True)
     return {(effect, member) for (effect, member, _, width), at in each if abs(at) > STRAINED * width}
 
 
-def slack_does(problem: Problem, fit: Fit) -> bool:
+def nuisance_does(problem: Problem, fit: Fit) -> bool:
     """Whether slack alone explains the log, all of it together no further off than calibration is likely to be.
 
     One by one its numbers may be likely where together they are not: healthy flights that leave the scale of all gains
     open still tell how much one gain differs from the next.
     """
-    at = slack_now(problem, fit.explanation)
+    at = nuisance_now(problem, fit.explanation)
     likely = len(at) + STRAINED * np.sqrt(2 * len(at))
-    return not leaves_much(problem, fit) and bool(at @ problem.slack_precision @ at < likely)
+    return not leaves_much(problem, fit) and bool(at @ problem.nuisance_precision @ at < likely)
 
 
 def log_likelihood(problem: Problem, fit: Fit) -> float:
@@ -132,12 +132,12 @@ def log_likelihood(problem: Problem, fit: Fit) -> float:
     return fit.evidence - 0.5 * volumes - float(noise)
 
 
-def force_of_slack(problem: Problem, path: WindowPath) -> float:
+def force_of_nuisance(problem: Problem, path: WindowPath) -> float:
     """Size of the force that slack alone makes on this log, in units of the thrusters' reach."""
-    size, direction = np.linalg.eigh(problem.slack_covariance)
-    keys = [(effect, member) for effect, member, _, _ in problem.slack]
+    size, direction = np.linalg.eigh(problem.nuisance_covariance)
+    keys = [(effect, member) for effect, member, _, _ in problem.nuisance]
     each = [
-        Explanation(slack=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
+        Explanation(nuisance=dict(zip(keys, (np.sqrt(max(s, 0.0)) * d).tolist(), strict=True)))
         for s, d in zip(size, direction.T, strict=True)
     ]
     return float(np.sqrt((sizes(problem, each, path) ** 2).sum()))

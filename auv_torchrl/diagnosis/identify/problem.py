@@ -13,20 +13,20 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
     Settings,
     batch,
     make_candidates,
-    sensor_slack,
-    slack_parameters,
+    nuisance_parameters,
+    sensor_nuisance,
 )
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.white_noise import first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, SLACK_LIMIT, SLACK_STEP, WIDE_SHARE
+from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, NUISANCE_LIMIT, NUISANCE_STEP, WIDE_SHARE
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
 
-Slack = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
+NuisanceEntry = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
 LEAST_REACH = 0.1  # N, N m, where thrusters make nothing
 FREEDOMS_KEPT = 4  # those of the path, of a trial and of their wide force; each holds as much as the slopes,
 FREEDOMS_BYTES = 128 << 20  # and no more than this together
@@ -39,23 +39,23 @@ class Known:
     floor: Floats  # (6,) N, N m
     noise: dict[str, float]  # by channel
     rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
-    slack: tuple[Slack, ...]
-    slack_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
+    nuisance: tuple[NuisanceEntry, ...]
+    nuisance_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
     scales: Floats | None = None  # (k, g) what the g scales that no log tells leave unsure of these numbers, beside
     flights: int = 0  # from which it was learnt, where they are here
     shrinks: Floats | None = None  # (k, k) part of the covariance that falls with the number of these flights
     of_itself: bool = False  # whether the log that is explained has shown it, with a fault if it has one
 
-    def beside(self, own: Sequence[Slack]) -> "Known":
+    def beside(self, own: Sequence[NuisanceEntry]) -> "Known":
         """The same with slack of channels that the healthy log may not have had."""
-        there = {entry[:2] for entry in self.slack}
+        there = {entry[:2] for entry in self.nuisance}
         new = [entry for entry in own if entry[:2] not in there]
         if not new:
             return self
         return replace(
             self,
-            slack=(*self.slack, *new),
-            slack_covariance=block_diag(self.slack_covariance, np.diag([width**2 for *_, width in new])),
+            nuisance=(*self.nuisance, *new),
+            nuisance_covariance=block_diag(self.nuisance_covariance, np.diag([width**2 for *_, width in new])),
             shrinks=None if self.shrinks is None else np.pad(self.shrinks, (0, len(new))),
             scales=None if self.scales is None else np.pad(self.scales, ((0, len(new)), (0, 0))),
         )
@@ -78,9 +78,9 @@ class Problem:
     reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom, or in one alike
     wide: Floats  # (D,) N, N m: prior of the force while a wrong model follows the log
     candidates: tuple[Candidate, ...]  # changes to try
-    slack: tuple[Slack, ...]
-    slack_covariance: Floats  # (k, k)
-    slack_precision: Floats  # (k, k)
+    nuisance: tuple[NuisanceEntry, ...]
+    nuisance_covariance: Floats  # (k, k)
+    nuisance_precision: Floats  # (k, k)
     prior: Prior
     rough_noise: dict[str, float]  # by channel, from third differences
     noisier: dict[str, float]  # by channel, how many times noisier than the healthy log, where that is much
@@ -88,8 +88,8 @@ class Problem:
     followed: np.ndarray  # (W,) bool: windows in which the motion is known
     seen_start: Floats  # (W, 12) where windows begin, whatever the vehicle
     outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
-    slack_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
-    slack_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
+    nuisance_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
+    nuisance_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
     freedoms: Latest[Freedom] = field(default_factory=lambda: _freedoms(), repr=False, compare=False)
 
     @staticmethod
@@ -103,11 +103,11 @@ class Problem:
         reach = _reach(vehicle)
         rough, noisier, floor = first_noise(windows), {}, np.array(settings.floor_force)
         if known is None:
-            slack = tuple(slack_parameters(vehicle, settings, windows.channels))
-            covariance = np.diag(np.array([width for *_, width in slack]) ** 2)
+            nuisance = tuple(nuisance_parameters(vehicle, settings, windows.channels))
+            covariance = np.diag(np.array([width for *_, width in nuisance]) ** 2)
         else:
-            known = known.beside(sensor_slack(vehicle, settings, windows.channels))
-            slack, covariance = known.slack, known.slack_covariance
+            known = known.beside(sensor_nuisance(vehicle, settings, windows.channels))
+            nuisance, covariance = known.nuisance, known.nuisance_covariance
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
         asked = {name: effect for name, effect in EFFECTS.items() if effect.is_asked(windows.channels)}
         shown = {name: effect for name, effect in asked.items() if effect.shows_in(windows.errors.drift)}
@@ -123,9 +123,9 @@ class Problem:
             reach=_or_alike(reach),
             wide=reach[layout.dof] * np.where(layout.felt, FELT_ALONE, 1.0),
             candidates=candidates,
-            slack=slack,
-            slack_covariance=covariance,
-            slack_precision=np.linalg.inv(covariance),
+            nuisance=nuisance,
+            nuisance_covariance=covariance,
+            nuisance_precision=np.linalg.inv(covariance),
             prior=Prior(vehicle, len({candidate.effect for candidate in candidates}), settings.prior_none),
             rough_noise=rough,
             noisier=noisier,
@@ -137,21 +137,21 @@ class Problem:
     @property
     def even(self) -> np.ndarray:
         """(k,) slack parameters in which chi-square is smooth: moving a threshold flips single samples."""
-        return np.array([not self.settings.is_rough(effect) for effect, *_ in self.slack])
+        return np.array([not self.settings.is_rough(effect) for effect, *_ in self.nuisance])
 
-    def slack_step(self, slack: Slack) -> float:
+    def nuisance_step(self, nuisance: NuisanceEntry) -> float:
         """By how much a slack parameter is moved to see what it does."""
-        effect, member, nominal, _ = slack
-        return max(SLACK_STEP * abs(nominal), LONG_STEP * self.prior.width(effect, member))
+        effect, member, nominal, _ = nuisance
+        return max(NUISANCE_STEP * abs(nominal), LONG_STEP * self.prior.width(effect, member))
 
     @cached_property
-    def slack_bounds(self) -> tuple[Floats, Floats]:
+    def nuisance_bounds(self) -> tuple[Floats, Floats]:
         """Least and most (k,) that slack may deviate by: it is no gap, and no effect beyond its bounds."""
         low, high = [], []
-        for effect, member, nominal, width in self.slack:
+        for effect, member, nominal, width in self.nuisance:
             p = EFFECTS[effect].member_parameters(self.vehicle)[member]
-            low.append(max(-SLACK_LIMIT * width, p.low - nominal))
-            high.append(min(SLACK_LIMIT * width, p.high - nominal))
+            low.append(max(-NUISANCE_LIMIT * width, p.low - nominal))
+            high.append(min(NUISANCE_LIMIT * width, p.high - nominal))
         return np.array(low), np.array(high)
 
     def believed(self, measured: dict[str, float]) -> dict[str, float]:

@@ -7,16 +7,18 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
-from auv_torchrl.diagnosis.identify.paths import WindowPath, slack_now
+from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.force import marks, reading_changes
-from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, SlackMarks, pooled, reduce
+from auv_torchrl.diagnosis.motion.force import reading_changes, responses
+from auv_torchrl.diagnosis.motion.reduce import NuisanceResponses, Parts, Quadratic, pooled, reduce
 from auv_torchrl.diagnosis.motion.slopes import chunks
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.physics import prepare
 
-MARKS_AT_ONCE = 12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
-MARKS_BYTES = 32 << 20  # of the marks of all changes; some such arrays are in use at once
+RESPONSES_AT_ONCE = (
+    12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
+)
+RESPONSES_BYTES = 32 << 20  # of the marks of all changes; some such arrays are in use at once
 
 
 def quadratic(
@@ -24,7 +26,7 @@ def quadratic(
     path: WindowPath,
     changes: list[Explanation],
     around: Explanation | None = None,
-    slack_marks: SlackMarks | None = None,
+    nuisance_responses: NuisanceResponses | None = None,
     chosen: np.ndarray | None = None,
 ) -> Quadratic:
     """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
@@ -33,40 +35,44 @@ def quadratic(
     along the motion of the path. ``slack_marks`` are those of :func:`mark_slack` if they are known, ``chosen`` is
     a mask (W,) of the windows that count, by default all.
     """
-    if slack_marks is None:
-        slack_marks = mark_slack(problem, path, path.explanation if around is None else around)
+    if nuisance_responses is None:
+        nuisance_responses = respond_to_nuisance(problem, path, path.explanation if around is None else around)
     if chosen is None:
         chosen = np.ones(len(problem.windows), bool)
-    return pooled(_parts(problem, path, changes, around, slack_marks), chosen)
+    return pooled(_parts(problem, path, changes, around, nuisance_responses), chosen)
 
 
 def _parts(
-    problem: Problem, path: WindowPath, changes: list[Explanation], around: Explanation | None, slack_marks: SlackMarks
+    problem: Problem,
+    path: WindowPath,
+    changes: list[Explanation],
+    around: Explanation | None,
+    nuisance_responses: NuisanceResponses,
 ) -> Iterator[Parts]:
     """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
     freedom = problem.freedom(path.state)
-    slack = slack_marks.under(freedom)
-    for some, columns, there in _marks_in_pieces(problem, path, changes, around):
+    nuisance = nuisance_responses.under(freedom)
+    for some, columns, there in _responses_in_pieces(problem, path, changes, around):
         windows, state = path.course.rows(some).windows, path.state.rows(some)
         if there is not None:
             state = replace(state, residual=state.residual - there)
-        yield reduce(windows, problem.layout, freedom.rows(some), state, columns, slack.rows(some))
+        yield reduce(windows, problem.layout, freedom.rows(some), state, columns, nuisance.rows(some))
 
 
-def mark_slack(problem: Problem, path: WindowPath, at: Explanation) -> SlackMarks:
+def respond_to_nuisance(problem: Problem, path: WindowPath, at: Explanation) -> NuisanceResponses:
     """Marks of the slack parameters around an explanation on the windows of a path."""
-    moved, steps = [], np.empty(len(problem.slack))
-    for column, parameter in enumerate(problem.slack):
+    moved, steps = [], np.empty(len(problem.nuisance))
+    for column, parameter in enumerate(problem.nuisance):
         key = parameter[:2]
-        steps[column] = problem.slack_step(parameter)
-        moved.append(replace(at, slack={**at.slack, key: at.slack.get(key, 0.0) + steps[column]}))
-    pieces = _marks_in_pieces(problem, path, moved, None if at == path.explanation else at)
-    marked = np.concatenate([columns for _, columns, _ in pieces]) / steps
+        steps[column] = problem.nuisance_step(parameter)
+        moved.append(replace(at, nuisance={**at.nuisance, key: at.nuisance.get(key, 0.0) + steps[column]}))
+    pieces = _responses_in_pieces(problem, path, moved, None if at == path.explanation else at)
+    responded = np.concatenate([columns for _, columns, _ in pieces]) / steps
     freedom = problem.freedom(path.state)
-    return SlackMarks(freedom, freedom.reduced(marked))
+    return NuisanceResponses(freedom, freedom.reduced(responded))
 
 
-def _marks_in_pieces(
+def _responses_in_pieces(
     problem: Problem, path: WindowPath, changes: list[Explanation], around: Explanation | None
 ) -> Iterator[tuple[slice, Floats, Floats | None]]:
     """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the path."""
@@ -79,7 +85,7 @@ def _marks_in_pieces(
             continue
         course = path.course.rows(some)
         windows, forces = course.windows, course.forces(changed)
-        columns = marks(windows, now, problem.layout, path.state.rows(some), forces)
+        columns = responses(windows, now, problem.layout, path.state.rows(some), forces)
         read = reading_changes(windows, now, changed, path.states[some])
         columns = columns if read is None else columns + read
         if around is None:
@@ -88,10 +94,10 @@ def _marks_in_pieces(
             yield some, columns[..., :-1] - columns[..., -1:], columns[..., -1]
 
 
-def without_slack(problem: Problem, q: Quadratic, explanation: Explanation) -> tuple[Floats, Floats]:
+def without_nuisance(problem: Problem, q: Quadratic, explanation: Explanation) -> tuple[Floats, Floats]:
     """The vector and the matrix of the other columns, slack fitted."""
-    k = len(problem.slack)
-    at, precision = slack_now(problem, explanation), problem.slack_precision
+    k = len(problem.nuisance)
+    at, precision = nuisance_now(problem, explanation), problem.nuisance_precision
     inside = q.A[:k, :k] + precision
     right = np.concatenate([(q.b[:k] - precision @ at)[:, None], q.A[:k, k:]], axis=1)
     solved = np.linalg.solve(inside, right)
@@ -106,4 +112,4 @@ def in_pieces(windows: int, changes: int, numbers: int = 1) -> Iterator[slice]:
 
     On none of them ``changes`` make more than :data:`MARKS_AT_ONCE`, nor :data:`MARKS_BYTES` of numbers.
     """
-    return chunks(windows, changes, max(1, min(MARKS_AT_ONCE, MARKS_BYTES // (8 * numbers))))
+    return chunks(windows, changes, max(1, min(RESPONSES_AT_ONCE, RESPONSES_BYTES // (8 * numbers))))

@@ -5,14 +5,14 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.assess import assess
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
-from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import moved_along
 from auv_torchrl.diagnosis.identify.valley import walks
 from auv_torchrl.diagnosis.thresholds import (
+    NUISANCE_NEAR,
+    NUISANCE_REACH,
     SETTLED_TRIALS,
-    SLACK_NEAR,
-    SLACK_REACH,
     THRESHOLD_REACH,
     TRIED_STEPS,
     WALKS,
@@ -33,12 +33,12 @@ def search_thresholds(problem: Problem, best: Fit) -> Fit:
         if problem.settings.is_rough(term.effect):
             for reach in THRESHOLD_REACH:
                 width = reach * problem.prior.width(term.effect, term.members[0])
-                best = _best_along(problem, best, [{len(problem.slack) + order: width * u} for u in TRIED_STEPS])
-    for column, (effect, _, _, width) in enumerate(problem.slack):
+                best = _best_along(problem, best, [{len(problem.nuisance) + order: width * u} for u in TRIED_STEPS])
+    for column, (effect, _, _, width) in enumerate(problem.nuisance):
         if problem.settings.is_rough(effect):
-            now = slack_now(problem, best.explanation)[column]
-            best = _best_along(problem, best, [{column: SLACK_REACH * width * u - now} for u in TRIED_STEPS])
-            best = _best_along(problem, best, [{column: SLACK_NEAR * width * u} for u in TRIED_STEPS])
+            now = nuisance_now(problem, best.explanation)[column]
+            best = _best_along(problem, best, [{column: NUISANCE_REACH * width * u - now} for u in TRIED_STEPS])
+            best = _best_along(problem, best, [{column: NUISANCE_NEAR * width * u} for u in TRIED_STEPS])
     for name, effect in EFFECTS.items():
         valley = effect.valley
         if valley is not None and (not leaves_much(problem, best) or valley.beside[0] in best.explanation.effects):
@@ -48,7 +48,7 @@ def search_thresholds(problem: Problem, best: Fit) -> Fit:
 
 def _search_valley(problem: Problem, best: Fit, effect: str, valley: Valley) -> Fit:
     """Try values near by of a number, with others moved so that the vehicle does about the same."""
-    there = {(name, (member,)) for name, member, _, _ in problem.slack} | {k.key for k in best.explanation.fitted}
+    there = {(name, (member,)) for name, member, _, _ in problem.nuisance} | {k.key for k in best.explanation.fitted}
     name, member = valley.beside
     if not {(effect, (valley.leading,)), (name, (member,))} <= there:
         return best

@@ -11,14 +11,21 @@ from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import volume
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import Candidate
-from auv_torchrl.diagnosis.identify.paths import WindowPath, slack_now
+from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_slack
+from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_nuisance
 from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
 from auv_torchrl.diagnosis.motion.minimum import SINGULAR, bounded_minimum, solve_semidefinite
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH, MOST_TERMS, SAME_MARK, SEEN_AT_ALL, SLACK_LIMIT
+from auv_torchrl.diagnosis.thresholds import (
+    ELASTIC_WIDTH,
+    FIXED_WIDTH,
+    MOST_TERMS,
+    NUISANCE_LIMIT,
+    SAME_RESPONSE,
+    SEEN_AT_ALL,
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,7 @@ class Field:
         moved, steps = term_changes(problem, explanation)
         candidates = [explanation.with_candidate(candidate, problem.vehicle) for candidate in problem.candidates]
         q = quadratic(problem, path, [*moved, *candidates], around, chosen=problem.followed)
-        b, A = without_slack(problem, q, explanation)
+        b, A = without_nuisance(problem, q, explanation)
         b, A = b[len(moved) :], A[len(moved) :, len(moved) :]
         values = value_steps(problem, explanation, steps)
         width = [FIXED_WIDTH if a.discrete else ELASTIC_WIDTH if a.elastic else 1e3 for a in problem.candidates]
@@ -96,13 +103,13 @@ class Field:
         """The quadratic with the prior of slack and values: matrix, vector, bounds, and what they cost now."""
         problem, q = self.problem, self.quadratic
         stiffness, least, most = self.values
-        at, first = slack_now(problem, self.explanation), len(problem.slack) + len(stiffness)
+        at, first = nuisance_now(problem, self.explanation), len(problem.nuisance) + len(stiffness)
         toward = np.concatenate([-at, np.zeros(len(stiffness))])
-        pull = joint_precision(problem.slack_precision, stiffness)
+        pull = joint_precision(problem.nuisance_precision, stiffness)
         H, g = q.A.copy(), q.b.copy()
         H[:first, :first] += pull
         g[:first] += pull @ toward
-        reach = SLACK_LIMIT * np.sqrt(np.diag(problem.slack_covariance))
+        reach = NUISANCE_LIMIT * np.sqrt(np.diag(problem.nuisance_covariance))
         low, high = np.concatenate([-reach - at, least]), np.concatenate([reach - at, most])
         return H, g, low, high, float(toward @ pull @ toward)
 
@@ -165,7 +172,7 @@ class Field:
     def twins(self) -> set[frozenset[str]]:
         """Effects of which each change leaves the mark of some change of the other: together they explain no more."""
         size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
-        same = np.abs(self.A) > SAME_MARK * np.outer(size, size)
+        same = np.abs(self.A) > SAME_RESPONSE * np.outer(size, size)
         rows = {
             name: [i for i, a in enumerate(self.problem.candidates) if a.effect == name and self.seen[i]]
             for name in self._names
@@ -231,7 +238,7 @@ def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
     mine = field.problem.candidates[i]
     for j in chosen:
         other = field.problem.candidates[j]
-        if abs(field.A[i, j]) > SAME_MARK * np.sqrt(field.A[i, i] * field.A[j, j]):
+        if abs(field.A[i, j]) > SAME_RESPONSE * np.sqrt(field.A[i, i] * field.A[j, j]):
             return True
         if other.effect == mine.effect and (mine.discrete or set(mine.values) & set(other.values)):
             return True
@@ -249,5 +256,5 @@ def moves_all(problem: Problem, candidate: Candidate) -> bool:
 
 
 def _value(explanation: Explanation, effect: str, member: str, problem: Problem) -> float:
-    values = explanation.values(problem.vehicle, slack=False).get(effect, {})
+    values = explanation.values(problem.vehicle, nuisance=False).get(effect, {})
     return values.get(member, declared(effect, problem.vehicle).nominal[member])

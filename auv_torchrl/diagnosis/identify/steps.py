@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.paths import Fit, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.motion.within import minimum_within
@@ -30,7 +30,7 @@ def moved_along(problem: Problem, fit: Fit, amounts: Mapping[int, float], along:
     ``amounts`` are by column of the quadratic: slack first, then fitted terms. The others go ``along`` as fits
     best, or stay.
     """
-    units = np.concatenate([np.ones(len(problem.slack)), fit.steps])
+    units = np.concatenate([np.ones(len(problem.nuisance)), fit.steps])
     held = dict.fromkeys(range(0 if along else len(units)), 0.0)
     held |= {column: amount / units[column] for column, amount in amounts.items()}
     return take_step(problem, fit.explanation, *bounded_step(problem, fit, held))
@@ -47,12 +47,12 @@ def bounded_step(problem: Problem, fit: Fit, held: Mapping[int, float] | None = 
     Some columns may be ``held`` at an amount.
     """
     q, steps = fit.quadratic, fit.steps
-    k, at = len(problem.slack), slack_now(problem, fit.explanation)
+    k, at = len(problem.nuisance), nuisance_now(problem, fit.explanation)
     stiffness, least, most = value_steps(problem, fit.explanation, steps)
-    pull = joint_precision(problem.slack_precision, stiffness)
-    toward = np.concatenate([-problem.slack_precision @ at, np.zeros(len(steps))])
-    least_slack, most_slack = problem.slack_bounds
-    low, high = np.concatenate([least_slack - at, least]), np.concatenate([most_slack - at, most])
+    pull = joint_precision(problem.nuisance_precision, stiffness)
+    toward = np.concatenate([-problem.nuisance_precision @ at, np.zeros(len(steps))])
+    least_nuisance, most_nuisance = problem.nuisance_bounds
+    low, high = np.concatenate([least_nuisance - at, least]), np.concatenate([most_nuisance - at, most])
     x, free = np.zeros(len(low)), np.ones(len(low), bool)
     for column, amount in (held or {}).items():
         x[column], free[column] = amount, False
@@ -60,7 +60,7 @@ def bounded_step(problem: Problem, fit: Fit, held: Mapping[int, float] | None = 
     return step[k:] * steps, step[:k]
 
 
-def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_step: Floats) -> Explanation:
+def take_step(problem: Problem, explanation: Explanation, step: Floats, nuisance_step: Floats) -> Explanation:
     """The explanation after a step of its terms and of its slack, within bounds."""
     amounts, order = {}, 0
     for place, term in enumerate(explanation.terms):
@@ -69,45 +69,45 @@ def take_step(problem: Problem, explanation: Explanation, step: Floats, slack_st
         p = declared(term.effect, problem.vehicle).parameters[term.members[0]]
         amounts[place] = float(np.clip(term.value + step[order], p.low, p.high))
         order += 1
-    moved = np.clip(slack_now(problem, explanation) + slack_step, *problem.slack_bounds).tolist()
-    slack = {(effect, member): value for (effect, member, _, _), value in zip(problem.slack, moved, strict=True)}
-    return replace(explanation.moved(amounts), slack=slack)
+    moved = np.clip(nuisance_now(problem, explanation) + nuisance_step, *problem.nuisance_bounds).tolist()
+    nuisance = {(effect, member): value for (effect, member, _, _), value in zip(problem.nuisance, moved, strict=True)}
+    return replace(explanation.moved(amounts), nuisance=nuisance)
 
 
-def change_of_chi2(problem: Problem, fit: Fit, step: Floats, slack_step: Floats) -> float:
+def change_of_chi2(problem: Problem, fit: Fit, step: Floats, nuisance_step: Floats) -> float:
     """What a step of the fitted terms and of slack adds to chi-square, by the quadratic of an explanation."""
-    q, at = fit.quadratic, slack_now(problem, fit.explanation)
-    x = np.concatenate([slack_step, step / fit.steps])
-    moved = at + slack_step
-    prior = moved @ problem.slack_precision @ moved - at @ problem.slack_precision @ at
+    q, at = fit.quadratic, nuisance_now(problem, fit.explanation)
+    x = np.concatenate([nuisance_step, step / fit.steps])
+    moved = at + nuisance_step
+    prior = moved @ problem.nuisance_precision @ moved - at @ problem.nuisance_precision @ at
     return float(x @ q.A @ x - 2 * q.b @ x + prior)
 
 
-def parted_from_slack(problem: Problem, explanation: Explanation) -> Explanation:
+def parted_from_nuisance(problem: Problem, explanation: Explanation) -> Explanation:
     """The same vehicle, with that slack of what a fitted value changes too which the rest of the slack lets expect.
 
     The value says all else. A fit holds what its log does not tell, and uses the slack of such a number, which costs
     the log nothing, for that; or it stops anywhere between the two.
     """
-    own = shared_with_slack(problem, explanation)
+    own = shared_with_nuisance(problem, explanation)
     if not own.any():
         return explanation
-    at = slack_now(problem, explanation)
-    pull = np.linalg.inv(problem.known.slack_covariance) if problem.known else problem.slack_precision
+    at = nuisance_now(problem, explanation)
+    pull = np.linalg.inv(problem.known.nuisance_covariance) if problem.known else problem.nuisance_precision
     by = np.linalg.lstsq(own.T @ pull @ own, own.T @ pull @ at, rcond=None)[0]
     places = [place for place, term in enumerate(explanation.terms) if not term.discrete]
     values = [term.value + amount for term, amount in zip(explanation.fitted, by.tolist(), strict=True)]
     bounds = [declared(term.effect, problem.vehicle).parameters[term.members[0]] for term in explanation.fitted]
     if not all(p.low <= value <= p.high for p, value in zip(bounds, values, strict=True)):
         return explanation
-    slack = dict(zip([entry[:2] for entry in problem.slack], (at - own @ by).tolist(), strict=True))
-    return replace(explanation.moved(dict(zip(places, values, strict=True))), slack=slack)
+    nuisance = dict(zip([entry[:2] for entry in problem.nuisance], (at - own @ by).tolist(), strict=True))
+    return replace(explanation.moved(dict(zip(places, values, strict=True))), nuisance=nuisance)
 
 
-def shared_with_slack(problem: Problem, explanation: Explanation) -> Floats:
+def shared_with_nuisance(problem: Problem, explanation: Explanation) -> Floats:
     """(k, m) 1 where slack changes a member of a fitted value, and the two add up in all members of that value."""
-    own = np.zeros((len(problem.slack), len(explanation.fitted)))
-    rows = {entry[:2]: row for row, entry in enumerate(problem.slack)}
+    own = np.zeros((len(problem.nuisance), len(explanation.fitted)))
+    rows = {entry[:2]: row for row, entry in enumerate(problem.nuisance)}
     for column, term in enumerate(explanation.fitted):
         parameters = declared(term.effect, problem.vehicle).parameters
         if all((term.effect, member) in rows and not parameters[member].loose for member in term.members):
@@ -115,10 +115,10 @@ def shared_with_slack(problem: Problem, explanation: Explanation) -> Floats:
     return own
 
 
-def joint_precision(slack: Floats, values: Floats) -> Floats:
+def joint_precision(nuisance: Floats, values: Floats) -> Floats:
     """Prior precision (k + m, k + m) of slack, (k, k), and of independent values, (m,)."""
-    k = len(slack)
+    k = len(nuisance)
     joint = np.zeros((k + len(values), k + len(values)))
-    joint[:k, :k] = slack
+    joint[:k, :k] = nuisance
     joint[k:, k:] = np.diag(values)
     return joint

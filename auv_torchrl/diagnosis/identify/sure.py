@@ -8,17 +8,17 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.paths import Fit, slack_now
+from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.steps import (
     joint_precision,
-    parted_from_slack,
-    shared_with_slack,
+    parted_from_nuisance,
+    shared_with_nuisance,
     take_step,
     value_steps,
 )
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import SLACK_SHARES, TELLS_SCALES
+from auv_torchrl.diagnosis.thresholds import NUISANCE_SHARES, TELLS_SCALES
 
 LIKELIHOOD = attrgetter("likelihood")
 
@@ -45,14 +45,14 @@ def as_sure(problem: Problem, fit: Fit) -> tuple[Explanation, Floats]:
     does, whose direction shows what heave is to sway: then values go with it. Else they are as unsure as what they owe
     to it (Schmidt 1966, consider covariance).
     """
-    explanation, known = parted_from_slack(problem, fit.explanation), problem.known
-    k, n = len(problem.slack), len(fit.quadratic.b)
+    explanation, known = parted_from_nuisance(problem, fit.explanation), problem.known
+    k, n = len(problem.nuisance), len(fit.quadratic.b)
     scales = np.empty((k, 0)) if known is None or known.scales is None else known.scales
     numbers = np.concatenate([_as_one_number(problem, fit), np.pad(scales, ((0, n - k), (0, 0)))], axis=1)
     A, b = numbers.T @ fit.quadratic.A @ numbers, numbers.T @ fit.quadratic.b
-    width, measured = (known.slack_covariance, known.shrinks) if known else (problem.slack_covariance, None)
+    width, measured = (known.nuisance_covariance, known.shrinks) if known else (problem.nuisance_covariance, None)
     given = problem, explanation, fit.steps
-    at_fit = next(_by_share(*given, A[:n, :n], b[:n], problem.slack_covariance)).step
+    at_fit = next(_by_share(*given, A[:n, :n], b[:n], problem.nuisance_covariance)).step
     left = np.linalg.inv(max(_by_share(*given, A, b, width, measured), key=LIKELIHOOD).curvature)[n:, n:]
     size, directions = np.linalg.eigh(left)
     turn = np.eye(len(b))
@@ -74,10 +74,10 @@ def likeliest(problem: Problem, fit: Fit) -> Explanation:
 
     A fit that stopped short may have slack undo half of a value that is as good as nothing.
     """
-    q, k = fit.quadratic, len(problem.slack)
-    shares = _by_share(problem, fit.explanation, fit.steps, q.A, q.b, problem.slack_covariance)
+    q, k = fit.quadratic, len(problem.nuisance)
+    shares = _by_share(problem, fit.explanation, fit.steps, q.A, q.b, problem.nuisance_covariance)
     step = max(shares, key=LIKELIHOOD).step
-    return parted_from_slack(problem, take_step(problem, fit.explanation, step[k:] * fit.steps, step[:k]))
+    return parted_from_nuisance(problem, take_step(problem, fit.explanation, step[k:] * fit.steps, step[:k]))
 
 
 def _by_share(
@@ -94,11 +94,11 @@ def _by_share(
     ``whole`` (k, k) is the covariance of slack, and ``measured`` (k, k) the part of it that is as wide as it is.
     """
     at = np.zeros(len(b))
-    at[: len(problem.slack)] = slack_now(problem, explanation)
-    stiffness = np.ones(len(b) - len(problem.slack))
+    at[: len(problem.nuisance)] = nuisance_now(problem, explanation)
+    stiffness = np.ones(len(b) - len(problem.nuisance))
     stiffness[: len(steps)] = value_steps(problem, explanation, steps)[0]
     fixed = np.zeros_like(whole) if measured is None else measured
-    for share in SLACK_SHARES:
+    for share in NUISANCE_SHARES:
         width = fixed + share**2 * (whole - fixed)
         pull = joint_precision(np.linalg.inv(width), stiffness)
         curvature, slope = A + pull, b - pull @ at
@@ -112,7 +112,7 @@ def _as_one_number(problem: Problem, fit: Fit) -> Floats:
 
     Their slopes differ by rounding alone, and a log that tells the number well would part them by that.
     """
-    shared = shared_with_slack(problem, fit.explanation)
+    shared = shared_with_nuisance(problem, fit.explanation)
     k, m = shared.shape
     as_one = np.eye(k + m)
     for order in np.flatnonzero(shared.sum(0) == 1):
@@ -123,7 +123,7 @@ def _as_one_number(problem: Problem, fit: Fit) -> Floats:
 
 def _of_a_share(problem: Problem, explanation: Explanation) -> Floats:
     """What (m, k) values of factors gain where slack moves the vehicle that they are factors of: half stays half."""
-    own = shared_with_slack(problem, explanation).T
+    own = shared_with_nuisance(problem, explanation).T
     gained = np.zeros_like(own)
     for row, term in enumerate(explanation.fitted):
         parameters, nominal, _ = declared(term.effect, problem.vehicle)

@@ -20,13 +20,13 @@ def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
     A = quadratic(problem, follow, [], chosen=problem.followed).A
     if not np.isfinite(A).all():
         return problem
-    size, direction = np.linalg.eigh(problem.slack_covariance)
+    size, direction = np.linalg.eigh(problem.nuisance_covariance)
     root = direction * np.sqrt(np.maximum(size, 0.0))
     told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of slack
     share = np.where(told < TELLS, UNTOLD, 1.0)
     held = root @ along * share
     covariance = held @ held.T
     widths = np.sqrt(np.diag(covariance)).tolist()
-    slack = tuple((*entry[:3], width) for entry, width in zip(problem.slack, widths, strict=True))
+    nuisance = tuple((*entry[:3], width) for entry, width in zip(problem.nuisance, widths, strict=True))
     precision = np.linalg.inv(covariance)
-    return replace(problem, slack=slack, slack_covariance=covariance, slack_precision=precision)
+    return replace(problem, nuisance=nuisance, nuisance_covariance=covariance, nuisance_precision=precision)

@@ -14,7 +14,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.force import marks
+from auv_torchrl.diagnosis.motion.force import responses
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.slopes import chunks
@@ -24,7 +24,7 @@ from auv_torchrl.effects import Origin
 from auv_torchrl.physics.kinematics import rotation_matrix
 
 FOLDS = 4
-MARKS_BYTES = 64 << 20  # of the marks of all forces; some such arrays are in use at once
+RESPONSES_BYTES = 64 << 20  # of the marks of all forces; some such arrays are in use at once
 SOFT = 0.05  # of the full command, over which a sign changes
 EARLIER = (1, 2, 4, 8, 16)  # grid steps between a command and a force that it may leave behind
 STICTIONS = (0.05, 0.1, 0.2)  # of the full command, by which it must change before a force follows
@@ -174,9 +174,9 @@ def _quadratics(problem: Problem, path: WindowPath, forces: Floats, chosen: list
     """
     freedom, each = problem.freedom(path.state), 8 * path.state.residual[0].size * forces.shape[1]
     whole, numbers = [np.zeros((1, 1)) for _ in chosen], 0.0
-    for some in chunks(len(problem.windows), each, MARKS_BYTES):
+    for some in chunks(len(problem.windows), each, RESPONSES_BYTES):
         windows, state = problem.windows.subset(some), path.state.rows(some)
-        shown = marks(windows, path.coefficients, problem.layout, state, forces[some])
+        shown = responses(windows, path.coefficients, problem.layout, state, forces[some])
         parts = reduce(windows, problem.layout, freedom.rows(some), state, shown)
         whole = [sums + parts.pooled(mask[some]) for sums, mask in zip(whole, chosen, strict=True)]
         numbers += parts.numbers

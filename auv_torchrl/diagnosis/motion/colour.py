@@ -65,9 +65,9 @@ def _colour(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed 
     """Covariance (w, K, K) of what is no white noise, along a state where commands were logged as snapshots."""
     covariance = drift_covariance(windows)
     if state is not None:
-        marks = command_marks(windows, vehicle, layout, state)
-        bent = np.eye(marks.shape[1]) * (BENT**2 * (marks**2).sum(-1))[:, None]
-        covariance = covariance + marks @ marks.swapaxes(1, 2) + bent
+        responses = command_marks(windows, vehicle, layout, state)
+        bent = np.eye(responses.shape[1]) * (BENT**2 * (responses**2).sum(-1))[:, None]
+        covariance = covariance + responses @ responses.swapaxes(1, 2) + bent
     covariance[~np.asarray(np.isfinite(covariance).all((1, 2)))] = 0.0  # no motion to work it out along
     return covariance
 

@@ -99,7 +99,7 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     return sensors.reported_rate(rate, true, motion[:, None])
 
 
-def marks(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
+def responses(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
     """How forces (W, R, S, 6) along the measured motion would show in the samples, to first order: (W, K, R)."""
     moves = layout.start[: len(layout.start) // 2]
     pushed = forces[..., moves].transpose(0, 2, 3, 1)

@@ -117,9 +117,9 @@ class Freedom:
     @DIVERGING
     def reduced(self, columns: Floats) -> Reduced:
         """Marks (W, K, N) of changes, and what the free numbers absorb of them."""
-        marks = columns * self.weight[:, None]
-        pull = self.slope.swapaxes(1, 2) @ marks
-        return Reduced(marks, pull, self.inverse @ pull)
+        responses = columns * self.weight[:, None]
+        pull = self.slope.swapaxes(1, 2) @ responses
+        return Reduced(responses, pull, self.inverse @ pull)
 
     def rows(self, some: slice) -> "Freedom":
         """That of some windows."""
@@ -133,7 +133,7 @@ class Freedom:
 
 
 @dataclass(frozen=True)
-class SlackMarks:
+class NuisanceResponses:
     """Marks of the slack parameters, per unit, and what the free numbers of the windows absorb of them."""
 
     freedom: Freedom
@@ -143,7 +143,7 @@ class SlackMarks:
         """That of the same marks where the free numbers absorb something else."""
         if freedom is self.freedom:
             return self.reduced
-        return freedom.reduced(self.reduced.marks / self.freedom.weight[:, None])
+        return freedom.reduced(self.reduced.responses / self.freedom.weight[:, None])
 
 
 @DIVERGING

@@ -12,27 +12,27 @@ from auv_torchrl.diagnosis.motion.windows import Floats
 class Reduced:
     """Columns on ``W`` windows, and what of each of them the free numbers of a window absorb."""
 
-    marks: Floats  # (W, K, N) in units of the noise
+    responses: Floats  # (W, K, N) in units of the noise
     pull: Floats  # (W, L, N) of each of these on the free numbers
     moved: Floats  # (W, L, N) free numbers that fit each of them best
     _squares: dict[bytes, Floats] = field(default_factory=dict, repr=False)
 
     def rows(self, some: slice) -> "Reduced":
         """That of some windows."""
-        if some == slice(0, len(self.marks)):
+        if some == slice(0, len(self.responses)):
             return self
-        return Reduced(self.marks[some], self.pull[some], self.moved[some])
+        return Reduced(self.responses[some], self.pull[some], self.moved[some])
 
     @cached_property
     def size(self) -> Floats:
         """(W,) that is finite where all numbers are."""
-        return np.einsum("wkn,wkn->w", self.marks, self.marks) + np.einsum("wln,wln->w", self.pull, self.moved)
+        return np.einsum("wkn,wkn->w", self.responses, self.responses) + np.einsum("wln,wln->w", self.pull, self.moved)
 
     def times(self, other: "Reduced", chosen: np.ndarray) -> Floats:
         """Products (N, M) with other columns over some windows (a boolean mask), the free numbers fitted."""
         mine, its, pull, moved = (
             (rows if chosen.all() else rows[chosen]).reshape(-1, rows.shape[-1])
-            for rows in (self.marks, other.marks, self.pull, other.moved)
+            for rows in (self.responses, other.responses, self.pull, other.moved)
         )
         return mine.T @ its - pull.T @ moved
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable
 
 from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, next_best, sentence, shown, to_do
-from auv_torchrl.diagnosis.verdict import NO_MARK, Confirmation, Diagnosis, Gap, Verdict
+from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
 from auv_torchrl.quantities import number, percent, words
 
@@ -29,7 +29,7 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
         ranked = (f"{words(c.name)} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
         lines += ["", f"most probable: {', '.join(ranked)}"]
     lines += ["", *_errors(diagnosis)]
-    limits = (line for line in diagnosis.cannot_tell if not line.endswith(NO_MARK))  # of those there are a dozen
+    limits = (line for line in diagnosis.cannot_tell if not line.endswith(NOT_SHOWN))  # of those there are a dozen
     sections = {
         "what this rests on": _warnings(diagnosis, said),
         "what this log cannot tell": [sentence(line) for line in limits],
