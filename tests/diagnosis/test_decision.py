@@ -16,7 +16,7 @@ PAPER = load_vehicle("paper")
 TRUTHS = {"a weak thruster": {"thruster_gain": {"gain_4": 0.55}}, "nothing": {}}
 
 
-@pytest.fixture(scope="module", params=TRUTHS.values(), ids=TRUTHS.keys())
+@pytest.fixture(scope="module", params=TRUTHS.values(), ids=list(TRUTHS))
 def answered(request):
     """What was flown, and the diagnosis of it."""
     return request.param, diagnose(fly(hold(PAPER), request.param, seed=3, episodes=3, seconds=20.0), PAPER)

@@ -89,7 +89,6 @@ class Problem:
     seen_start: Floats  # (W, 12) where windows begin, whatever the vehicle
     outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
     nuisance_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
-    nuisance_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
     freedoms: Latest[Freedom] = field(default_factory=lambda: _freedoms(), repr=False, compare=False)
 
     @staticmethod
