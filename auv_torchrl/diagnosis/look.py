@@ -164,12 +164,12 @@ def _fault_of(
 
 
 def hints_of(found: Found) -> list[Explanation]:
-    """The best explanation and the likeliest one by one other effect, without their slack."""
+    """The best explanation and the likeliest one by one other effect, without their nuisance parameters."""
     return _each_once([found.best, *(j for j in found.fits if len(j.explanation.effects) == 1)])[:HINTS]
 
 
 def _each_once(ranked: Sequence[Fit]) -> list[Explanation]:
-    """Of explanations by the same effects the first one, without its slack; "no effect" is none of them."""
+    """The first explanation of each set of effects, without its nuisance parameters; "no effect" is none of them."""
     once: dict[tuple[str, ...], Explanation] = {}
     for fit in ranked:
         if fit.explanation.effects:
