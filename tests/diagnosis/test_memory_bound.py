@@ -122,10 +122,7 @@ def test_the_variance_of_many_stretches_takes_the_memory_of_a_few_covariances():
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts memory as Linux does")
 @pytest.mark.parametrize("snapshot_s", [0.0, 0.1], ids=["white", "coloured"])
 def test_a_diagnosis_of_all_channels_stays_below_the_limit(tmp_path, snapshot_s):
-    """A quarter of an hour of 15 channels with a fault, from file to report, in a process of its own.
-
-    Where errors are coloured, the log is followed along what was found, too, however little is left of it.
-    """
+    """A quarter of an hour of 15 channels with a fault, from file to report, in a process of its own."""
     log = simulated_logs("paper", [{"thruster_gain": {"gain_4": 0.55}}], episodes=1, seconds=900.0, felt=0.03)[0]
     said = json.dumps({"drift": {}, "snapshot_s": snapshot_s, "autopilot": {}})
     write_columns(raw_columns(log), tmp_path / "long.csv", said=said)
@@ -134,8 +131,6 @@ def test_a_diagnosis_of_all_channels_stays_below_the_limit(tmp_path, snapshot_s)
         "print(1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
     )
     command = ["diagnose.py", f"log={tmp_path / 'long.csv'}", "vehicle=paper", f"output={tmp_path / 'out'}"]
-    command += ["diagnosis.excess=0.01"] if snapshot_s else []
     done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
-    assert ("following what was found" in done.stdout) == (snapshot_s > 0)
     assert int(done.stdout.splitlines()[-1]) < LIMIT
     assert "are looked at" in (tmp_path / "out" / "diagnosis.json").read_text()
