@@ -9,7 +9,7 @@ import pytest
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.lengths import MOST_COMMANDS, looked_at, stretches_of
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.slopes import FEWEST, MOST, affordable
+from auv_torchrl.diagnosis.motion.windows import FEWEST, MOST, affordable
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS
 from auv_torchrl.flightlog import Episode, FlightLog, write_flightlog
 from auv_torchrl.flightlog.log import AXES, SampleErrors
