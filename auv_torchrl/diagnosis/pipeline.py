@@ -37,8 +37,9 @@ from auv_torchrl.diagnosis.validate.predict import (
     held_out_windows,
     measure_gap,
     predict_by,
+    unforeseen,
+    widened,
 )
-from auv_torchrl.diagnosis.validate.unforeseen import unforeseen, widened
 from auv_torchrl.diagnosis.validate.veto import calibration_vetoed, falls_short, only, shortfalls, vetoes, worse
 from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Verdict
 from auv_torchrl.diagnosis.volts import volts_findings

@@ -11,8 +11,8 @@ from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.colour import drift_covariance, late_shares, unknown_force
 from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.noise import drift_covariance, late_shares, unknown_force
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed

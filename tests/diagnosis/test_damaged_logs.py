@@ -11,8 +11,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.force import Course, middles, reading_changes, responses
-from auv_torchrl.diagnosis.motion.rough import rough_force
-from auv_torchrl.diagnosis.motion.smooth import Layout, flown, follow
+from auv_torchrl.diagnosis.motion.smooth import Layout, flown, follow, rough_force
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.physics import prepare

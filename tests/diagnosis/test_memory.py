@@ -18,9 +18,9 @@ from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
-from auv_torchrl.diagnosis.motion import slopes
+from auv_torchrl.diagnosis.motion import tangent
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.slopes import Slopes
+from auv_torchrl.diagnosis.motion.tangent import Slopes
 from auv_torchrl.vehicle import load_vehicle
 
 SETTINGS = load_settings()
@@ -109,7 +109,7 @@ def test_slopes_that_were_let_go_come_back_the_same(followed, monkeypatch):
     """Where there is no room for slopes, a search works them out again, and ends with the same numbers."""
     problem, path = followed
     whole = search(problem, path, lambda *_: None)
-    monkeypatch.setattr(slopes, "HELD", 0)
+    monkeypatch.setattr(tangent, "HELD", 0)
     frugal = search(problem, path, lambda *_: None)
     held = [fit for fit in frugal.fits if fit.path.state.slopes.is_held]
     assert len(held) <= 1 < len(frugal.fits)

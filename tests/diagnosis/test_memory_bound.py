@@ -11,7 +11,7 @@ import pytest
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.lengths import MOST_COMMANDS, looked_at, stretches_of
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.slopes import FEWEST, MOST, affordable
+from auv_torchrl.diagnosis.motion.windows import FEWEST, MOST, affordable
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS
 from auv_torchrl.diagnosis.validate.predict import colour_of
 from auv_torchrl.flightlog import Episode, FlightLog, raw_columns, write_columns

@@ -21,12 +21,12 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.minimum import bounded_minimum
 from auv_torchrl.diagnosis.thresholds import NUISANCE_LIMIT
 from auv_torchrl.diagnosis.validate.predict import predict
 from auv_torchrl.diagnosis.validate.veto import falls_short
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import read_flightlog, write_columns
+from auv_torchrl.sysid.bounded import bounded_minimum
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
 from benchmarks.blind.fly import fly as sealed_flights

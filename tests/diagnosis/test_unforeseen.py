@@ -7,8 +7,7 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis.calibrate.healthy import calibrate
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.thresholds import STILL_FAR
-from auv_torchrl.diagnosis.validate.predict import predict
-from auv_torchrl.diagnosis.validate.unforeseen import unforeseen, widened
+from auv_torchrl.diagnosis.validate.predict import predict, unforeseen, widened
 from auv_torchrl.diagnosis.validate.veto import scaled_errors
 from auv_torchrl.vehicle import load_vehicle
 

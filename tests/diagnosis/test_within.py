@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis.identify.assess import covariance_of_values
-from auv_torchrl.diagnosis.motion.within import least_within, minimum_within
+from auv_torchrl.sysid.bounded import least_within, minimum_within
 
 
 def quadratic(seed, size):

@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.calibrate.nuisance import Centred, guessed
 from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.within import least_within
+from auv_torchrl.sysid.bounded import least_within
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
 

@@ -22,8 +22,8 @@ from auv_torchrl.diagnosis.calibrate.output_error import (
 )
 from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, shared_covariance
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.motion.within import least_within
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.sysid.bounded import least_within
 from auv_torchrl.vehicle import Vehicle
 
 STEP = 1e-3  # of a coefficient's width, for slopes

@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.diagnosis.calibrate.nuisance import Centred
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.motion.within import least_within
+from auv_torchrl.sysid.bounded import least_within
 
 STATED_FLIGHTS = 2.0  # flights that the stated spread counts for, against those that were flown
 ROUNDS = 30

@@ -15,12 +15,12 @@ from auv_torchrl.diagnosis.identify.attitude import held_level
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import NuisanceEntry
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.motion.within import least_within
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import quaternion_from_euler, rotation_matrix
 from auv_torchrl.physics.surface import given_in_water
 from auv_torchrl.physics.thrusters import body_wrench, thrust_target
+from auv_torchrl.sysid.bounded import least_within
 from auv_torchrl.vehicle import Vehicle
 
 MOTIONS = 300  # drawn at random, several times the numbers that they are to tell apart

@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, n
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
 from auv_torchrl.diagnosis.identify.steps import even_step, take_step
-from auv_torchrl.diagnosis.motion.white_noise import sensor_noise
+from auv_torchrl.diagnosis.motion.noise import sensor_noise
 from auv_torchrl.diagnosis.thresholds import (
     FITTED_ON,
     GAINS_AGAIN,

@@ -10,10 +10,8 @@ from auv_torchrl.diagnosis.identify.paths import WindowPath, force_of_nuisance, 
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
-from auv_torchrl.diagnosis.motion.colour import whiten
+from auv_torchrl.diagnosis.motion.noise import sensor_noise, whiten
 from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
-from auv_torchrl.diagnosis.motion.rough import rough_force
-from auv_torchrl.diagnosis.motion.slopes import affordable
 from auv_torchrl.diagnosis.motion.smooth import (
     Layout,
     Smoothed,
@@ -23,9 +21,9 @@ from auv_torchrl.diagnosis.motion.smooth import (
     misfit,
     noise_per_sample,
     replaced,
+    rough_force,
 )
-from auv_torchrl.diagnosis.motion.white_noise import sensor_noise
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, affordable
 from auv_torchrl.diagnosis.thresholds import (
     DIVERGED,
     FEW_LOST,

@@ -12,9 +12,9 @@ from auv_torchrl.diagnosis.motion.actuation import coefficients
 from auv_torchrl.diagnosis.motion.force import Course, middles
 from auv_torchrl.diagnosis.motion.reduce import NuisanceResponses, Quadratic, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.slopes import Slopes, chunks
 from auv_torchrl.diagnosis.motion.smooth import TANGENT, Smoothed, noise_per_sample
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.motion.tangent import Slopes
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
 from auv_torchrl.diagnosis.thresholds import SATISFIED, STRAINED
 from auv_torchrl.physics import Coefficients, prepare
 from auv_torchrl.vehicle import Vehicle

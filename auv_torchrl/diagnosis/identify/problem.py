@@ -17,9 +17,9 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
     sensor_nuisance,
 )
 from auv_torchrl.diagnosis.latest import Latest
+from auv_torchrl.diagnosis.motion.noise import first_noise
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
-from auv_torchrl.diagnosis.motion.white_noise import first_noise
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, NUISANCE_LIMIT, NUISANCE_STEP, WIDE_SHARE
 from auv_torchrl.effects import EFFECTS

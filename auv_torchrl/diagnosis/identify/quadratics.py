@@ -11,8 +11,7 @@ from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import reading_changes, responses
 from auv_torchrl.diagnosis.motion.reduce import NuisanceResponses, Parts, Quadratic, pooled, reduce
-from auv_torchrl.diagnosis.motion.slopes import chunks
-from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.motion.windows import Floats, chunks
 from auv_torchrl.physics import prepare
 
 RESPONSES_AT_ONCE = (

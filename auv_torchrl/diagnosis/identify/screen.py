@@ -15,7 +15,6 @@ from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_nuisance
 from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
-from auv_torchrl.diagnosis.motion.minimum import SINGULAR, bounded_minimum, solve_semidefinite
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import (
@@ -26,6 +25,7 @@ from auv_torchrl.diagnosis.thresholds import (
     SAME_RESPONSE,
     SEEN_AT_ALL,
 )
+from auv_torchrl.sysid.bounded import SINGULAR, bounded_minimum, solve_semidefinite
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.motion.within import minimum_within
+from auv_torchrl.sysid.bounded import minimum_within
 
 
 def value_steps(problem: Problem, explanation: Explanation, steps: Floats) -> tuple[Floats, Floats, Floats]:

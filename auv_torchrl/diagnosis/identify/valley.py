@@ -13,8 +13,8 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic
 from auv_torchrl.diagnosis.identify.steps import joint_precision, take_step, value_steps
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.motion.within import minimum_within
 from auv_torchrl.effects.effect import Valley
+from auv_torchrl.sysid.bounded import minimum_within
 
 
 def moved_in_valley(problem: Problem, explanation: Explanation, valley: Valley, step: float) -> Explanation:

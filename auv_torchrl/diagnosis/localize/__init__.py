@@ -1,1 +1,1 @@
-"""Where the gap lies."""
+"""Where the gap lies: axis, origin, thruster, regime and time. Read ``attribute``, then ``locate``."""

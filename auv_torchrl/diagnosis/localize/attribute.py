@@ -17,8 +17,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import responses
 from auv_torchrl.diagnosis.motion.reduce import Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.slopes import chunks
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
 from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, NOTHING_TO_MAP, REACH_WIDTH, WORTHLESS
 from auv_torchrl.effects import Origin
 from auv_torchrl.physics.kinematics import rotation_matrix

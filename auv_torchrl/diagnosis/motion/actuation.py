@@ -11,7 +11,6 @@ from functools import cached_property, partial
 import numpy as np
 
 from auv_torchrl.diagnosis.latest import Latest
-from auv_torchrl.diagnosis.motion.samples import oldest
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import ActiveTerms, Coefficients, Steps, prepare
 from auv_torchrl.physics.thrusters import (
@@ -22,7 +21,7 @@ from auv_torchrl.physics.thrusters import (
     load,
     thrust_target,
 )
-from auv_torchrl.sensors import Inverse
+from auv_torchrl.sensors import Inverse, ages
 from auv_torchrl.vehicle import Vehicle
 
 LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
@@ -130,6 +129,11 @@ def left_by_volts(
     if windows.volts is None or not by_step.volts.any():
         return None
     return at_volts(by_step, windows.volts[windows.episode[chunk, None], grid][:, None])
+
+
+def oldest(windows: Windows, c: Coefficients) -> Floats:
+    """Age (R,) in s of the latest reports: windows are flown at the times that they tell of."""
+    return ages(c, windows.channels).max(-1)
 
 
 def coefficients(vehicle: Vehicle) -> Coefficients:

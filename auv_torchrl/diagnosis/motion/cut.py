@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.slopes import affordable
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows, guess_starts
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, affordable, guess_starts
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS, STEEP
 from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.flightlog.log import ANGLES

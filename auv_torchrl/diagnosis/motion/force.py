@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate_prepared, sensors_of
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.samples import ahead, felt_samples, oldest
+from auv_torchrl.diagnosis.motion.actuation import actuate_prepared, sensors_of
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, accelerations, ahead, felt_samples
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.physics import Coefficients, rates
+from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import least_turn, matvec, normalise
-from auv_torchrl.physics.thrusters import lag_left
 from auv_torchrl.sensors import Inverse, motion_of, read, report_alike
 
 CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
@@ -78,25 +76,6 @@ class Course:
 
 def _chunks(rows: np.ndarray) -> list[np.ndarray]:
     return [rows[first : first + CANDIDATES_AT_ONCE] for first in range(0, len(rows), CANDIDATES_AT_ONCE)]
-
-
-def accelerations(actuation: Actuation, motion: Floats) -> Floats:
-    """(W, R, S, 6), as reported, of the vehicles of ``actuation`` along a reported ``motion`` (W, S, 13)."""
-    windows, c, terms = actuation.windows, actuation.c, actuation.terms
-    (target,) = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))
-    thrust = target
-    if terms.lag:
-        now, thrust = actuation.thrust, np.empty_like(target)
-        half, whole = lag_left(c, windows.dt / 2), lag_left(c, windows.dt)
-        for step in range(windows.steps):
-            aim = target[:, :, step]
-            thrust[:, :, step] = aim + (now - aim) * half
-            now = aim + (now - aim) * whole
-    time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - oldest(windows, c)[:, None]
-    sensors = actuation.sensors.shared().by_step()
-    true = sensors.true_state(motion[:, None])
-    rate = rates(c, terms, true, thrust, time)
-    return sensors.reported_rate(rate, true, motion[:, None])
 
 
 def responses(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, forces: Floats) -> Floats:

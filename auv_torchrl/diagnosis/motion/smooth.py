@@ -11,19 +11,21 @@ from functools import partial
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficients
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
-from auv_torchrl.diagnosis.motion.slopes import Slopes, chunks
-from auv_torchrl.diagnosis.motion.tangent import Tangent, linearise, respond
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, accelerations, fly
+from auv_torchrl.diagnosis.motion.tangent import Slopes, Tangent, linearise, respond
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks, columns_of_motion
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.physics import Coefficients, prepare
-from auv_torchrl.sensors import FELT, MOTION, Inverse
+from auv_torchrl.physics.kinematics import cross, matvec, quaternion_from_euler, rotation_matrix
+from auv_torchrl.sensors import FELT, MOTION, Inverse, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 USUAL_SPEED = 0.5  # m/s, prior of a speed where what changes it is felt and nothing tells the speed itself
+REACH_S = 0.25  # half width of the parabolas; wider where samples are sparse
+LEAST_SAMPLES = 6
 
 
 @dataclass(frozen=True)
@@ -248,7 +250,7 @@ def follow(
 ) -> Smoothed:
     """Smooth from far away: first in pieces so short that even a wrong model stays near, then whole windows.
 
-    ``begin`` is a rough force (W, B, D), see :func:`auv_torchrl.diagnosis.motion.rough.rough_force`.
+    ``begin`` is a rough force (W, B, D), see :func:`auv_torchrl.diagnosis.motion.smooth.rough_force`.
     """
     pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
     short = replace(layout, bins=PIECE_BINS)
@@ -267,3 +269,68 @@ def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Float
     scaled = (residual / noise_per_sample(windows, sigma)) ** 2
     mean = scaled.sum(1) / np.maximum(windows.numbers_of_each, 1.0)
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
+
+
+def local_parabolas(windows: Windows, times: Floats) -> Floats:
+    """Value, first and second derivative (W, B, 3, C) of every channel at ``times`` (B,) s into the windows."""
+    at = windows.sampled
+    measured = windows.measured.copy()
+    measured[..., windows.angular] = np.unwrap(measured[..., windows.angular], axis=1)
+    away = at[:, None] - times[:, None]  # (W, B, m)
+    distance = np.where(windows.present[:, None], np.abs(away), np.inf)
+    least = min(LEAST_SAMPLES, distance.shape[-1])
+    reach = np.maximum(np.partition(distance, least - 1, axis=-1)[..., least - 1] * 1.01, REACH_S)
+    weight = (distance <= reach[..., None]).astype(float)
+    powers = np.stack([np.ones_like(away), away, 0.5 * away**2], axis=-1) * weight[..., None]  # (W, B, m, 3)
+    gram = powers.swapaxes(-1, -2) @ powers + 1e-12 * np.eye(3)
+    return np.linalg.solve(gram, powers.swapaxes(-1, -2) @ measured[:, None])
+
+
+@DIVERGING
+def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
+    """Missing force (W, B, D) in N and N m per bin; ``vehicle`` is a batch (1,)."""
+    centres = (np.arange(layout.bins) + 0.5) * layout.steps_per_bin * windows.dt
+    centres = np.minimum(centres, (windows.steps - 0.5) * windows.dt)
+    fits = local_parabolas(windows, centres)
+    value, slope, bend = (_spread(windows, fits[:, :, order]) for order in range(3))  # (W, B, 12) each
+    quaternion = quaternion_from_euler(value[..., 3], value[..., 4], value[..., 5])
+    to_body = rotation_matrix(quaternion).swapaxes(-1, -2)
+    velocity, rate = value[..., 6:].copy(), slope[..., 6:].copy()
+    spinning = slope[..., 3:6]  # Euler rates serve as body rates: roll and pitch are small
+    for columns, first, second in (
+        (slice(0, 3), matvec(to_body, slope[..., :3]), matvec(to_body, bend[..., :3])),
+        (slice(3, 6), slope[..., 3:6], bend[..., 3:6]),
+    ):
+        turning = cross(spinning, first) if columns.start == 0 else 0.0
+        known = np.array([channel in windows.channels for channel in MOTION[6:][columns]])
+        velocity[..., columns] = np.where(known, velocity[..., columns], first)
+        rate[..., columns] = np.where(known, rate[..., columns], second - turning)
+    motion = np.concatenate([value[..., :3], quaternion, velocity], axis=-1)
+    by_step = np.repeat(motion, layout.steps_per_bin, axis=1)[:, : windows.steps]
+    actuation = actuate(windows, vehicle)
+    rate[..., :3] = _where_felt_alone(windows, actuation.c, fits[:, :, 0], motion, rate[..., :3])
+    predicted = accelerations(actuation, by_step)[:, 0]
+    missing = np.repeat(rate, layout.steps_per_bin, axis=1)[:, : windows.steps] - predicted
+    missing = actuation.sensors.true_rate(missing, by_step)
+    force = matvec(actuation.c.mass_matrix[0], missing)[..., layout.dof]
+    edges = np.arange(0, windows.steps, layout.steps_per_bin)
+    counts = np.diff(np.append(edges, windows.steps))
+    return np.add.reduceat(force, edges, axis=1) / counts[:, None]
+
+
+def _where_felt_alone(windows: Windows, c: Coefficients, fits: Floats, motion: Floats, rate: Floats) -> Floats:
+    """Accelerations (W, B, 3), as the fits (W, B, C) of what is felt say along axes that nothing else tells of."""
+    rate = rate.copy()
+    for axis, name in enumerate(FELT):
+        if name in windows.channels and not {MOTION[axis], MOTION[6 + axis]} & set(windows.channels):
+            weight = read(c.rows((slice(None), None)), (name,), motion_of(motion))[..., 0]
+            rate[..., axis] = fits[..., windows.channels.index(name)] - weight
+    return rate
+
+
+def _spread(windows: Windows, values: Floats) -> Floats:
+    """Values (W, B, C) of the channels as columns of all twelve, zero where not measured."""
+    full = np.zeros((*values.shape[:-1], 12))
+    moved, columns = columns_of_motion(windows.channels)
+    full[..., columns] = values[..., moved]
+    return full

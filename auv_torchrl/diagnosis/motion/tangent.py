@@ -4,15 +4,15 @@ A step is linearised by finite differences of the project's physics; after that 
 a product of small matrices, and no vehicle is simulated again.
 """
 
+import weakref
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import actuate, sensors_of
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, begin
-from auv_torchrl.diagnosis.motion.samples import ahead, late_steps, sample
-from auv_torchrl.diagnosis.motion.slopes import chunks
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, Run, ahead, begin, late_steps, sample
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks, columns_of_motion
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import least_turn, quaternion_from_euler
@@ -23,6 +23,10 @@ STEP_STATE = 1e-3  # m, rad, m/s, rad/s
 STEP_FORCE = np.array([0.1] * 3 + [0.01] * 3)  # N, N m
 COLUMNS_AT_ONCE = 64
 ANGULAR = np.array([channel in ANGLES for channel in MOTION])
+_latest: dict[int, "weakref.ref[Slopes]"] = {}  # the latest asked for is the last
+# Bytes of all slopes that are held, beside those in use. A minute of flight has 2 to 10 MB of them, and 20 MB of 15
+# channels under a limit cycle. A search compares a dozen explanations.
+HELD = 128 << 20
 
 
 @dataclass(frozen=True)
@@ -170,3 +174,53 @@ def _perturbed(states: Floats, entries: np.ndarray, rows: int) -> Floats:
     numbers[..., 1 + np.arange(len(entries)), entries] += STEP_STATE
     quaternion = quaternion_from_euler(*np.moveaxis(numbers[..., 3:6], -1, 0))
     return np.concatenate([numbers[..., :3], quaternion, numbers[..., 6:]], axis=-1)
+
+
+class Slopes:
+    """Slopes (W, K, L) of windows in their free numbers, which are let go where others need the memory."""
+
+    def __init__(self, make: Callable[[], Floats], array: Floats | None = None, counts: bool = True) -> None:
+        self._make = make
+        self._array = array
+        self._counts = counts
+        if array is not None:
+            self._hold()
+
+    @property
+    def array(self) -> Floats:
+        """The slopes, worked out again where they were let go. Nobody changes them in place."""
+        array = self._make() if self._array is None else self._array
+        if self._counts:
+            self._array = array
+            self._hold()
+        return array
+
+    @property
+    def is_held(self) -> bool:
+        """Whether they are in memory."""
+        return self._array is not None
+
+    def rows(self, some: slice | np.ndarray) -> "Slopes":
+        """Those of some windows, taken from the whole when they are asked for."""
+        return Slopes(lambda: self.array[some], counts=False)
+
+    def taken(self) -> Floats:
+        """The slopes for somebody who changes them in place; these are let go."""
+        array, self._array = self.array, None
+        return array if self._counts else array.copy()
+
+    def _hold(self) -> None:
+        """Be the latest of all that are held, and let the oldest go where these are too large."""
+        if not self._counts:
+            return
+        _latest.pop(id(self), None)
+        _latest[id(self)] = weakref.ref(self)
+        held = {key: slopes for key, known in _latest.items() if (slopes := known()) is not None}
+        sizes = {key: slopes._array.nbytes for key, slopes in held.items() if slopes._array is not None}
+        total = sum(sizes.values())
+        for key in [key for key in _latest if key != id(self)]:
+            if key not in sizes or total > HELD:
+                total -= sizes.get(key, 0)
+                if key in held:
+                    held[key]._array = None
+                del _latest[key]

@@ -1,6 +1,6 @@
 """Short windows of a flight log on a uniform time grid, ready to be simulated side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,12 @@ from auv_torchrl.sensors import MOTION, is_felt
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
 
 PARTS = 6  # in which a triangle is multiplied, 0.6 times the work of a square; more save less than they cost
+AT_ONCE = 24 << 20  # bytes of an array over windows; what is made of one takes several times as much
+# Bytes of the slopes of all windows of a log. A diagnosis takes up to ten times as much at its worst, beside 0.5 GB of
+# libraries, and 1.5 GB are what it may in all. Of 15 channels at 20 Hz that is 5 minutes, with two forces per bin.
+MOST = 96 << 20
+WHITENING = 0.35  # share that counts of what whitens the samples: slopes are in use ten times, this is three times
+FEWEST = 12  # windows, however large
 
 
 @dataclass(frozen=True)
@@ -186,3 +192,19 @@ def guess_starts(times: Sequence[Floats], values: Sequence[Floats]) -> Floats:
     from_pose[:, 1] = c * pose_rate[:, 1] - s * pose_rate[:, 0]
     start[:, 6:] = np.where(known[:, 6:], start[:, 6:], from_pose)
     return start
+
+
+def affordable(numbers: int, free: int, coloured: bool) -> int:
+    """How many windows of so many ``numbers`` fit the memory, with as many ``free`` ones in each.
+
+    Where errors are ``coloured``, what whitens the numbers is held beside: once, where slopes are in use many times.
+    """
+    each = 8 * numbers * (free + (WHITENING * numbers if coloured else 0.0))
+    return max(FEWEST, int(MOST / each))
+
+
+def chunks(windows: int, each: int, most: int = AT_ONCE) -> Iterator[slice]:
+    """Slices of windows of ``each`` bytes, all about as long, of which none takes more than ``most`` bytes."""
+    count = min(windows, -(-windows * each // most)) or 1
+    edges = np.linspace(0, windows, count + 1).astype(int).tolist()
+    return (slice(first, behind) for first, behind in zip(edges, edges[1:], strict=False))

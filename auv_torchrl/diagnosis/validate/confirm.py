@@ -11,9 +11,8 @@ from typing import Any, cast
 import numpy as np
 import torch
 
-from auv_torchrl.diagnosis.motion.actuation import actuate, left_by_volts
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.samples import late_steps, oldest, sample
+from auv_torchrl.diagnosis.motion.actuation import actuate, left_by_volts, oldest
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, late_steps, sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_along, errors_by_kind
 from auv_torchrl.diagnosis.verdict import Confirmation

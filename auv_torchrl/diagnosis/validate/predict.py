@@ -1,21 +1,21 @@
 """How far the gap shrinks: held-out stretches predicted from the commands alone, before and after."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.hypotheses import Settings, batch
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate
-from auv_torchrl.diagnosis.motion.colour import colour_in_pieces, whiten
 from auv_torchrl.diagnosis.motion.cut import cut_windows, grid_step
+from auv_torchrl.diagnosis.motion.noise import colour_in_pieces, whiten
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
-from auv_torchrl.diagnosis.motion.rough import rough_force
-from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample
+from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample, rough_force
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
-from auv_torchrl.diagnosis.thresholds import WITHIN_FLOOR
+from auv_torchrl.diagnosis.thresholds import FLEW_OFF, WITHIN_FLOOR
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.flightlog.readiness import START_S
@@ -23,12 +23,18 @@ from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.sensors import MOTION, motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
+if TYPE_CHECKING:  # calibration predicts by this module
+    from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
 PUSHED = (
     4.0  # times the floor: the force under which a start is estimated; some of all stretches begin in as large a one
 )
 MOST_STRETCHES = 60
 SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction
+BIN_S = HORIZONS_S[0] / 2  # s of horizon, over which errors are averaged
+BINS = round(HORIZONS_S[-1] / BIN_S)
+MIDDLES = BIN_S * (np.arange(BINS) + 0.5)  # s
 
 
 @dataclass(frozen=True)
@@ -242,3 +248,41 @@ def _trajectory(numbers: Floats, measured: Floats) -> Trajectory:
     ahead = np.nan_to_num(angles[0] - measured[0, 3:6])
     angles -= 2 * np.pi * np.round(ahead / (2 * np.pi))
     return Trajectory(np.concatenate([numbers[:, :3], angles], axis=1), numbers[:, 6:])
+
+
+def unforeseen(healthy: Sequence[FlightLog], sound: "Calibration | None", settings: Settings) -> dict[str, Floats]:
+    """Variance by channel at ``MIDDLES``, (BINS,), of errors beyond the spread of a prediction; empty where none tell.
+
+    Each flight is predicted by the vehicle that was fitted to it, with its own trim and current: what is left is what
+    no such fit foresees, rather too little than too much.
+    """
+    fits = sound.together.fits if sound and sound.together else ()
+    if len(fits) != len(healthy):
+        return {}
+    missed: dict[str, list[tuple[Floats, Floats]]] = {}
+    for log, (problem, fit) in zip(healthy, fits, strict=True):
+        own = apply_values(problem.vehicle, fit.explanation.values(problem.vehicle))
+        p = predict_by(problem, log, [own], settings)
+        beyond = np.clip(p.error[:, 0] ** 2, None, (FLEW_OFF * p.spread) ** 2) - p.spread**2
+        time = p.windows.sampled
+        for c, channel in enumerate(p.windows.channels):
+            seen = p.windows.trust[..., c] > 0
+            missed.setdefault(channel, []).append((time[seen], beyond[..., c][seen]))
+    return {channel: _by_horizon(*map(np.concatenate, zip(*parts, strict=True))) for channel, parts in missed.items()}
+
+
+def _by_horizon(time: Floats, beyond: Floats) -> Floats:
+    """Means (BINS,) of squares at some times, and between where there are none."""
+    at = np.minimum((time / BIN_S).astype(int), BINS - 1)
+    count = np.bincount(at, minlength=BINS)
+    if not count.any():
+        return np.zeros(BINS)
+    mean = np.bincount(at, np.nan_to_num(beyond), BINS)[count > 0] / count[count > 0]
+    return np.interp(MIDDLES, MIDDLES[count > 0], np.maximum(mean, 0.0))
+
+
+def widened(p: Predictions, variance: Mapping[str, Floats]) -> Predictions:
+    """Predictions whose spread holds what nobody foresees, too."""
+    time, none = p.windows.sampled, np.zeros(BINS)
+    more = [np.interp(time, MIDDLES, variance.get(channel, none)) for channel in p.windows.channels]
+    return replace(p, spread=np.sqrt(p.spread**2 + np.stack(more, -1)))
