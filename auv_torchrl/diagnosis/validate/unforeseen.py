@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+from auv_torchrl.diagnosis.calibrate.calibration import Calibration
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FLEW_OFF
@@ -27,7 +27,7 @@ def unforeseen(healthy: Sequence[FlightLog], sound: Calibration | None, settings
     Each flight is predicted by the vehicle that was fitted to it, with its own trim and current: what is left is what
     no such fit foresees, rather too little than too much.
     """
-    fits = sound.together.fits if sound and sound.together else ()
+    fits = sound.flights_fit.fits if sound and sound.flights_fit else ()
     if len(fits) != len(healthy):
         return {}
     missed: dict[str, list[tuple[Floats, Floats]]] = {}
