@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from auv_torchrl.diagnosis.calibrate.draft import draft
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_free, work_out
-from auv_torchrl.diagnosis.calibrate.kept import Kept, sound_free
-from auv_torchrl.diagnosis.calibrate.left_open import under_own_floor
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate_draft, calibrate_free, draft
+from auv_torchrl.diagnosis.calibrate.correction import measure_own_floor
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
+from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
 from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
 from auv_torchrl.diagnosis.identify.attitude import (
     attitude_finding,
@@ -21,7 +20,7 @@ from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.paths import Fit, log_likelihood
-from auv_torchrl.diagnosis.identify.problem import Known, Problem
+from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Progress, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, SIMULATED
@@ -52,7 +51,7 @@ def look(
     settings: Settings,
     report: Progress,
     seen: Looked | None = None,
-    left: Known | None = None,
+    left: HealthyPrior | None = None,
 ) -> Looked:
     """Explain a log with a vehicle, or with what was calibrated of it on healthy logs.
 
@@ -60,14 +59,14 @@ def look(
     another attitude showed: its explanations are tried too, on the same windows, and what is far behind it is not
     worked out.
     """
-    own, known = (sound.vehicle, sound.known) if sound else (vehicle, left)
+    own, known = (sound.vehicle, sound.prior) if sound else (vehicle, left)
     problem = Problem.of(
         cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known
     )
     begin = hints_of(seen.found) if seen else []
     problem, follow = follow_agreeing(problem)
     if known is not None and known is left:
-        problem = under_own_floor(problem, follow)
+        problem = measure_own_floor(problem, follow)
         known = problem.known
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(problem, follow)
@@ -119,8 +118,8 @@ def look_both_ways(
     settings: Settings,
     report: Progress,
     coefficients: Sequence[Coefficient] = (),
-    kept: Kept | None = None,
-    left: Known | None = None,
+    kept: StoredCalibration | None = None,
+    left: HealthyPrior | None = None,
 ) -> Looked:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle.
 
@@ -133,10 +132,10 @@ def look_both_ways(
     sound = kept.calibration(held) if kept and not healthy else None
     if healthy:
         drafted = draft(healthy, held, settings, coefficients)
-        few = 0 < len(drafted.strays) <= MOST_EFFECTS
+        few = 0 < len(drafted.wrong_effects) <= MOST_EFFECTS
         fault = _fault_of(healthy, vehicle, settings, report) if few else None
         if fault is None:
-            sound = work_out(drafted, settings, free)
+            sound = calibrate_draft(drafted, settings, free)
             fault = _fault_of(healthy, vehicle, settings, report) if sound.has_gap and not few else None
         if fault is not None:
             looked = look_both_ways(training, vehicle, (), settings, report)
@@ -150,7 +149,7 @@ def look_both_ways(
     if best.nothing_left and len(best.explanation.terms) <= SIMPLE:
         return replace(level, attitude=(level_enough(),))
     if sound is not None:
-        sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound_free(sound)
+        sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound.with_free_tilts()
     tilting = look(training, vehicle, sound, settings, report, level, left)
     odds = log_likelihood(tilting.found.problem, tilting.found.best) - log_likelihood(level.found.problem, best)
     better = tilting if odds > 0 else level

@@ -7,12 +7,12 @@ from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches
-from auv_torchrl.diagnosis.calibrate.coefficients import Calibrated, calibrate_coefficients
-from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
-from auv_torchrl.diagnosis.calibrate.floor import shown_floor, stated_floor
-from auv_torchrl.diagnosis.calibrate.healthy import noise_findings
-from auv_torchrl.diagnosis.calibrate.kept import Kept
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.calibration import noise_findings
+from auv_torchrl.diagnosis.calibrate.correction import Correction, correct_file
+from auv_torchrl.diagnosis.calibrate.flights import floor_findings
+from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
+from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
 from auv_torchrl.diagnosis.configured import configured, said_too
 from auv_torchrl.diagnosis.decision import decide
 from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
@@ -62,7 +62,7 @@ def diagnose(
     vehicle_name: str = "",
     settings: Settings | None = None,
     uncertainty: Sequence[Coefficient] = (),
-    kept: Kept | None = None,
+    kept: StoredCalibration | None = None,
 ) -> Diagnosis:
     """Tell where a vehicle differs from its simulator, by which effects, and how far they close the gap.
 
@@ -85,15 +85,15 @@ def diagnose(
     """
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
-    log, healthy = stretches_of(followable(log)), [stretches_of(healthy_flight(sound)) for sound in healthy]
+    log, healthy = stretches_of(followable(log)), [stretches_of(check_healthy_flight(sound)) for sound in healthy]
     test = [stretches_of(restricted(followable(unseen_log), log.axes)) for unseen_log in test]
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
-    corrected = calibrate_coefficients(training, vehicle, () if healthy or kept else uncertainty, settings)
+    corrected = correct_file(training, vehicle, () if healthy or kept else uncertainty, settings)
     given = Given(training, testing, vehicle, tuple(healthy), settings, tuple(uncertainty), kept)
     explained = explain(given, corrected, report)
     if corrected.effects and (quantities := worse(explained.predictions, 0, 1)):
-        corrected = Calibrated(vehicle, findings=(calibration_vetoed(quantities),))
+        corrected = Correction(vehicle, findings=(calibration_vetoed(quantities),))
         explained = explain(given, corrected, report)
     looked, found, problem = explained.looked, explained.found, explained.found.problem
     predictions, vetoed = explained.predictions, explained.vetoed
@@ -156,7 +156,7 @@ class Given:
     healthy: tuple[FlightLog, ...]
     settings: Settings
     uncertainty: tuple[Coefficient, ...]
-    kept: Kept | None
+    kept: StoredCalibration | None
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Explained:
     vetoed: tuple[str, ...]  # what the effects that were taken back predict worse
 
 
-def explain(given: Given, corrected: Calibrated, report: Progress) -> Explained:
+def explain(given: Given, corrected: Correction, report: Progress) -> Explained:
     """Look for effects on top of a calibration, and take them back where they predict held-out flight worse.
 
     Whether the calibration stands is not fit before: where it has taken up some of a fault, it predicts badly
@@ -179,7 +179,7 @@ def explain(given: Given, corrected: Calibrated, report: Progress) -> Explained:
     searched = corrected.settings(given.settings)
     looked = look_both_ways(
         given.training, corrected.vehicle, given.healthy, searched, report, given.uncertainty, given.kept,
-        corrected.known,
+        corrected.prior,
     )  # fmt: skip
     found, own = looked.found, looked.found.problem.vehicle
     sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
@@ -203,8 +203,7 @@ def rests_on(looked: Looked) -> tuple[Finding, ...]:
     problem = looked.found.problem
     if looked.sound is None:
         return (
-            *shown_floor(problem),
-            stated_floor(problem.settings, problem.layout.dof),
+            *floor_findings(problem),
             *looked.contradiction,
             *looked.attitude,
         )

@@ -11,8 +11,8 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from auv_torchrl.diagnosis.calibrate.kept import Kept, read_kept
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration, read_calibration
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.logs import KINDS, find_logs, names
 from auv_torchrl.diagnosis.settings import read_settings
@@ -34,7 +34,7 @@ class Request:
     uncertainty: tuple[Coefficient, ...]  # of the vehicle's coefficients
     settings: Settings
     logs: tuple[FlightLog, ...]
-    kept: Kept | None = None  # what the vehicle's file keeps of healthy logs
+    kept: StoredCalibration | None = None  # what the vehicle's file keeps of healthy logs
     healthy: tuple[FlightLog, ...] = ()
     test: tuple[FlightLog, ...] = ()
 
@@ -62,7 +62,7 @@ def read_request(config: DictConfig) -> Request:
     vehicle = load_vehicle(content)
     settings = read_settings(plain_config(config.diagnosis), vehicle)
     uncertainty = read_uncertainty(content.get("uncertainty"), vehicle)
-    kept = read_kept(content.get("calibration"), uncertainty)
+    kept = read_calibration(content.get("calibration"), uncertainty)
     extra = names(config, "extra")
     options = read_options(names(config, "modes"), plain_config(config.params), config.system)
     kinds = {kind: tuple(read_flightlog(path, vehicle, extra, options) for path in paths[kind]) for kind in KINDS}

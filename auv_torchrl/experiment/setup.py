@@ -16,8 +16,8 @@ from auv_torchrl.authority import check_control
 from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
-from auv_torchrl.diagnosis.calibrate.kept import read_kept
-from auv_torchrl.diagnosis.calibrate.uncertainty import read_uncertainty
+from auv_torchrl.diagnosis.calibrate.parameters import read_uncertainty
+from auv_torchrl.diagnosis.calibrate.vehicle_file import read_calibration
 from auv_torchrl.envs import FleetEnv, make_fleet
 from auv_torchrl.envs.randomize import TOGETHER, read_ranges
 from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts
@@ -190,7 +190,7 @@ def spelt_out(ranges: Mapping[str, Any], content: Mapping[str, Any], vehicle: Ve
             f"randomization.{UNCERTAINTY}: the file of vehicle={content.get('name', 'unnamed')} says nothing is "
             "uncertain: give randomization=default, or a vehicle with a section uncertainty"
         )
-    kept = read_kept(content.get("calibration"), coefficients)
+    kept = read_calibration(content.get("calibration"), coefficients)
     taken = [place for place, c in enumerate(coefficients) if c.effect not in given]
     found: dict[str, Any] = {}
     for c in (coefficients[place] for place in taken):

@@ -10,7 +10,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input
-from auv_torchrl.diagnosis.calibrate.uncertainty import read_uncertainty
+from auv_torchrl.diagnosis.calibrate.parameters import read_uncertainty
 from auv_torchrl.diagnosis.logs import find_logs, names, no_logs
 from auv_torchrl.diagnosis.plain import plain, write_json
 from auv_torchrl.diagnosis.request import plain_config

@@ -8,10 +8,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import followable
-from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
-from auv_torchrl.diagnosis.calibrate.flights import Told as FlightInformation
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate, calibrate_free
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate, calibrate_free
+from auv_torchrl.diagnosis.calibrate.flights import FlightInformation
+from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude, is_hidden
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
@@ -144,14 +144,14 @@ def learn_reference(
         settings: as of a diagnosis.
         coefficients: what is uncertain in the vehicle's file.
     """
-    healthy = [healthy_flight(log) for log in healthy]
+    healthy = [check_healthy_flight(log) for log in healthy]
     joined = join(healthy)
     calibration = calibrate(healthy, hold_attitude(joined, vehicle), settings, coefficients)
     if calibration.has_gap and is_hidden(joined, vehicle):
         free = calibrate_free(healthy, calibration, vehicle.free, settings)
         calibration = free if free.excess < calibration.excess else calibration
-    known = calibration.known
-    file_widths = calibration.centred.nuisance.width.tolist()
+    known = calibration.prior
+    file_widths = calibration.estimate.nuisance.width.tolist()
     parameters = tuple(
         tracked_parameter(effect, member, nominal, calibration.vehicle, width, settings.is_rough(effect))
         for (effect, member, nominal, _), width in zip(known.nuisance, file_widths, strict=True)
@@ -168,7 +168,7 @@ def follow_dive(log: FlightLog, reference: Reference, begun: str = "") -> Dive:
         FlightLogError: if nothing of the log can be followed.
     """
     log = followable(log)
-    settings, known, baseline = reference.settings, reference.calibration.known, reference.baseline
+    settings, known, baseline = reference.settings, reference.calibration.prior, reference.baseline
     open_to = baseline.covariance + np.diag(baseline.width**2)
     sizes = np.sqrt(np.diag(open_to)).tolist()
     nuisance = tuple((*entry[:3], size) for entry, size in zip(known.nuisance, sizes, strict=True))

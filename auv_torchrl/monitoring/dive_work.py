@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.axes import followable
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.plain import from_plain, plain

@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 import torch
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
-from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
 from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.flightlog import FlightLog, read_flightlog
 from auv_torchrl.vehicle import Vehicle, load_vehicle

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
-from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values
 from auv_torchrl.flightlog import VELOCITY, Episode, FlightLog, join, read_flightlog
 from auv_torchrl.physics import rest_state

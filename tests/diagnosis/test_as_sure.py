@@ -8,13 +8,13 @@ from flown_logs import fly, hold, with_slack
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.calibrate.gauge import scales_left_open
-from auv_torchrl.diagnosis.calibrate.nuisance import Centred, guessed
+from auv_torchrl.diagnosis.calibrate.parameters import VehicleEstimate, guess_nuisance
+from auv_torchrl.diagnosis.calibrate.scale_ambiguity import measure_ambiguity
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.identify.problem import Known, Problem
+from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.steps import joint_precision
 from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -64,14 +64,16 @@ def test_forces_are_as_unsure_as_the_scale_of_the_vehicle_and_shares_are_not():
     """Whether a vehicle is light or heavy, half of a thrust is half, and nobody can say how many newtons a push has."""
     log = fly(HELD, {GAIN[0]: {GAIN[1]: 0.6}, "buoyancy": {"force": 6.0}}, seed=3, **SHORT)
     windows = cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
-    centred = Centred.at(HELD, guessed(HELD, SETTINGS, (), windows))
-    covariance = 1e-4 * centred.covariance
+    estimate = VehicleEstimate.from_file(HELD, guess_nuisance(HELD, SETTINGS, (), windows))
+    covariance = 1e-4 * estimate.covariance
     first = Problem.of(windows, HELD, SETTINGS)
-    known = Known(np.array(SETTINGS.floor_force), first.sigma, first.rough_noise, centred.nuisance.entries, covariance)
+    known = HealthyPrior(
+        np.array(SETTINGS.floor_force), first.sigma, first.rough_noise, estimate.nuisance.entries, covariance
+    )
     problem, follow = follow_windows(Problem.of(windows, HELD, SETTINGS, known))
     terms = Term(GAIN[0], (GAIN[1],), 0.6), Term("buoyancy", ("force",), 6.0)
     fit = fit_by_simulation(problem, Explanation(terms), follow)
-    open_still = replace(known, scales=scales_left_open(centred))
+    open_still = replace(known, scales=measure_ambiguity(estimate))
     (held, before), (said, after) = (
         as_sure(replace(problem, known=one.beside(problem.nuisance)), fit) for one in (known, open_still)
     )
@@ -98,7 +100,7 @@ def test_a_value_is_the_same_however_a_fit_shares_it_with_slack(weak, by):
 def with_flights(problem, share):
     """The problem where flights have told its slack, and leave ``share`` of the covariance open of the vehicle."""
     covariance = problem.nuisance_covariance
-    known = Known(problem.floor, problem.sigma, problem.rough_noise, problem.nuisance, covariance)
+    known = HealthyPrior(problem.floor, problem.sigma, problem.rough_noise, problem.nuisance, covariance)
     return replace(problem, known=replace(known, shrinks=share * covariance))
 
 

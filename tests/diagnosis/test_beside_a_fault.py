@@ -2,7 +2,7 @@
 
 import pytest
 
-from auv_torchrl.diagnosis.calibrate.healthy import calibrate
+from auv_torchrl.diagnosis.calibrate.calibration import calibrate
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
@@ -30,7 +30,7 @@ def searched(sound, values, terms):
     """What a search that was given these terms finds in a flight with such values."""
     log = fly(apply_values(OWN, {"added_mass": {"scale_yaw": 0.98}}), values, seed=5, episodes=3, seconds=20.0)
     windows = cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
-    problem, follow = follow_windows(Problem.of(windows, sound.vehicle, SETTINGS, sound.known))
+    problem, follow = follow_windows(Problem.of(windows, sound.vehicle, SETTINGS, sound.prior))
     return search(problem, follow, lambda *_: None, [Explanation(terms)], further=False)
 
 

@@ -9,9 +9,10 @@ import yaml
 
 from auv_torchrl.command import BAD_INPUT
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.calibrate.kept import read_kept
-from auv_torchrl.diagnosis.calibrate.manoeuvres import respond
-from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.calibrate.correction import simulate_steps
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
+from auv_torchrl.diagnosis.calibrate.scale_ambiguity import sample_accelerations
+from auv_torchrl.diagnosis.calibrate.vehicle_file import read_calibration
 from auv_torchrl.diagnosis.thresholds import Z95
 from auv_torchrl.flightlog import read_flightlog, write_flightlog
 from auv_torchrl.paths import PROJECT
@@ -39,7 +40,7 @@ BAD = {  # what is wrong: command line, what the answer names
 
 def load_kept(file, vehicle):
     content = read_vehicle_file(file)
-    return read_kept(content.get("calibration"), load_uncertainty(file, vehicle))
+    return read_calibration(content.get("calibration"), load_uncertainty(file, vehicle))
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +109,7 @@ def test_a_file_that_is_right_is_kept(answers, folder):
 
 def test_the_vehicle_flies_like_the_one_that_was_flown(mine):
     """Speeds and time constants, which a log tells, are right within 4 %; those of the file were off by up to 60 %."""
-    truth, found, before = (respond(vehicle, 0.4) for vehicle in (OWN, load_vehicle(mine), FILE))
+    truth, found, before = (simulate_steps(vehicle, 0.4) for vehicle in (OWN, load_vehicle(mine), FILE))
     own = np.array([2, 0, 1, 2, 5])  # degrees of freedom of the five commands, idle first
     moved, found_speed, file_speed = (np.abs(r.steady[np.arange(5), own])[1:] for r in (truth, found, before))
     np.testing.assert_allclose(found_speed, moved, rtol=0.04)
@@ -133,12 +134,12 @@ def test_the_round_trip_keeps_what_the_logs_tell_together(mine):
     kept = load_kept(mine, vehicle)
     assert kept is not None
     places = [i for i, entry in enumerate(kept.nuisance) if entry[1] in ("gain_1", "gain_2")]
-    inside = kept.known.nuisance_covariance[np.ix_(places, places)]
-    assert kept.known.scales is not None
-    by_scale = kept.known.scales[places]
+    inside = kept.prior.nuisance_covariance[np.ix_(places, places)]
+    assert kept.prior.scales is not None
+    by_scale = kept.prior.scales[places]
     np.testing.assert_allclose(by_scale[0], by_scale[1], rtol=1e-3)
     assert inside[0, 0] + inside[1, 1] - 2 * inside[0, 1] < 0.2 * (inside[0, 0] + (by_scale[0] ** 2).sum())
-    assert np.linalg.eigvalsh(kept.known.nuisance_covariance).min() > 0
+    assert np.linalg.eigvalsh(kept.prior.nuisance_covariance).min() > 0
 
 
 def test_no_healthy_logs_are_needed_any_more(mine):
@@ -183,7 +184,7 @@ def test_a_file_that_does_not_say_what_more_flights_would_tell_is_read_as_ever(m
     del content["calibration"]["shrinks"]
     older = load_kept(content, vehicle)
     assert kept is not None and older is not None
-    now, before = kept.known, older.known
+    now, before = kept.prior, older.prior
     assert now.flights == 1 and now.shrinks is not None
     assert np.linalg.eigvalsh(now.nuisance_covariance - now.shrinks).min() > -1e-6
     assert (before.flights, before.shrinks) == (0, None)
@@ -228,12 +229,11 @@ def test_a_section_that_nobody_wrote_is_refused_by_name(mine, case):
 def test_a_vehicle_that_was_not_calibrated_keeps_nothing():
     """None, and a diagnosis goes on as ever."""
     assert load_kept("paper", FILE) is None
-    assert read_kept(None, ()) is None
+    assert read_calibration(None, ()) is None
 
 
 def test_gains_and_trim_become_coefficients_without_changing_the_motion():
     """Folding is exact, also for a thruster that turns the other way and a file with roll and pitch free."""
-    from auv_torchrl.diagnosis.calibrate.gauge import _accelerations
     from auv_torchrl.diagnosis.identify.hypotheses import apply_values
     from auv_torchrl.vehicle_file import entries, fold
 
@@ -243,7 +243,7 @@ def test_gains_and_trim_become_coefficients_without_changing_the_motion():
     changed = apply_values(load_vehicle("bluerov2"), values)
     read = load_vehicle(entries(fold(changed), "mine"))
     moves = np.ones(6, bool)
-    before, after = (_accelerations(one.expand(1).clone(), moves) for one in (changed, read))
+    before, after = (sample_accelerations(one.expand(1).clone(), moves) for one in (changed, read))
     np.testing.assert_allclose(after, before, rtol=1e-5, atol=1e-5)
     dead = apply_values(FILE, {"thruster_gain": {"gain_2": 0.0}})
     with pytest.raises(ValueError, match="thruster 2 gives nothing"):

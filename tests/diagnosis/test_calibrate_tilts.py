@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from auv_torchrl.diagnosis.calibrate.healthy import calibrate
+from auv_torchrl.diagnosis.calibrate.calibration import calibrate
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
@@ -22,4 +22,4 @@ def test_healthy_flights_tell_whether_the_vehicle_tilts(tilts):
     flights = [replace(fly(own, {}, seed=seed, episodes=3, seconds=20.0), name=str(seed)) for seed in (1, 2)]
     sound = calibrate(flights, hold(FREE), SETTINGS, free=FREE.free)
     assert sound.tilts == tilts
-    assert (sound.known.floor[:3] < SETTINGS.floor_force[:3]).all()
+    assert (sound.prior.floor[:3] < SETTINGS.floor_force[:3]).all()

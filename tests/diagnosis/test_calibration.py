@@ -7,10 +7,8 @@ import pytest
 from flown_logs import fly, hold, with_slack
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.calibrate.draft import draft
-from auv_torchrl.diagnosis.calibrate.floor import disturbance_floor
-from auv_torchrl.diagnosis.calibrate.healthy import calibrate
-from auv_torchrl.diagnosis.calibrate.together import follow_flight
+from auv_torchrl.diagnosis.calibrate.calibration import calibrate, draft
+from auv_torchrl.diagnosis.calibrate.flights import disturbance_floor, fit_flight
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
@@ -44,9 +42,9 @@ def test_flights_with_bins_of_their_own_show_one_floor(gusty):
     """A flight that needs shorter bins than the other shows the same disturbance, and so do the two together."""
     usual = load_settings()
     windows = cut_windows(gusty, usual.window_s, usual.lead_s, usual.bin_s)
-    known = draft([gusty], HELD, usual).known
+    known = draft([gusty], HELD, usual).prior
     each = [replace(usual, bin_s=share * usual.bin_s) for share in (1, 0.5)]
-    fits = [follow_flight(windows, OWN, settings, known) for settings in each]
+    fits = [fit_flight(windows, OWN, settings, known) for settings in each]
     alone, both = [disturbance_floor([fit]) for fit in fits], disturbance_floor(fits)
     np.testing.assert_allclose(alone[0][:3], alone[1][:3], rtol=0.1)
     np.testing.assert_allclose(both[:3], np.mean(alone, axis=0)[:3], rtol=0.1)
@@ -55,9 +53,9 @@ def test_flights_with_bins_of_their_own_show_one_floor(gusty):
 def test_a_disturbance_and_the_coefficients_are_recovered(gusty):
     """The floor of a vehicle in a gusty tank, its sensor noise and the gains of its horizontal thrusters are found."""
     found = calibrate([gusty], HELD, load_settings())
-    np.testing.assert_allclose(found.known.floor[:3], FORCE, rtol=0.25)
-    assert found.known.noise["x"] == pytest.approx(0.002, rel=0.1)
-    assert found.known.noise["yaw"] == pytest.approx(0.004, rel=0.1)
+    np.testing.assert_allclose(found.prior.floor[:3], FORCE, rtol=0.25)
+    assert found.prior.noise["x"] == pytest.approx(0.002, rel=0.1)
+    assert found.prior.noise["yaw"] == pytest.approx(0.004, rel=0.1)
     np.testing.assert_allclose(found.vehicle.gain[:4], OWN.gain[:4], atol=0.03)
 
 
@@ -112,5 +110,5 @@ def test_currents_and_trims_of_flights_do_not_make_a_file_wrong(seed):
         own = apply_values(HELD, near | {"buoyancy": {"force": 0.5 * rng.normal()}, "current": current})
         flights.append(fly(own, {}, seed=10 * seed + day, **SHORT))
     drafted = draft(flights, HELD, load_settings())
-    assert drafted.strays == ()
-    assert drafted.as_stated < load_settings().excess
+    assert drafted.wrong_effects == ()
+    assert drafted.file_excess < load_settings().excess

@@ -13,11 +13,15 @@ from example import example
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.calibrate.coefficients import calibrate_coefficients
-from auv_torchrl.diagnosis.calibrate.left_open import fitted_about, left_open
-from auv_torchrl.diagnosis.calibrate.manoeuvres import differences, respond
-from auv_torchrl.diagnosis.calibrate.output_error import Fitted
-from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty, read_uncertainty, shared_covariance
+from auv_torchrl.diagnosis.calibrate.correction import (
+    build_prior,
+    correct_file,
+    describe_differences,
+    estimate_from_fit,
+    simulate_steps,
+)
+from auv_torchrl.diagnosis.calibrate.output_error import CoefficientFit
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty, read_uncertainty, shared_covariance
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
@@ -80,7 +84,7 @@ def flown():
 
 @pytest.fixture(scope="module")
 def calibrated(flown):
-    return calibrate_coefficients(flown, GIVEN, UNCERTAIN, SETTINGS)
+    return correct_file(flown, GIVEN, UNCERTAIN, SETTINGS)
 
 
 def test_eight_wrong_coefficients_are_calibrated_at_once(calibrated):
@@ -107,7 +111,7 @@ def test_their_intervals_hold_the_truth(calibrated):
 
 def test_coefficients_that_are_right_stand():
     """A vehicle that is as its file says keeps its coefficients, and the finding says that they were tried."""
-    calibrated = calibrate_coefficients(fly(GIVEN, {}, seed=4, **SHORT), GIVEN, UNCERTAIN, SETTINGS)
+    calibrated = correct_file(fly(GIVEN, {}, seed=4, **SHORT), GIVEN, UNCERTAIN, SETTINGS)
     assert calibrated.vehicle is GIVEN
     assert not calibrated.effects
     assert [finding.code for finding in calibrated.findings] == ["coefficients_stand"]
@@ -130,7 +134,7 @@ def test_thrusters_are_off_together_more_likely_than_apart():
 def test_a_log_too_short_is_not_calibrated_on():
     """Two windows calibrate nothing, and the finding says so."""
     short = fly(GIVEN, TRUTH, episodes=1, seconds=6.0)
-    calibrated = calibrate_coefficients(short, GIVEN, UNCERTAIN, SETTINGS)
+    calibrated = correct_file(short, GIVEN, UNCERTAIN, SETTINGS)
     assert not calibrated.effects
     assert [finding.code for finding in calibrated.findings] == ["too_short_to_calibrate"]
 
@@ -180,8 +184,8 @@ def test_waves_on_a_vehicle_whose_file_is_off_make_no_fault_and_hide_none(values
 def test_what_a_log_leaves_open_is_as_wide_as_the_fit_is_unsure():
     """A drag that was corrected may be off by its standard deviation, and a gain of which the file is sure by 3 %."""
     sure = np.diag((0.1 * np.array([c.width for c in UNCERTAIN])) ** 2)
-    fitted = Fitted(np.array([c.nominal + 0.5 * c.width for c in UNCERTAIN]), sure, np.ones(1))
-    known = left_open(fitted_about(GIVEN, UNCERTAIN, fitted), SETTINGS, ("x", "y", "z", "yaw"))
+    fitted = CoefficientFit(np.array([c.nominal + 0.5 * c.width for c in UNCERTAIN]), sure, np.ones(1))
+    known = build_prior(estimate_from_fit(GIVEN, UNCERTAIN, fitted), SETTINGS, ("x", "y", "z", "yaw"))
     width = {entry[:2]: entry[3] for entry in known.nuisance}
     assert width["hull", "linear_surge"] == pytest.approx(0.1 * GUESSED["hull"]["linear_surge"])
     assert width["thruster_gain", "gain_1"] == pytest.approx(0.03)
@@ -269,9 +273,9 @@ def test_a_vehicle_answers_a_step_as_its_coefficients_say():
     double.gain.mul_(2.0)
     double.linear_drag.mul_(2.0)
     double.mass_scale.mul_(2.0)
-    before, after = respond(path, 0.5), respond(double, 0.5)
+    before, after = simulate_steps(path, 0.5), simulate_steps(double, 0.5)
     np.testing.assert_allclose(after.steady, before.steady, atol=1e-9)
-    assert differences(before, after, 0.5) == {"axes": (), "idle": (), "turning": ()}
+    assert describe_differences(before, after, 0.5) == {"axes": (), "idle": (), "turning": ()}
 
 
 def test_a_fault_on_a_calibrated_vehicle_is_written_on_top_of_it(calibrated):
@@ -323,7 +327,7 @@ def test_a_real_vehicle_is_predicted_better_than_published():
     flights = read_runs(Path(REAL))
     vehicle = load_vehicle(VEHICLE)
     learn = join(flight for name, flight in flights.items() if name != TEST)
-    own = calibrate_coefficients(learn, vehicle, load_uncertainty(VEHICLE, vehicle), SETTINGS).vehicle
+    own = correct_file(learn, vehicle, load_uncertainty(VEHICLE, vehicle), SETTINGS).vehicle
     reached = figures(own, flights[TEST])
     assert all(reached[axis] <= TO_BEAT[axis] for axis in "uvw")
     assert reached["yaw"] >= TO_BEAT["yaw"]

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.calibrate.crossvalidation import (
-    Unseen,
-    disagree,
-    odd_one,
-    pooled,
-    why_not,
-    without_odd_ones,
+from auv_torchrl.diagnosis.calibrate.calibration import calibrate, leave_out
+from auv_torchrl.diagnosis.calibrate.healthy_flights import (
+    FlightCheck,
+    calibrate_without_odd_flights,
+    find_odd_flight,
+    flights_disagree,
+    pool_errors,
+    reason_against,
 )
-from auv_torchrl.diagnosis.calibrate.healthy import calibrate, leave_out
-from auv_torchrl.diagnosis.calibrate.wording import flight_lines, no_better_lines, refusal
+from auv_torchrl.diagnosis.calibrate.job import flight_lines, no_better_lines, refusal
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict import Errors
 from tests.diagnosis.healthy_flights import FAULT, FILE, flown
@@ -24,7 +24,7 @@ ONE_BAD = {"a": None, "bad": FAULT, "b": None}
 
 
 def unseen(excess, before=50.0, after=5.0, others=1.0):
-    return Unseen("flight", excess, others, before, after, (2.0,), None, None, None)
+    return FlightCheck("flight", excess, others, before, after, (2.0,), None, None, None)
 
 
 @pytest.mark.thorough
@@ -32,13 +32,13 @@ def test_one_bad_flight_of_three_is_found_and_the_rest_is_used():
     """A thruster that lost 40 % in one flight does not become part of the vehicle."""
     flights = [flown(name, fault, seed, seconds=10.0) for seed, (name, fault) in enumerate(ONE_BAD.items())]
     done = []
-    sound, left, out = without_odd_ones(flights, FILE, SETTINGS, report=done.append)
+    sound, left, out = calibrate_without_odd_flights(flights, FILE, SETTINGS, report=done.append)
     assert [flight.name for flight in out] == ["bad"]
     assert [flight.name for flight in left] == ["a", "b"]
-    assert sound.known.flights == len(left)
+    assert sound.prior.flights == len(left)
     assert not sound.has_gap
     assert all(flight.excess < SETTINGS.excess and flight.after < 0.5 * flight.before for flight in left)
-    assert not why_not(left)
+    assert not reason_against(left)
     assert done == [1, 2, 3, 4, 5, 6, 7]
 
 
@@ -50,14 +50,14 @@ def test_a_flight_is_left_out_of_a_calibration_as_if_it_had_not_been_there():
     without = leave_out(everything, flights, 2, SETTINGS)
     alone = calibrate(flights[:2], FILE, SETTINGS)
     assert without is not None
-    assert without.known.flights == 2
-    own, anew = ({entry[:2]: entry[2:] for entry in c.centred.nuisance.entries} for c in (without, alone))
+    assert without.prior.flights == 2
+    own, anew = ({entry[:2]: entry[2:] for entry in c.estimate.nuisance.entries} for c in (without, alone))
     shared = own.keys() & anew.keys()
     assert len(shared) > 20
     apart = np.array([(own[key][0] - anew[key][0]) / anew[key][1] for key in shared])
     assert np.sqrt((apart**2).mean()) < 1.0
     assert without.excess < SETTINGS.excess
-    assert without.known.floor == pytest.approx(alone.known.floor, rel=0.5)
+    assert without.prior.floor == pytest.approx(alone.prior.floor, rel=0.5)
 
 
 @pytest.mark.parametrize(
@@ -74,15 +74,18 @@ def test_a_flight_is_left_out_of_a_calibration_as_if_it_had_not_been_there():
 def test_a_flight_is_odd_if_it_stands_out_among_three_or_more(excess, odd):
     """By its chi-square under what the others say."""
     flights = [unseen(one) for one in excess]
-    assert odd_one(flights, SETTINGS) == odd
-    assert disagree(flights, SETTINGS) == (excess == (8.0, 9.0))
+    assert find_odd_flight(flights, SETTINGS) == odd
+    assert flights_disagree(flights, SETTINGS) == (excess == (8.0, 9.0))
 
 
 def test_a_flight_is_odd_if_the_others_agree_without_it():
     """Though a sound flight fits a calibration on the fault worse than the fault fits the sound ones."""
     flights = [unseen(0.9, others=3.5), unseen(31.0, others=1.2), unseen(990.0, others=4.4)]
-    assert odd_one(flights, SETTINGS) == 1
-    assert odd_one([unseen(31.0, others=4.4), unseen(31.0, others=4.0), unseen(40.0, others=4.4)], SETTINGS) is None
+    assert find_odd_flight(flights, SETTINGS) == 1
+    assert (
+        find_odd_flight([unseen(31.0, others=4.4), unseen(31.0, others=4.0), unseen(40.0, others=4.4)], SETTINGS)
+        is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -98,14 +101,14 @@ def test_a_flight_is_odd_if_the_others_agree_without_it():
 )
 def test_what_predicts_no_better_is_not_worth_keeping(before, after, words):
     """The reason says how far both are off."""
-    said = why_not([unseen(1.0, before, after)])
+    said = reason_against([unseen(1.0, before, after)])
     assert words in said and bool(said) == bool(words)
 
 
 def test_errors_of_flights_are_pooled_by_their_squares():
     """A long error is not averaged away."""
     flights = [unseen(1.0, 3.0, 0.0), replace(unseen(1.0), before=4.0, after=0.0)]
-    assert pooled(flights) == pytest.approx((12.5**0.5, 0.0))
+    assert pool_errors(flights) == pytest.approx((12.5**0.5, 0.0))
 
 
 def test_a_flight_that_gains_nothing_from_the_others_is_named():

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.calibrate.descent import Descent, fit
-from auv_torchrl.diagnosis.calibrate.output_error import errors, measure_scale
-from auv_torchrl.diagnosis.calibrate.uncertainty import read_uncertainty
+from auv_torchrl.diagnosis.calibrate.output_error import Descent, fit_coefficients, measure_scale, simulate_errors
+from auv_torchrl.diagnosis.calibrate.parameters import read_uncertainty
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
@@ -31,14 +30,14 @@ def windows():
 
 def test_thrusters_of_a_quarter_of_the_thrust_are_found(windows):
     """Gains of 0.25 that a file has as 1 within 0.4 come out within their error, four deviations at most."""
-    fitted = fit(windows, GIVEN, UNCERTAIN)
+    fitted = fit_coefficients(windows, GIVEN, UNCERTAIN)
     true = np.array([TRUTH.get(c.effect, {}).get(c.member, c.nominal) for c in UNCERTAIN])
     assert (np.abs(fitted.values - true) < 4 * np.sqrt(np.diag(fitted.covariance)) + 0.02 * np.abs(true)).all()
 
 
 def test_descents_begin_at_the_file_and_where_all_thrusters_are_weak():
     """Along what the file leaves open most, which is all gains together; without such gains at the file alone."""
-    file, weak = Descent.begins(Descent(cut_windows(fly(GIVEN, {}, episodes=1), 10.0, 1.5), GIVEN, UNCERTAIN))
+    file, weak = Descent.starting_points(Descent(cut_windows(fly(GIVEN, {}, episodes=1), 10.0, 1.5), GIVEN, UNCERTAIN))
     gains = np.array([c.effect == "thruster_gain" for c in UNCERTAIN])
     np.testing.assert_array_equal(file, [c.nominal for c in UNCERTAIN])
     np.testing.assert_array_equal(weak[~gains], file[~gains])
@@ -49,10 +48,10 @@ def test_descents_begin_at_the_file_and_where_all_thrusters_are_weak():
 def test_ends_are_compared_by_what_they_leave_and_not_by_their_own_scale(windows):
     """An end that leaves errors ten times as large costs as little by itself, and is far less likely."""
     descent = Descent(windows, GIVEN, UNCERTAIN)
-    end = descent.down(descent.begins()[1])
-    worse = replace(end, left=10 * end.left, scale=10 * end.scale)
-    costs = [descent.cost(one.left, one.at, one.start, one.scale, one.memory) for one in (end, worse)]
+    end = descent.descend(descent.starting_points()[1])
+    worse = replace(end, error=10 * end.error, scale=10 * end.scale)
+    costs = [descent.cost(one.error, one.at, one.start, one.scale, one.memory) for one in (end, worse)]
     assert costs[1] == pytest.approx(costs[0], rel=0.01)
-    assert descent.unlikelihood(worse, end.memory) > descent.unlikelihood(end, end.memory) + 100
-    scale, _ = measure_scale(windows, errors(windows, GIVEN, [{}])[0])
+    assert descent.deviance(worse, end.memory) > descent.deviance(end, end.memory) + 100
+    scale, _ = measure_scale(windows, simulate_errors(windows, GIVEN, [{}])[0])
     assert (scale > end.scale).all()

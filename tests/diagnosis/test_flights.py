@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.calibrate import together
-from auv_torchrl.diagnosis.calibrate.draft import draft
-from auv_torchrl.diagnosis.calibrate.flights import Told, share
-from auv_torchrl.diagnosis.calibrate.nuisance import Centred, Nuisance, stated
-from auv_torchrl.diagnosis.calibrate.together import follow_flight
+from auv_torchrl.diagnosis.calibrate import flights as flights_module
+from auv_torchrl.diagnosis.calibrate.calibration import draft
+from auv_torchrl.diagnosis.calibrate.flights import FlightInformation, fit_flight, fit_random_effects
+from auv_torchrl.diagnosis.calibrate.parameters import NuisanceParameters, VehicleEstimate, state_nuisance
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
@@ -22,9 +21,9 @@ KEEN = 1e6  # 1 / N², by which each flight tells its own trim
 def shared(*trims):
     """What flights with these trims in N share."""
     entries = (("buoyancy", "force", 0.0, float(np.hypot(SPREAD, FILE))),)
-    nuisance = Nuisance(entries, np.array([FILE]), (np.array([[SPREAD**2]]),), np.zeros(1))
-    flights = [Told(np.array([[KEEN]]), np.array([KEEN * trim])) for trim in trims]
-    return share(flights, Centred.at(load_vehicle("paper"), nuisance))
+    nuisance = NuisanceParameters(entries, np.array([FILE]), (np.array([[SPREAD**2]]),), np.zeros(1))
+    flights = [FlightInformation(np.array([[KEEN]]), np.array([KEEN * trim])) for trim in trims]
+    return fit_random_effects(flights, VehicleEstimate.from_file(load_vehicle("paper"), nuisance))
 
 
 @pytest.mark.parametrize("trim", [0.1, 1.0, 3.0, 8.0])
@@ -46,16 +45,16 @@ def test_a_vehicle_that_loses_its_flights_is_not_kept(monkeypatch):
     """Where the last pass follows them no more, that of the pass before stands, with the disturbance that it shows."""
     held, settings = hold(load_vehicle("paper")), load_settings()
     drafted = draft([fly(held, {}, seed=seed, episodes=2, seconds=10.0) for seed in (1, 2)], held, settings)
-    begin = Centred.at(held, stated(held, settings, drafted.flights[0].channels))
+    begin = VehicleEstimate.from_file(held, state_nuisance(held, settings, drafted.flights[0].channels))
     followed = []
 
     def losing(windows, own, *given):
         followed.append(own)
-        problem, fit = follow_flight(windows, own, *given)
+        problem, fit = fit_flight(windows, own, *given)
         return problem, replace(fit, chi2=1e9) if len(followed) > 2 else fit
 
-    monkeypatch.setattr(together, "follow_flight", losing)
-    stood = together.follow_all(drafted.flights, begin, drafted.known, settings)
+    monkeypatch.setattr(flights_module, "fit_flight", losing)
+    stood = flights_module.fit_flights(drafted.flights, begin, drafted.prior, settings)
     assert len(followed) == 4 and not (followed[2] == followed[0]).all()
-    assert stood.centred is begin and stood.excess < settings.excess
-    assert (stood.known.floor != np.array(settings.floor_force)).any()
+    assert stood.estimate is begin and stood.excess < settings.excess
+    assert (stood.prior.floor != np.array(settings.floor_force)).any()

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.calibrate.by_prediction import predicts_better
-from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
+from auv_torchrl.diagnosis.calibrate.calibration import calibrate_by_prediction
+from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.flightlog import POSE, VELOCITY, join
@@ -30,7 +30,7 @@ def sound():
 
 def test_sound_sensors_are_all_kept(sound):
     """A flight whose sensors agree is what it was."""
-    assert healthy_flight(sound) is sound
+    assert check_healthy_flight(sound) is sound
 
 
 def test_positions_in_another_frame_are_left_out(sound):
@@ -41,7 +41,7 @@ def test_positions_in_another_frame_are_left_out(sound):
         pose[:, :2] = pose[:, :2] @ np.array([[cos, sin], [-sin, cos]])
         return pose
 
-    found = healthy_flight(with_pose(sound, turned))
+    found = check_healthy_flight(with_pose(sound, turned))
     assert set(found.axes) == set(BOTH) - {"x", "y", "z"}
     assert found.findings[-1].code == "healthy_contradicts_itself"
     assert found.findings[-1].columns == ("x", "y", "z")
@@ -54,7 +54,7 @@ def test_positions_go_with_attitudes(sound):
         pose[:, 5] += 0.2 * np.sin(np.arange(len(pose)) / 5)
         return pose
 
-    assert set(healthy_flight(with_pose(sound, drifting)).axes) == set(VELOCITY)
+    assert set(check_healthy_flight(with_pose(sound, drifting)).axes) == set(VELOCITY)
 
 
 def test_rates_of_turn_show_that_a_vehicle_tilts(sound):
@@ -71,13 +71,13 @@ def test_rates_of_turn_show_that_a_vehicle_tilts(sound):
 def test_the_vehicle_that_predicts_better_is_kept():
     """Of two vehicles the one that predicts healthy flights better counts, with how far the file is from it."""
     log, settings = join([flown(name, seed=seed, seconds=12.0) for seed, name in ((1, "a"), (2, "b"))]), load_settings()
-    found = predicts_better(log, FILE, FILE, settings, ())
+    found = calibrate_by_prediction(log, FILE, FILE, settings, ())
     assert found is not None
-    centred, known, excess = found
-    drag = float(centred.vehicle.linear_drag[2, 2] + centred.vehicle.quadratic_drag[2] * 0.3)
+    estimate, known, excess = found
+    drag = float(estimate.vehicle.linear_drag[2, 2] + estimate.vehicle.quadratic_drag[2] * 0.3)
     truth = float(OWN.linear_drag[2, 2] + OWN.quadratic_drag[2] * 0.3)
-    push = float((centred.vehicle.gain * centred.vehicle.full_thrust)[4] / (OWN.gain * OWN.full_thrust)[4])
+    push = float((estimate.vehicle.gain * estimate.vehicle.full_thrust)[4] / (OWN.gain * OWN.full_thrust)[4])
     assert drag / truth / push == pytest.approx(1.0, abs=0.15)
-    assert max(abs(share) for share in centred.corrections.values()) > 0.1
+    assert max(abs(share) for share in estimate.corrections.values()) > 0.1
     assert (known.floor > 0).all() and excess > 0
-    assert predicts_better(log, FILE, OWN, settings, ()) is None
+    assert calibrate_by_prediction(log, FILE, OWN, settings, ()) is None

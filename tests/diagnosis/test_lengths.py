@@ -28,7 +28,7 @@ def lazy(monkeypatch):
     def begin(*_, **__):
         raise AssertionError("work began")
 
-    monkeypatch.setattr(sys.modules["auv_torchrl.diagnosis.pipeline"], "calibrate_coefficients", begin)
+    monkeypatch.setattr(sys.modules["auv_torchrl.diagnosis.pipeline"], "correct_file", begin)
 
 
 @pytest.mark.parametrize(

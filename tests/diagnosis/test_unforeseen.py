@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
-from auv_torchrl.diagnosis.calibrate.healthy import calibrate
+from auv_torchrl.diagnosis.calibrate.calibration import calibrate
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.thresholds import STILL_FAR
 from auv_torchrl.diagnosis.validate.predict import predict, unforeseen, widened
@@ -43,8 +43,8 @@ def sound(healthy):
 def test_what_sound_flights_miss_is_no_gap_and_nothing_else_is(healthy, sound, steady, is_foreseen):
     """Gusts that healthy flights show make no gap of a sound flight; a steady push that they lack remains one."""
     log = fly(HELD, {}, seed=9, episodes=3, seconds=20.0, push=gusts(9, steady))
-    floor = sound.known.floor[[0, 1, 2, 5]]
-    bare = predict(log, [sound.vehicle], SETTINGS, sound.known.noise, 4 * floor)
+    floor = sound.prior.floor[[0, 1, 2, 5]]
+    bare = predict(log, [sound.vehicle], SETTINGS, sound.prior.noise, 4 * floor)
     (before,), (error,) = (scaled_errors(p) for p in (bare, widened(bare, unforeseen(healthy, sound, SETTINGS))))
     assert before > STILL_FAR
     assert bool(error < STILL_FAR) is is_foreseen
@@ -56,5 +56,5 @@ def test_without_healthy_flights_the_floor_is_that_of_the_sensors():
     assert unforeseen((), None, SETTINGS) == {}
     assert unforeseen((), sound, SETTINGS) == {}
     log = fly(HELD, {}, seed=9, episodes=1, seconds=10.0)
-    bare = predict(log, [HELD], SETTINGS, sound.known.noise, np.full(4, 0.5))
+    bare = predict(log, [HELD], SETTINGS, sound.prior.noise, np.full(4, 0.5))
     assert np.array_equal(widened(bare, {}).spread, bare.spread)

@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.calibrate.gauge import _accelerations, scaled_as_the_file
-from auv_torchrl.diagnosis.calibrate.healthy import calibrate
-from auv_torchrl.diagnosis.calibrate.manoeuvres import respond
-from auv_torchrl.diagnosis.calibrate.nuisance import Centred, guessed
-from auv_torchrl.diagnosis.calibrate.uncertainty import load_uncertainty
+from auv_torchrl.diagnosis.calibrate.calibration import calibrate
+from auv_torchrl.diagnosis.calibrate.correction import simulate_steps
+from auv_torchrl.diagnosis.calibrate.parameters import VehicleEstimate, guess_nuisance, load_uncertainty
+from auv_torchrl.diagnosis.calibrate.scale_ambiguity import restore_file_scale, sample_accelerations
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.sysid.bounded import least_within
@@ -44,17 +43,17 @@ def test_an_overall_scale_is_found_and_changes_no_motion(factor):
     """A vehicle of other masses, thrusts and drags comes back towards its file and moves as it did."""
     file = load_vehicle("bluerov2_heavy")
     windows = cut_windows(fly(file, {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
-    nuisance = guessed(file, SETTINGS, load_uncertainty("bluerov2_heavy", file), windows)
+    nuisance = guess_nuisance(file, SETTINGS, load_uncertainty("bluerov2_heavy", file), windows)
     scaled = [
         (factor - 1) * nominal
         if effect == "hull" and member != "righting_arm" or effect in ("thruster_gain", "dead_band")
         else 0.0
         for effect, member, nominal, _ in nuisance.entries
     ]
-    other = Centred.at(file, nuisance).shifted(np.array(scaled))
-    back = scaled_as_the_file(other)
+    other = VehicleEstimate.from_file(file, nuisance).shifted(np.array(scaled))
+    back = restore_file_scale(other)
     moves, batch = np.ones(6, bool), (1,)
-    before, after = (_accelerations(c.vehicle.expand(batch), moves) for c in (other, back))
+    before, after = (sample_accelerations(c.vehicle.expand(batch), moves) for c in (other, back))
     np.testing.assert_allclose(after, before, atol=2e-3 * np.abs(before).max())
     ratio = float(back.vehicle.mass / file.mass)
     assert abs(np.log(ratio)) < 0.2 * abs(np.log(factor))
@@ -65,7 +64,7 @@ def guess():
     """The file of the paper's vehicle as a guess."""
     file = hold(load_vehicle("paper"))
     windows = cut_windows(fly(file, {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
-    return Centred.at(file, guessed(file, SETTINGS, (), windows))
+    return VehicleEstimate.from_file(file, guess_nuisance(file, SETTINGS, (), windows))
 
 
 @settings(max_examples=25, deadline=None)
@@ -77,7 +76,7 @@ def test_a_file_is_as_likely_to_have_a_half_as_twice_of_a_factor(guess, factor, 
     def unlikely(times):
         by = np.zeros(len(guess.nuisance.entries))
         by[place] = times - 1
-        away, precision = guess.shifted(by).prior
+        away, precision = guess.shifted(by).file_prior
         return away @ precision @ away
 
     assert unlikely(factor) == pytest.approx(unlikely(1 / factor), rel=1e-6)
@@ -87,7 +86,7 @@ def test_a_factor_that_a_fit_takes_to_nothing_can_come_back():
     """What is left of the drag is small and as unsure in newtons as before, so that another fit finds it again."""
     file = load_vehicle("paper")
     windows = cut_windows(fly(hold(file), {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
-    about = Centred.at(file, guessed(file, SETTINGS, (), windows))
+    about = VehicleEstimate.from_file(file, guess_nuisance(file, SETTINGS, (), windows))
     place = [entry[:2] for entry in about.nuisance.entries].index(("quadratic_drag", "scale_heave"))
     away = np.zeros(len(about.nuisance.entries))
     away[place] = -1.0
@@ -98,14 +97,14 @@ def test_a_factor_that_a_fit_takes_to_nothing_can_come_back():
     away[place] = before / drag - 1
     back = gone.shifted(away)
     np.testing.assert_allclose(float(back.vehicle.quadratic_drag[..., 2]), before)
-    np.testing.assert_allclose(back.file[place], 0.0, atol=1e-9)
+    np.testing.assert_allclose(back.file_offset[place], 0.0, atol=1e-9)
 
 
 def test_corrections_are_shares_of_what_the_file_says():
     """Twice the gain is +100 %; an angle, which counts from where the file has it, is no share of anything."""
     file = load_vehicle("paper")
     windows = cut_windows(fly(hold(file), {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
-    about = Centred.at(file, guessed(file, SETTINGS, (), windows))
+    about = VehicleEstimate.from_file(file, guess_nuisance(file, SETTINGS, (), windows))
     by = {("thruster_gain", "gain_1"): 1.0, ("thruster_misalignment", "angle_1"): 0.01}
     moved = about.shifted(np.array([by.get(entry[:2], 0.0) for entry in about.nuisance.entries]))
     assert moved.corrections["thruster_gain", "gain_1"] == pytest.approx(1.0)
@@ -126,7 +125,7 @@ def test_a_file_that_is_wrong_by_factors_is_mended_by_a_flight():
         },
     )
     found = calibrate([fly(own, {}, seed=7, episodes=3, seconds=30.0)], file, SETTINGS)
-    assert found.as_stated > 10 > SETTINGS.excess > found.excess
-    speed = [respond(vehicle, COMMAND).steady for vehicle in (found.vehicle, own)]
+    assert found.file_excess > 10 > SETTINGS.excess > found.excess
+    speed = [simulate_steps(vehicle, COMMAND).steady for vehicle in (found.vehicle, own)]
     rows = np.arange(1, 5), np.array([0, 1, 2, 5])
     np.testing.assert_allclose(speed[0][rows], speed[1][rows], rtol=0.1)

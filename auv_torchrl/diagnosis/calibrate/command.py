@@ -22,9 +22,9 @@ def main(config: DictConfig) -> None:
     with checking_input():
         logs, output = find_healthy(config), find_output(config)
     with importing_without_compiler():  # here, not above: torch takes a second
-        from auv_torchrl.diagnosis.calibrate.job import keep
+        from auv_torchrl.diagnosis.calibrate.job import calibrate_to_file
 
-    keep(config, logs, output)
+    calibrate_to_file(config, logs, output)
 
 
 def find_healthy(config: DictConfig) -> tuple[Path, ...]:

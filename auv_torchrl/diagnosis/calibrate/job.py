@@ -1,10 +1,11 @@
-"""What ``calibrate.py`` does once its command line is read."""
+"""What ``auv-calibrate`` does once its command line is read: read, calibrate, check, tell, write."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from omegaconf import DictConfig
@@ -12,41 +13,47 @@ from threadpoolctl import threadpool_limits
 
 from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input
-from auv_torchrl.diagnosis.calibrate.contradicting import healthy_flight
-from auv_torchrl.diagnosis.calibrate.crossvalidation import (
-    Unseen,
-    disagree,
-    hold_against,
-    why_not,
-    without_odd_ones,
+from auv_torchrl.command.errors import one_line
+from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate_attitude
+from auv_torchrl.diagnosis.calibrate.healthy_flights import (
+    FlightCheck,
+    calibrate_without_odd_flights,
+    check_flight,
+    check_healthy_flight,
+    flights_disagree,
+    pool_errors,
+    reason_against,
 )
-from auv_torchrl.diagnosis.calibrate.healthy import Calibration, calibrate_attitude
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, read_uncertainty
 from auv_torchrl.diagnosis.calibrate.vehicle_file import vehicle_yaml
-from auv_torchrl.diagnosis.calibrate.wording import console_lines, head_lines, refusal
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.request import plain_config, report_findings
 from auv_torchrl.diagnosis.settings import read_settings
+from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS
+from auv_torchrl.diagnosis.verdict import Errors
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join, read_flightlog
 from auv_torchrl.flightlog.readiness import refuse_errors
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.progress import Progress
+from auv_torchrl.quantities import percent, quantity, words
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 log = logging.getLogger("calibrate")
+SHOWN_S = (2.0, 5.0)  # horizons that are printed
+QUANTITIES = (("position_m", "position", "m"), ("yaw_rad", "heading", "rad"), ("velocity", "velocity", "m/s"))
 
 
-class NotWorthKeeping(BadInput):
-    """What was calibrated predicts unseen flight no better than the vehicle that was given."""
+class CalibrationRefusal(BadInput):
+    """The calibrated vehicle predicts unseen flight no better than the vehicle that was given."""
 
     code = 3
 
 
 @dataclass(frozen=True)
-class Asked:
+class CalibrationRequest:
     """What to calibrate."""
 
     name: str  # of the vehicle
@@ -56,40 +63,40 @@ class Asked:
     healthy: tuple[FlightLog, ...]
 
 
-def keep(config: DictConfig, paths: Sequence[Path], output: Path) -> None:
-    """Read the logs, calibrate, hold each flight against the others, say what was found, write the file."""
+def calibrate_to_file(config: DictConfig, paths: Sequence[Path], output: Path) -> None:
+    """Read the logs, calibrate, check each flight against the others, tell what was found, and write the file."""
     with checking_input():
-        asked = read_asked(config, paths)
+        request = read_request(config, paths)
     with checking_input((FlightLogError,)), Progress() as progress:
-        sound, flights, left_out = calibrate_and_judge(asked, progress)
-    for line in console_lines(sound, flights, left_out, asked.settings):
+        calibration, flights, left_out = calibrate_and_check(request, progress)
+    for line in console_lines(calibration, flights, left_out, request.settings):
         log.info("%s", line)
-    if disagree(flights, asked.settings):
+    if flights_disagree(flights, request.settings):
         both = " and ".join(flight.name for flight in flights)
-        raise NotWorthKeeping(
+        raise CalibrationRefusal(
             f"{both} show two different vehicles, and of two nobody can tell which one is sound: give a third healthy "
             "flight; nothing was written"
         )
-    if reason := why_not(flights):
-        raise NotWorthKeeping(refusal(reason, asked.name, flights))
-    used = [flight for flight in asked.healthy if flight.name not in {odd.name for odd in left_out}]
+    if reason := reason_against(flights):
+        raise CalibrationRefusal(refusal(reason, request.name, flights))
+    used = [flight for flight in request.healthy if flight.name not in {odd.name for odd in left_out}]
     about = {
         "logs": [flight.name for flight in used],
         "seconds": round(sum(flight.duration for flight in used), 1),
-        "vehicle": asked.name,
+        "vehicle": request.name,
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
         "version": __version__,
     }
     comments = head_lines(about, flights, left_out)
     with checking_input():
-        text = vehicle_yaml(sound, asked.vehicle, output.stem, about, comments)
+        text = vehicle_yaml(calibration, request.vehicle, output.stem, about, comments)
     if output.exists() and not config.replace:
         raise BadInput(f"{output} has come to exist meanwhile: give another output=FILE, or replace=true")
     write_whole(output, text.encode())
     log.info("%s is a vehicle now: train.py vehicle=%s, diagnose.py log=... vehicle=%s", output, output, output)
 
 
-def read_asked(config: DictConfig, paths: Sequence[Path]) -> Asked:
+def read_request(config: DictConfig, paths: Sequence[Path]) -> CalibrationRequest:
     """Read every file that the config names.
 
     Raises:
@@ -100,7 +107,7 @@ def read_asked(config: DictConfig, paths: Sequence[Path]) -> Asked:
     settings = read_settings(plain_config(config.diagnosis), vehicle)
     options = read_options(names(config, "modes"), plain_config(config.params), config.system)
     extra = names(config, "extra")
-    healthy = tuple(healthy_flight(read_flightlog(path, vehicle, extra, options)) for path in paths)
+    healthy = tuple(check_healthy_flight(read_flightlog(path, vehicle, extra, options)) for path in paths)
     report_findings(healthy)
     if not config.trust_log:
         refuse_errors(healthy)
@@ -110,26 +117,112 @@ def read_asked(config: DictConfig, paths: Sequence[Path]) -> Asked:
     if len({flight.name for flight in healthy}) < len(healthy):
         raise ValueError("two logs have the same name: rename one of them, so that they can be told apart")
     uncertainty = read_uncertainty(content.get("uncertainty"), vehicle)
-    return Asked(str(content.get("name", "unnamed")), vehicle, uncertainty, settings, healthy)
+    return CalibrationRequest(str(content.get("name", "unnamed")), vehicle, uncertainty, settings, healthy)
 
 
 @threadpool_limits.wrap(limits=1)  # the arrays are small: a second thread only waits
-def calibrate_and_judge(
-    asked: Asked, progress: Callable[[str, float], None]
-) -> tuple[Calibration, tuple[Unseen, ...], tuple[Unseen, ...]]:
-    """The calibration on all flights that agree, these held against each other, and those that were left out.
+def calibrate_and_check(
+    request: CalibrationRequest, progress: Callable[[str, float], None]
+) -> tuple[Calibration, tuple[FlightCheck, ...], tuple[FlightCheck, ...]]:
+    """The calibration on all flights that agree, the check of each by the others, and those that were left out.
 
-    One flight is held against its own first part.
+    The end of a single flight is checked against its first part.
     """
-    given = (asked.vehicle, asked.settings, asked.uncertainty)
-    only, *more = asked.healthy
+    given = (request.vehicle, request.settings, request.uncertainty)
+    only, *more = request.healthy
     if more:
-        stage, count = "holding each flight against the others", 1 + len(asked.healthy)
+        stage, count = "holding each flight against the others", 1 + len(request.healthy)
         progress(stage, 0.0)
-        return without_odd_ones(asked.healthy, *given, report=lambda done: progress(stage, min(done / count, 0.95)))
+        return calibrate_without_odd_flights(
+            request.healthy, *given, report=lambda done: progress(stage, min(done / count, 0.95))
+        )
     progress("holding its end against the rest", 0.0)
     early, late, _ = split(only, ())
     with np.errstate(all="ignore"):
-        flights = (hold_against(late, calibrate_attitude([early], *given), asked.vehicle, asked.settings),)
+        flights = (check_flight(late, calibrate_attitude([early], *given), request.vehicle, request.settings),)
     progress("calibrating on all of it", 0.5)
-    return calibrate_attitude(asked.healthy, *given), flights, ()
+    return calibrate_attitude(request.healthy, *given), flights, ()
+
+
+def console_lines(
+    calibration: Calibration, flights: Sequence[FlightCheck], left_out: Sequence[FlightCheck], settings: Settings
+) -> list[str]:
+    """What a person reads who called the command."""
+    lines = [str(finding) for finding in calibration.findings]
+    if 0 < len(calibration.wrong_effects) <= MOST_EFFECTS:
+        lines.append(
+            f"the file is off in {', '.join(words(name) for name in calibration.wrong_effects)} alone: if that has not "
+            "always been so, it is a fault, and no calibration; diagnose.py log=... tells"
+        )
+    lines += [*odd_flight_lines(left_out), *flight_lines(flights), *no_better_lines(flights)]
+    lines += [
+        f"{flight.name}: departs from what the others say (chi-square {flight.excess:.2f} per number)"
+        for flight in flights
+        if flight.excess > settings.excess
+    ]
+    return lines
+
+
+def head_lines(about: Mapping[str, Any], flights: Sequence[FlightCheck], left_out: Sequence[FlightCheck]) -> list[str]:
+    """The top of the file: from what it was made, and how well it predicts unseen flight."""
+    before, after = pool_errors(flights)
+    return [
+        one_line(f"Calibrated on {', '.join(about['logs'])} ({about['seconds']:g} s) from vehicle={about['vehicle']}, "
+                 f"{about['made']} UTC, auv_torchrl {about['version']}."),
+        f"Unseen flight is predicted with {percent(after / before)} of the error of that vehicle:",
+        *flight_lines(flights),
+        *no_better_lines(flights),
+        *odd_flight_lines(left_out),
+    ]  # fmt: skip
+
+
+def odd_flight_lines(left_out: Sequence[FlightCheck]) -> list[str]:
+    """Flights that are not like the others."""
+    return [
+        one_line(
+            f"{flight.name} is not like the other flights (chi-square {flight.excess:.3g} per number under what they "
+            "say, 1 is noise): left out. Diagnose it with the calibrated vehicle"
+        )
+        for flight in left_out
+    ]
+
+
+def no_better_lines(flights: Sequence[FlightCheck]) -> list[str]:
+    """Flights that gain nothing where the others gain enough for all; none where the calibration is refused."""
+    if reason_against(flights):
+        return []
+    return [
+        one_line(
+            f"{flight.name} is predicted no better than by the file ({flight.after:.2f} floors of error, "
+            f"{flight.before:.2f} before): others do not show what it does. Give more flights like it"
+        )
+        for flight in flights
+        if not flight.gains
+    ]
+
+
+def refusal(reason: str, vehicle: str, flights: Sequence[FlightCheck]) -> str:
+    """That nothing is written, and what to do: go on with the given vehicle, and fly what the other flights lack."""
+    behind = ", ".join(flight.name for flight in flights if not flight.gains)
+    some = any(flight.gains for flight in flights) and behind
+    until = f" until there are more flights like {behind}: the others do not show what it does" if some else ""
+    return f"{reason}; nothing was written: go on with vehicle={vehicle}{until}"
+
+
+def flight_lines(flights: Sequence[FlightCheck]) -> list[str]:
+    """Errors of each flight as the others predict it, before and after."""
+    found = []
+    for flight in flights:
+        parts = []
+        for kind, name, unit in QUANTITIES:
+            errors: Errors | None = getattr(flight, kind)
+            if errors is None:
+                continue
+            shown = [
+                f"{quantity(errors.before[place], unit)} → {quantity(errors.after[place], unit)} at {horizon:g} s"
+                for place, horizon in enumerate(flight.horizons_s)
+                if horizon in SHOWN_S
+            ]
+            parts += [f"{name} {', '.join(shown)}"] if shown else []
+        found.append(one_line(f"{flight.name}: {'; '.join(parts) or 'too short for 2 s'}"))
+    return found

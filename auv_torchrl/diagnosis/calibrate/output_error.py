@@ -1,7 +1,11 @@
-"""What is left of windows that are simulated from their starts, with many coefficients at once.
+"""Coefficients are fitted to windows that are simulated from their starts, by the commands alone.
 
-Output error (Ljung 1999, section 3.2) instead of the innovations of the search: where a vehicle's file is a guess, what
-counts is the prediction over seconds from the commands alone, and the error is the model's, not the sensors'.
+The fit minimises the output error (Ljung 1999, section 3.2) instead of the innovations of the search. Where a vehicle's
+file is a guess, predictions over seconds count, and the error is the model's, not the sensors'.
+
+Commands of one size leave a bent valley, along which gains of thrusters and the exponent of their curve trade. Heavy
+and light vehicles that answer alike lie in valleys of their own. The descent therefore begins at several places, and
+the end with the largest posterior stands.
 """
 
 from collections.abc import Sequence
@@ -9,90 +13,247 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.calibrate.uncertainty import Coefficient
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, shared_covariance
 from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE
+from auv_torchrl.sysid.bounded import least_within
 from auv_torchrl.vehicle import Vehicle
 
 START_WIDTH = np.array([0.1] * 6 + [0.1] * 3 + [0.3] * 3)  # m, rad, m/s, rad/s, of a start about its guess
 UNSEEN_BY_VELOCITY = (0, 1, 2, 5)  # position and yaw
-SMALLEST = 1e-6  # a channel's scale, where nothing is left at all
+SMALLEST = 1e-6  # least scale of a channel, where the prediction is exact
+STEP = 1e-3  # of a coefficient's width, for slopes
+ROUGH_STEP = 0.2  # likewise of a threshold, which switches single samples: enough of them must do so to make a slope
+DAMPING = (1e-6, 1e-3, 3e-2, 1.0)  # tried side by side in every round
+ROUNDS = 40
+SETTLED = 0.4  # chi-square by which a round must improve: a smaller fall moves no coefficient by its error
+NEARLY_SETTLED = 2.0  # likewise where only the prediction of unseen windows counts
+ALONE = 1e-6  # of a variance, by which independent numbers may seem to share it
+# Standard deviations along the widest direction of the prior, the strength of all thrusters, from which descents begin:
+# the file, and a vehicle so weak that it stays near the log. A vehicle that is too strong flies off at once.
+BEGINS = (0.0, -np.sqrt(3.0))
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """Coefficients with what the data and the prior say of them."""
+class CoefficientFit:
+    """The likeliest coefficients, and their covariance by data and prior."""
 
     values: Floats  # (k,)
     covariance: Floats  # (k, k)
-    scale: Floats  # (C,) robust standard deviation of what is left, by channel that is used
+    scale: Floats  # (C,) robust standard deviation of the errors, by channel that is used
+
+
+def thin_out(windows: Windows, most: int) -> Windows:
+    """At most so many of the windows, evenly spread over them."""
+    if len(windows) <= most:
+        return windows
+    return windows.subset(np.linspace(0, len(windows) - 1, most).astype(int))
 
 
 def used_channels(windows: Windows) -> np.ndarray:
-    """Columns of the channels to fit: velocities, and poses where their velocity is not measured."""
+    """Columns of the channels to fit: velocities, and poses whose velocity is not measured."""
     here = set(windows.channels)
     together = {"x": "uv", "y": "uv", "z": "w", "roll": "p", "pitch": "q", "yaw": "r"}
     return np.array([i for i, c in enumerate(windows.channels) if not (c in together and set(together[c]) <= here)])
 
 
-def errors(windows: Windows, vehicle: Vehicle, rows: list[Values], starts: Floats | None = None) -> Floats:
-    """Measured less predicted (R, W, m, C) of the used channels, for each row of effect values.
+def simulate_errors(windows: Windows, vehicle: Vehicle, rows: list[Values], starts: Floats | None = None) -> Floats:
+    """Measured less predicted samples (R, W, m, C) of the used channels, for each row of effect values.
 
     ``starts`` (W, R or 1, 12) are those of the windows; None for their guesses.
     """
     begin = windows.guess[:, None] if starts is None else starts
     predicted, _ = fly(actuate(windows, batch(vehicle, rows)), begin)
-    left = windows.residual(predicted)
-    return np.moveaxis(left[..., used_channels(windows)], 1, 0)
+    error = windows.residual(predicted)
+    return np.moveaxis(error[..., used_channels(windows)], 1, 0)
 
 
 def as_values(coefficients: Sequence[Coefficient], at: Floats) -> Values:
-    """Effect values of coefficients."""
+    """Effect values of coefficients that have the values ``at`` (k,)."""
     values: Values = {}
     for c, value in zip(coefficients, at.tolist(), strict=True):
         values.setdefault(c.effect, {})[c.member] = value
     return values
 
 
-def measure_scale(windows: Windows, left: Floats) -> tuple[Floats, float]:
-    """Robust standard deviation (C,) of what is left (W, m, C), and over how many samples it is correlated.
+def measure_scale(windows: Windows, error: Floats) -> tuple[Floats, float]:
+    """Robust standard deviation (C,) of errors (W, m, C), and over how many samples they are correlated.
 
-    One number of samples for all channels: a channel that drifts slowly while nothing is asked of it would otherwise
-    weigh next to nothing while something is.
+    All channels have one number of samples. Otherwise a channel that drifts slowly while no command excites it would
+    weigh next to nothing while a command does.
     """
     seen = windows.trust[..., used_channels(windows)] > 0
-    inside = np.where(seen, np.where(np.isfinite(left), left, np.inf), np.nan)
+    inside = np.where(seen, np.where(np.isfinite(error), error, np.inf), np.nan)
     inside = inside[seen.any(-1)]
     middle = 1.4826 * np.nanmedian(np.abs(inside), axis=0)
     cut = np.clip(inside, -3 * middle, 3 * middle)
     scale = np.maximum(np.maximum(np.sqrt(np.nanmean(cut**2, axis=0)), middle), SMALLEST)
     # first-order correlation of neighbours: (1 + rho) / (1 - rho) samples say as much as one
     near = (seen[:, 1:] & seen[:, :-1]).any(-1)
-    clipped = np.clip(np.nan_to_num(left), -3 * scale, 3 * scale)
+    clipped = np.clip(np.nan_to_num(error), -3 * scale, 3 * scale)
     now, then = clipped[:, 1:][near], clipped[:, :-1][near]
     rho = np.clip((now * then).mean(0) / (0.5 * (now**2 + then**2)).mean(0).clip(SMALLEST**2), 0.0, 0.98)
     return scale, float(np.median((1 + rho) / (1 - rho)))
 
 
-def pseudo_huber(left: Floats, scale: Floats) -> Floats:
-    """Numbers whose squares grow like those of ``left / scale`` while it is small, and linearly beyond."""
-    r = np.clip(np.nan_to_num(left / scale, nan=FLEW_OFF, posinf=FLEW_OFF, neginf=-FLEW_OFF), -FLEW_OFF, FLEW_OFF)
+def pseudo_huber(error: Floats, scale: Floats) -> Floats:
+    """Numbers whose squares grow like those of ``error / scale`` while it is small, and linearly beyond."""
+    r = np.clip(np.nan_to_num(error / scale, nan=FLEW_OFF, posinf=FLEW_OFF, neginf=-FLEW_OFF), -FLEW_OFF, FLEW_OFF)
     return np.sign(r) * HUBER * np.sqrt(2 * (np.sqrt(1 + (r / HUBER) ** 2) - 1))
 
 
-def start_entries(windows: Windows, vehicle: Vehicle) -> np.ndarray:
-    """Which of the 12 numbers of a start are free: those that the used channels can see."""
+def _free_start_entries(windows: Windows, vehicle: Vehicle) -> np.ndarray:
+    """Which of the 12 numbers of a start are free: those that the used channels show."""
     moves = np.flatnonzero(vehicle.free.numpy() > 0)
     entries = np.concatenate([moves, moves + 6])
     poses = any(windows.channels[i] in POSE for i in used_channels(windows))
     return entries if poses else np.setdiff1d(entries, UNSEEN_BY_VELOCITY)
 
 
-def scaled(windows: Windows, left: Floats, scale: Floats, memory: float) -> Floats:
-    """Numbers (R, W, m C) whose squares add up to the cost of what is left (R, W, m, C)."""
-    r = pseudo_huber(left, scale) * windows.present[..., None] / np.sqrt(memory)
+def _weigh(windows: Windows, error: Floats, scale: Floats, memory: float) -> Floats:
+    """Numbers (R, W, m C) whose squares add up to the cost of errors (R, W, m, C)."""
+    r = pseudo_huber(error, scale) * windows.present[..., None] / np.sqrt(memory)
     return r.reshape(*r.shape[:2], -1)
+
+
+@dataclass(frozen=True)
+class _Linearisation:
+    """Errors at coefficients (k,) and starts (W, 12), with their slopes; the starts are eliminated."""
+
+    at: Floats  # (k,)
+    start: Floats  # (W, 12)
+    error: Floats  # (W, m, C)
+    scale: Floats  # (C,)
+    memory: float  # samples
+    curvature: Floats  # (k, k)
+    gradient: Floats  # (k,)
+    response: Floats  # (W, L, k) of the starts to the coefficients
+    offset: Floats  # (W, L) by which the starts are off at these coefficients
+
+
+class Descent:
+    """Levenberg-Marquardt within the bounds; the prior is as wide as the coefficients are uncertain.
+
+    Each window starts near its guess, at the start that suits the coefficients. Every round measures the scale of each
+    channel and the correlation of the errors anew. Neither a channel that no coefficient explains nor a thousand
+    samples of one slow error then outweigh the prior.
+    """
+
+    def __init__(self, windows: Windows, vehicle: Vehicle, coefficients: Sequence[Coefficient]):
+        self.windows, self.vehicle, self.coefficients = windows, vehicle, coefficients
+        self.nominal, self.width, self.low, self.high = np.array(
+            [(c.nominal, c.width, c.low, c.high) for c in coefficients]
+        ).T
+        self.covariance = shared_covariance([(c.effect, c.member) for c in coefficients], self.width)
+        self.precision = np.linalg.inv(self.covariance)
+        self.reach = self.width * np.where([EFFECTS[c.effect].is_rough for c in coefficients], ROUGH_STEP, STEP)
+        self.entries = _free_start_entries(windows, vehicle)
+        self.start_width = START_WIDTH[self.entries]
+
+    def starting_points(self) -> list[Floats]:
+        """Coefficients (k,) from which to descend: those of the file, and along the widest direction of the prior."""
+        sizes, directions = np.linalg.eigh(self.covariance / np.outer(self.width, self.width))
+        if sizes[-1] <= 1 + ALONE:
+            return [self.nominal]
+        along = directions[:, -1] * self.width
+        along = along * np.sign(along.sum())  # eigenvectors have either sign
+        one = along / np.sqrt(along @ self.precision @ along)
+        return [np.clip(self.nominal + step * one, self.low, self.high) for step in BEGINS]
+
+    def descend(self, begin: Floats, settled: float = SETTLED) -> _Linearisation:
+        """The end of the descent from coefficients (k,): a round there lowers chi-square by less than ``settled``."""
+        at, start = begin, self.windows.guess
+        for _ in range(ROUNDS):
+            here = self.linearise(at, start)
+            at, start, falls = self.step(here)
+            if falls < settled:
+                return here
+        return self.linearise(at, start)
+
+    def linearise(self, at: Floats, start: Floats) -> _Linearisation:
+        """Errors and their slopes at coefficients (k,) and starts (W, 12)."""
+        k, entries, loose, windows = len(at), self.entries, self.start_width, self.windows
+        step = np.where(at + self.reach > self.high, -self.reach, self.reach)
+        points = [at, *(at + step * unit for unit in np.eye(k)), *[at] * len(entries)]
+        starts = np.repeat(start[:, None], len(points), axis=1)
+        starts[:, np.arange(1 + k, len(points)), entries] += STEP * loose
+        error = self._errors(points, starts)
+        scale, memory = measure_scale(windows, error[0])
+        r = _weigh(windows, error, scale, memory)
+        slope = (r[1 : 1 + k] - r[0]) / step[:, None, None]
+        local = (r[1 + k :] - r[0]) / (STEP * loose)[:, None, None]
+        gram = np.einsum("lwn,mwn->wlm", local, local) + np.diag(loose**-2.0)
+        cross = np.einsum("lwn,kwn->wlk", local, slope)
+        pull = np.einsum("lwn,wn->wl", local, r[0]) + (start - windows.guess)[:, entries] / loose**2
+        response, offset = np.linalg.solve(gram, cross), np.linalg.solve(gram, pull[..., None])[..., 0]
+        curvature = np.einsum("iwn,jwn->ij", slope, slope) - np.einsum("wli,wlj->ij", cross, response)
+        gradient = np.einsum("kwn,wn->k", slope, r[0]) - np.einsum("wlk,wl->k", cross, offset)
+        gradient += self.precision @ (at - self.nominal)
+        curvature = 0.5 * (curvature + curvature.T) + self.precision
+        return _Linearisation(at, start, error[0], scale, memory, curvature, gradient, response, offset)
+
+    def step(self, here: _Linearisation) -> tuple[Floats, Floats, float]:
+        """Coefficients (k,) and starts (W, 12) of the best of several steps, and by how much it lowers the cost."""
+        at, gradient = here.at, here.gradient
+        free = ~(((at <= self.low) & (gradient > 0)) | ((at >= self.high) & (gradient < 0)))
+        room, directions = (self.low - at, self.high - at), np.eye(len(at))[:, free]
+        size = np.diag(np.diag(here.curvature))
+        trials = [
+            at + least_within(here.curvature + damping * size, -gradient, room, directions) for damping in DAMPING
+        ]
+        trials = [np.clip(trial, self.low, self.high) for trial in trials]
+        starts = np.repeat(here.start[:, None], len(trials), axis=1)
+        moves = [here.offset + here.response @ (trial - at) for trial in trials]
+        starts[..., self.entries] -= np.stack(moves, axis=1)
+        error = self._errors(trials, starts)
+        now = self.cost(here.error, at, here.start, here.scale, here.memory)
+        costs = [self.cost(error[i], trial, starts[:, i], here.scale, here.memory) for i, trial in enumerate(trials)]
+        best = int(np.argmin(costs))
+        return trials[best], starts[:, best], now - costs[best]
+
+    def cost(self, error: Floats, at: Floats, start: Floats, scale: Floats, memory: float) -> float:
+        """Chi-square of errors (W, m, C), of coefficients (k,) and of starts (W, 12)."""
+        r = _weigh(self.windows, error[None], scale, memory)
+        moved = (start - self.windows.guess)[:, self.entries] / self.start_width
+        return float((r**2).sum() + (at - self.nominal) @ self.precision @ (at - self.nominal) + (moved**2).sum())
+
+    def deviance(self, end: _Linearisation, memory: float) -> float:
+        """Minus twice the log posterior of an end, with errors that are correlated over ``memory`` samples.
+
+        The cost alone compares nothing: each end measures the scale of its own errors, so its cost is one per sample.
+        """
+        seen = (self.windows.trust[..., used_channels(self.windows)] > 0).sum((0, 1))
+        cost = self.cost(end.error, end.at, end.start, end.scale, memory)
+        return cost + float(2 * (seen * np.log(end.scale)).sum() / memory)
+
+    def _errors(self, points: Sequence[Floats], starts: Floats) -> Floats:
+        rows = [as_values(self.coefficients, point) for point in points]
+        return simulate_errors(self.windows, self.vehicle, rows, starts)
+
+
+def fit_coefficients(
+    windows: Windows,
+    vehicle: Vehicle,
+    coefficients: Sequence[Coefficient],
+    begins: Sequence[Floats] = (),
+    settled: float = SETTLED,
+) -> CoefficientFit:
+    """The likeliest end of descents.
+
+    Args:
+        windows: of a log.
+        vehicle: as its file says, empty batch.
+        coefficients: to fit, with their priors.
+        begins: coefficients (k,) from which to descend; empty for :meth:`Descent.starting_points`.
+        settled: fall of chi-square in a round, below which a descent ends.
+    """
+    descent = Descent(windows, vehicle, coefficients)
+    ends = [descent.descend(begin, settled) for begin in begins or descent.starting_points()]
+    memory = min(end.memory for end in ends)
+    best = min(ends, key=lambda end: descent.deviance(end, memory))
+    return CoefficientFit(best.at, np.linalg.inv(best.curvature), best.scale)

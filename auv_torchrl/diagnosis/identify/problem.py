@@ -33,21 +33,21 @@ FREEDOMS_BYTES = 128 << 20  # and no more than this together
 
 
 @dataclass(frozen=True)
-class Known:
-    """What a healthy log has shown, or the log itself of a vehicle whose file was corrected on it."""
+class HealthyPrior:
+    """What healthy flights show of a vehicle, or the log itself where the file was corrected on it."""
 
     floor: Floats  # (6,) N, N m
     noise: dict[str, float]  # by channel
     rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
     nuisance: tuple[NuisanceEntry, ...]
-    nuisance_covariance: Floats  # (k, k) of the deviations that are left, in the order of the nuisance parameters
-    scales: Floats | None = None  # (k, g) what the g scales that no log tells leave unsure of these numbers, beside
-    flights: int = 0  # from which it was learnt, where they are here
+    nuisance_covariance: Floats  # (k, k), in the order of the nuisance parameters
+    scales: Floats | None = None  # (k, g) by how much each number may be off with each of g ambiguous scales
+    flights: int = 0  # from which the prior was learnt; 0 where nobody knows
     shrinks: Floats | None = None  # (k, k) part of the covariance that falls with the number of these flights
-    of_itself: bool = False  # whether the log that is explained has shown it, with a fault if it has one
+    of_itself: bool = False  # whether the log that is explained has shown the prior, with a fault if it has one
 
-    def beside(self, own: Sequence[NuisanceEntry]) -> "Known":
-        """The same with nuisance parameters of channels that the healthy log may not have had."""
+    def beside(self, own: Sequence[NuisanceEntry]) -> "HealthyPrior":
+        """The same prior with nuisance parameters of channels that the healthy flights may not have had."""
         there = {entry[:2] for entry in self.nuisance}
         new = [entry for entry in own if entry[:2] not in there]
         if not new:
@@ -73,7 +73,7 @@ class Problem:
     windows: Windows  # with less trust in outliers, once they were followed
     vehicle: Vehicle  # nominal, empty batch
     settings: Settings
-    known: Known | None  # from healthy logs
+    known: HealthyPrior | None  # from healthy logs
     layout: Layout
     floor: Floats  # (D,) N, N m: standard deviation of the disturbance in the measured degrees of freedom
     reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom, or in one alike
@@ -93,7 +93,7 @@ class Problem:
     freedoms: Latest[Freedom] = field(default_factory=lambda: _freedoms(), repr=False, compare=False)
 
     @staticmethod
-    def of(windows: Windows, vehicle: Vehicle, settings: Settings, known: Known | None = None) -> "Problem":
+    def of(windows: Windows, vehicle: Vehicle, settings: Settings, known: HealthyPrior | None = None) -> "Problem":
         """A log that has not been followed yet.
 
         Raises:
@@ -174,7 +174,9 @@ def _size_of(freedom: Freedom) -> int:
     return freedom.size
 
 
-def believed_noise(known: Known | None, noisier: dict[str, float], measured: dict[str, float]) -> dict[str, float]:
+def believed_noise(
+    known: HealthyPrior | None, noisier: dict[str, float], measured: dict[str, float]
+) -> dict[str, float]:
     """Noise by channel: that of the healthy log, unless the sensors have become worse since, or what was measured.
 
     Noise that is fitted on a log hides what its simulator misses.

@@ -109,6 +109,6 @@ def without_nuisance(problem: Problem, q: Quadratic, explanation: Explanation) -
 def in_pieces(windows: int, changes: int, numbers: int = 1) -> Iterator[slice]:
     """Slices of windows of so many ``numbers``, all about as long.
 
-    On none of them ``changes`` make more than :data:`MARKS_AT_ONCE`, nor :data:`MARKS_BYTES` of numbers.
+    On none of them ``changes`` make more than :data:`RESPONSES_AT_ONCE`, nor :data:`RESPONSES_BYTES` of numbers.
     """
     return chunks(windows, changes, max(1, min(RESPONSES_AT_ONCE, RESPONSES_BYTES // (8 * numbers))))

@@ -24,7 +24,7 @@ from auv_torchrl.sensors import MOTION, motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 if TYPE_CHECKING:  # calibration predicts by this module
-    from auv_torchrl.diagnosis.calibrate.healthy import Calibration
+    from auv_torchrl.diagnosis.calibrate.calibration import Calibration
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
 PUSHED = (
@@ -256,7 +256,7 @@ def unforeseen(healthy: Sequence[FlightLog], sound: "Calibration | None", settin
     Each flight is predicted by the vehicle that was fitted to it, with its own trim and current: what is left is what
     no such fit foresees, rather too little than too much.
     """
-    fits = sound.together.fits if sound and sound.together else ()
+    fits = sound.flights_fit.fits if sound and sound.flights_fit else ()
     if len(fits) != len(healthy):
         return {}
     missed: dict[str, list[tuple[Floats, Floats]]] = {}
