@@ -125,8 +125,8 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
     """Reports (W, R, m, C) of vehicles (R,) at the times of samples, along a reported motion (W, 1, S + 1, 13)."""
     true = sensors_of(c, windows.channels).by_step().true_state(seen)
-    felt = c.compass_per_load.any()  # thrust is computed where some sensor depends on it
-    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2]) if felt else None
+    loads_matter = c.compass_per_load.any()  # thrust is computed where some sensor depends on it
+    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2]) if loads_matter else None
     by_step, motion = c.rows((slice(None), None)), motion_of(true)
     reports = read(by_step, windows.channels, motion, load)
     reports[..., windows.angular] = np.unwrap(reports[..., windows.angular], axis=2)

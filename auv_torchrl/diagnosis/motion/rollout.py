@@ -134,19 +134,21 @@ def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats, load
     ``load`` (w, R, steps + 1) is the share of full thrust that thrusters give; None where no sensor depends on it.
     """
     by_step = c.rows((slice(None), None))  # (R, 1, ...): steps are a batch axis
-    motion, felt = motion_of(states), windows.specific_force
+    motion, specific = motion_of(states), windows.specific_force
     at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
-    reported = np.empty((*states.shape[:2], at.shape[-1], len(felt)))
-    if not felt.all():
-        names = tuple(name for name, alone in zip(windows.channels, felt, strict=True) if not alone)
-        angular, reading = windows.angular[~felt], partial(read, by_step, names)
-        reported[..., ~felt] = (
-            _at_their_times(reading, angular, motion, load, at[..., None] + later[:, None, ~felt])
+    reported = np.empty((*states.shape[:2], at.shape[-1], len(specific)))
+    if not specific.all():
+        names = tuple(name for name, alone in zip(windows.channels, specific, strict=True) if not alone)
+        angular, reading = windows.angular[~specific], partial(read, by_step, names)
+        reported[..., ~specific] = (
+            _at_their_times(reading, angular, motion, load, at[..., None] + later[:, None, ~specific])
             if later.any()
             else _at_once(reading, angular, motion, load, at)
         )
-    if felt.any():
-        reported[..., felt] = mean_specific_forces(windows, by_step, motion, at[..., None] + later[:, None, felt])
+    if specific.any():
+        reported[..., specific] = mean_specific_forces(
+            windows, by_step, motion, at[..., None] + later[:, None, specific]
+        )
     return reported
 
 

@@ -147,12 +147,12 @@ def _respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) -
                 values = (1 - part) * values + part * history[here, np.minimum(whole + 1, steps), entry]
             change[:, :, column] += slopes[entry] * values
     if windows.specific_force.any():
-        change[:, :, windows.specific_force] = _felt(windows, tangent, history)
+        change[:, :, windows.specific_force] = _mean_specific_forces(windows, tangent, history)
     change *= windows.trust[..., None]
     return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
 
 
-def _felt(windows: Windows, tangent: Tangent, history: Floats) -> Floats:
+def _mean_specific_forces(windows: Windows, tangent: Tangent, history: Floats) -> Floats:
     """Change (W, m, k, N) of mean specific forces under changes (W, L, n, N) of the numbers at grid steps."""
     # means over steps, added up: halves of neighbours, and changes, of which only the last one stays
     total = np.cumsum(tangent.feel @ history, axis=1)
