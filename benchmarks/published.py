@@ -41,12 +41,7 @@ _ADAPTATION = (
 )  # fmt: skip
 _DIAGNOSIS = (*_MOTION, "auv_torchrl/diagnosis", "auv_torchrl/sensors", "conf/diagnosis")
 _LOGS = (*_DIAGNOSIS, "auv_torchrl/flightlog")
-_ALIKE = (
-    *_MOTION,
-    "auv_torchrl/diagnosis/alike",  # where they were
-    "auv_torchrl/monitoring",
-    "auv_torchrl/sensors",
-)  # runs of one manoeuvre have a way of their own
+_ALIKE = (*_MOTION, "auv_torchrl/monitoring", "auv_torchrl/sensors")  # runs of one manoeuvre have a way of their own
 
 
 @dataclass(frozen=True)

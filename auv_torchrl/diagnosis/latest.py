@@ -20,7 +20,7 @@ class Latest(Generic[T]):
         place = *map(id, given), key  # which holds while they are kept
         found = self._made.pop(place, None) or (given, make())
         self._made[place] = found
-        while len(self._made) > 1 and (len(self._made) > self._kept or self._bytes > self._most):
+        while len(self._made) > 1 and (len(self._made) > self._kept or (self._most < inf and self._bytes > self._most)):
             del self._made[next(iter(self._made))]
         return found[1]
 

@@ -30,6 +30,7 @@ from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
+FOLLOWED_AGAIN = 0.75  # share of the work that is done when a log is followed along what was found
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
 
 
@@ -70,15 +71,19 @@ def look(
         known = problem.known
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(problem, follow)
-    if onset is not None:
-        behind, its_follow = follow_agreeing(Problem.of(problem.windows.subset(onset.behind), own, settings, known))
-        found = search(behind, its_follow, report, begin)
-        if seen or is_absent(problem, onset, found.best.explanation, own, settings):
-            return Looked(_search_along(behind, found, report), sound, onset)
-        whole = search(problem, follow, report, _each_once(found.fits)[:SIMULATED], further=False)
-        return Looked(_search_along(problem, whole, report), sound)
-    found = search(problem, follow, report, begin)
-    return Looked(_search_along(problem, found, report), sound)
+    if onset is None:
+        found = search(problem, follow, report, begin)
+        return Looked(_search_along(problem, found, report), sound)
+    plain = replace(problem, windows=replace(problem.windows, whitening=None))  # parts of it are whitened anew
+    behind, its_follow = follow_agreeing(Problem.of(plain.windows.subset(onset.behind), own, settings, known))
+    found = search(behind, its_follow, report, begin)
+    if seen or is_absent(plain, onset, found.best.explanation, own, settings):
+        del problem, follow, plain  # the whole log would fill the memory beside the part
+        return Looked(_search_along(behind, found, report), sound, onset)
+    hints = _each_once(found.fits)[:SIMULATED]
+    del behind, its_follow, found  # and the part beside the whole
+    whole = search(problem, follow, report, hints, further=False)
+    return Looked(_search_along(problem, whole, report), sound)
 
 
 def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
@@ -91,6 +96,7 @@ def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
     if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
         return found
     hints = _each_once([found.best, *found.fits])[:SIMULATED]
+    report("following what was found", FOLLOWED_AGAIN)
     again = search(*follow_windows(problem, best), report, hints, further=False)
     return again if again.excess < found.excess else found
 
@@ -164,12 +170,12 @@ def _fault_of(
 
 
 def hints_of(found: Found) -> list[Explanation]:
-    """The best explanation and the likeliest one by one other effect, without their slack."""
+    """The best explanation and the likeliest one by one other effect, without their nuisance parameters."""
     return _each_once([found.best, *(j for j in found.fits if len(j.explanation.effects) == 1)])[:HINTS]
 
 
 def _each_once(ranked: Sequence[Fit]) -> list[Explanation]:
-    """Of explanations by the same effects the first one, without its slack; "no effect" is none of them."""
+    """The first explanation of each set of effects, without its nuisance parameters; "no effect" is none of them."""
     once: dict[tuple[str, ...], Explanation] = {}
     for fit in ranked:
         if fit.explanation.effects:

@@ -62,7 +62,7 @@ def leave_one_out(found: Found) -> dict[str, float]:
 
 
 def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tuple[str, ...]:
-    """What this log is silent about: effects and ``hidden`` parameters without a mark, and values at a bound."""
+    """What this log is silent about: effects and ``hidden`` parameters without a response, and values at a bound."""
     seen = {problem.candidates[i].effect for i in np.flatnonzero(found.field.seen)}
     blind = sorted({candidate.effect for candidate in problem.candidates} - seen)
     for effect in sorted({effect for effect, _ in hidden}):

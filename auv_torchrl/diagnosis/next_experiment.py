@@ -59,7 +59,7 @@ def choose_experiment(problem: Problem, found: Found, verdict: Verdict, where: W
 
 
 def rivals(problem: Problem, found: Found) -> list[tuple[str, str, Explanation]]:
-    """What the best explanation could be instead: explanations that fit nearly as well, and others of the same mark."""
+    """What could be instead of the best explanation: what fits nearly as well, and what has the same response."""
     best = found.best
     close = [
         (_called(best.explanation), _called(fit.explanation), fit.explanation)

@@ -50,7 +50,7 @@ BEYOND_TRIM = 10.0
 # m and rad within 2 s, by which sound sensors of position and velocity, or attitude and rate, do not part ways: 3 % of
 # scale at 1 m/s and 2 degrees of heading make 0.07. And the share of stretches of a flight that may all the same.
 CONTRADICTED, FEW_CONTRADICTED = 0.1, 0.05
-STRAYS = 5.0  # standard deviations of slack and of what the logs tell, from which a coefficient is not the file's
+STRAYS = 5.0  # standard deviations, of file and logs, from which a coefficient is not the file's
 # Over healthy flights, with a level vehicle and with one that tilts. After one pass, before coefficients have settled,
 # log odds were wrong by 588 and by 1445; after two right by 157 and 18.
 TILT_PASSES = 2
@@ -70,8 +70,8 @@ CLOSED_IF_EXPLAINED = 0.9  # share of the gap that must be closed at least where
 STILL_FAR = 2.0  # ... unless what is left is smaller than this many floors
 
 # What an explanation leaves
-MINOR = 0.5  # of the force that slack makes: an effect below it is no finding
-STRAINED = 2.5  # standard deviations of slack, beyond which it may stand in for an effect
+MINOR = 0.5  # of the force that nuisance parameters make: an effect below it is no finding
+STRAINED = 2.5  # standard deviations of nuisance parameters, beyond which it may stand in for an effect
 SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which nothing more is looked for
 
 # Windows that are followed, and those that are not
@@ -94,7 +94,6 @@ AGREES_BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must
 
 # Roll and pitch
 SMALL_SWING = 0.05  # rad of roll and pitch below which they are taken as held
-TILTS_MATTER = 0.5  # of the chi-square beyond noise, that a free vehicle must promise to leave of what a level one does
 
 # Priors
 SECOND_EFFECT = 0.02  # prior probability of one more effect once there is one: two faults in one log are rare
@@ -104,18 +103,18 @@ TILTS = 0.5  # of the tilt that the thrusters can hold against the restoring mom
 REACH_WIDTH = 1.0  # prior standard deviation of each force that locates the gap, in shares of the thrusters' reach
 RANGE_CAP = {"m": 6.0, "N/m": 60.0, "N": 60.0}  # plausible widths where the bounds of a parameter only exclude nonsense
 
-# Fitting: slopes and slack
-NUISANCE_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that slack may have in one vehicle
+# Fitting: slopes and nuisance parameters
+NUISANCE_SHARES = np.geomspace(1.0, 0.05, 13)  # of its width, that nuisance parameters may have in one vehicle
 # Of the plausible range of a parameter. Where a tether comes taut, a slope over a long step is wrong in the few samples
 # between, and that is much of what tells two values apart that nearly make up for each other. But thrust that leaves a
 # dead band jumps, and of such jumps a short step meets none.
 SHORT_STEP = 0.0004
-LONG_STEP = 0.004  # likewise, of slack and of what changes thrust
+LONG_STEP = 0.004  # likewise, of nuisance parameters and of what changes thrust
 NUISANCE_LIMIT = (
-    4.0  # standard deviations: more is no slack but a gap; one vehicle in twenty has a coefficient beyond 3
+    4.0  # standard deviations of a nuisance parameter: more is a gap; one vehicle in twenty has one beyond 3
 )
-NUISANCE_STEP = 0.05  # relative step of slack derivatives
-TELLS = 1.0  # chi-square of one standard deviation of slack, below which a log does not tell it; it then keeps ...
+NUISANCE_STEP = 0.05  # relative step of derivatives by nuisance parameters
+TELLS = 1.0  # chi-square of one standard deviation of a nuisance parameter, below which it keeps ...
 UNTOLD = 0.03  # ... this share of its width
 # Of the deviation that healthy flights leave of a scale of the vehicle, what a log that tells it leaves at most: a fit
 # is drawn to small scales by up to one deviation, because a disturbance is in newtons.
@@ -123,8 +122,8 @@ TELLS_SCALES = 0.5
 NOISE_MATTERS = 0.02  # relative change of the sensor noise from which explanations are weighed again
 RELINEARISED = 3  # times at most that windows are linearised again
 GAINS_AGAIN = 0.02  # of chi-square, below which that is not worth it
-SKETCHED = 0.02  # of chi-square: a sketch that gains less is done
-SAME_SKETCH = 1e-6  # of chi-square: a sketch that loses no more went nowhere
+SKETCHED = 0.02  # of chi-square: a fit along the motion that gains less is done
+SAME_SKETCH = 1e-6  # of chi-square: a fit along the motion that loses no more went nowhere
 
 # Fitting: values that are tried one by one
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range
@@ -134,17 +133,15 @@ WALKS = 3  # at most, along a valley
 NUISANCE_REACH = 2.0  # standard deviations, within which thresholds are tried, ...
 NUISANCE_NEAR = 0.4  # ... and then about the best of these
 
-# Screening by marks
+# Screening by responses
 ELASTIC_WIDTH = 0.4  # a scanned value may act by 1 +- 0.4 of itself, then a neighbour takes over
-SAME_RESPONSE = 0.9995  # cosine between two marks, slack, start and disturbance fitted
+SAME_RESPONSE = 0.9995  # cosine between two responses, nuisance parameters, start and disturbance fitted
 FIXED_WIDTH = 1e-5  # a discrete change acts wholly
 SEEN_AT_ALL = 1e-6  # chi-square of a whole candidate
 MOST_TERMS = 6  # of one family
 
 # Several effects along the measured motion
 NEAR = 1.5  # chi-square per number above which an explanation is missing something
-MOST_SKETCHED = (8, 12, 6)  # explanations by one, two and three effects that are sketched
-GROWN = (6, 1)  # explanations by one and by two effects that are grown
 # An unknown effect is not to be pieced together from many known ones.
 CLOSES = 0.15  # of the chi-square beyond noise that one more effect must close
 
@@ -157,12 +154,10 @@ SETTLED = 1.0  # by this log evidence
 DOUBTED, DOUBTED_SHARE = 5.0, 0.1
 LOOKED_ALONG = 8  # of which values are fitted along the measured motion first
 FAR_BEHIND = 2.0  # times the least chi-square of a search: a fit that is beyond it after a round is left at that
-BROKEN_PROMISE = 10.0  # times what was promised: a fit that ends there began at wrong values
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
 STILL_GAINS = 1.0  # ... this log evidence, times the chi-square per number that it leaves
-HOPELESS = 60.0  # log evidence against "no gap" beyond which its slack need not be fitted where it leaves much
-FEW_VALUES = 4  # of an explanation that is taken without a look at others, where it leaves little
+HOPELESS = 60.0  # log evidence against "no gap" beyond which it is not fitted where it leaves much
 # Most of the work is to look for effects, and two minutes of flight show which ones act. Logs of the recommended two to
 # three minutes have up to 90 windows, and all of these are searched. Of more than MANY_WINDOWS, some that are spread
 # evenly over the log are searched, and what is found there is fitted to all.
@@ -171,13 +166,7 @@ SEARCHED_WINDOWS = 60
 REFITTED = 2  # rivals that are fitted to all windows beside the best
 
 # Adding and taking out effects
-WITHIN = 0.25  # of the evidence gained by the best, plus EVIDENCE_SLIP: what screening may misjudge
-EVIDENCE_SLIP = 40.0  # log evidence, likewise
-MISSED = 1.0  # chi-square per number that comes back without an effect that is not needless
-IDLE = 2.0  # standard deviations, of the estimate or of slack
-FURTHER_TRIED = 3  # further effects that are simulated where one is needed, of those that promise about the same
 WORTH_AN_EFFECT = 5.0  # log evidence that one more effect must bring
-TIE = 3.0  # log evidence that does not speak for more values
 MOST_EFFECTS = 3  # of an explanation: the prior makes four faults at once one in 125,000
 
 # A moment at which the vehicle changes
@@ -197,8 +186,7 @@ NOT_EXCLUDED = float(
     chdtri(1, 0.0027)
 )  # chi-square by which an explanation may be worse: 99.73 % quantile of one value
 STANDS_IN = 0.6  # probability that a known effect found beside an unknown one only stands in for it
-SCREENING_DOUBT = 10.0  # log evidence by which a screened family is held back against a simulated one
 SHOWS = 30.0  # chi-square that pays for an effect and its place
 FOLLOWS = 3  # steps of the motion that nobody measured
 LITTLE = 3 * SHOWS  # chi-square of the smallest size that is tried; some of it is motion that has not settled yet
-FAINT = 0.25  # of the chi-square that a mark promises: where a vehicle makes less of it, there is no such mark
+FAINT = 0.25  # of the chi-square that a response promises: where a vehicle makes less of it, there is no such response

@@ -7,7 +7,7 @@ from auv_torchrl.physics.thrusters import VOLTS_EXPONENT, VOLTS_WITHIN
 from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import Vehicle
 
-FELL = 0.03  # of the volts, from which thrust fades by more than the slack of a sound vehicle
+FELL = 0.03  # of the volts, from which thrust fades by more than the nuisance parameters of a sound vehicle
 
 
 def volts_findings(log: FlightLog, vehicle: Vehicle) -> tuple[Finding, ...]:

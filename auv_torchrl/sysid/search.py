@@ -60,6 +60,10 @@ class Search(ABC, Generic[What, Fitted]):
         """A fit that is the best so far, fitted to the end."""
         return best
 
+    def is_small(self, fitted: Fitted) -> bool:
+        """Whether a change of a fit does less than a sound system may do: such a fit is never the best."""
+        return False
+
     def climb(self, best: Fitted) -> Fitted:
         """From one hypothesis to the best that is reached by better and better neighbours.
 
@@ -103,10 +107,13 @@ class Search(ABC, Generic[What, Fitted]):
         self._note_predicted([one.promised for one in proposals if not one.simulate], too_high)
         if not fitted:
             return None
-        winner = max((one for one, _ in fitted), key=self.posterior)
+        small = {id(one) for one, _ in fitted if self.posterior(one) > self.posterior(best) and self.is_small(one)}
+        winner = max((one for one, _ in fitted if id(one) not in small), key=self.posterior, default=best)
         is_better = self.posterior(winner) > self.posterior(best)
         for one, proposal in fitted:
-            if is_better and one is winner:
+            if id(one) in small:
+                outcome = Outcome.SMALL
+            elif is_better and one is winner:
                 outcome = Outcome.LEANER if way is Way.SMALLER else Outcome.STEP
             else:
                 outcome = Outcome.BEATEN if is_better else way.value

@@ -12,6 +12,7 @@ class Outcome(Enum):
     KEPT = "kept: no other hypothesis has a higher posterior"
     STEP = "kept on the way: a later one has more"
     NO_GAIN = "dropped: the log does not pay for what it adds"
+    SMALL = "dropped: it does less than what is uncertain about a sound system anyway"
     BEATEN = "dropped: another hypothesis of the same round has more"
     NEEDED = "tried without this, and put back: the log pays for it"
     LEANER = "kept on the way: the log does not pay for what was taken away"

@@ -28,15 +28,12 @@ APART = 0.5  # half widths of its interval, by which a value has moved
 
 # What switches a part off: it is never begun, or nothing is ever beyond it.
 OFF: dict[str, Any] = {
-    "BENT": 0.0, "BROKEN_PROMISE": math.inf, "CLOSES": 0.0, "CONTENDS": 0.0,
-    "EVIDENCE_SLIP": 0.0, "FEW_LOST": 0.0, "FEW_VALUES": math.inf, "FITTED_ON": 0,
-    "FLICKERS": 0.0, "FURTHER_TRIED": 1, "GROWN": (0, 0), "HEIRS": 0, "HOPELESS": math.inf, "HUBER": math.inf,
-    "IDLE": 0.0, "LEAST_NOISE": 0.0, "LOST_START": math.inf, "MANY_OUTLIERS": 0.0,
-    "MANY_WINDOWS": math.inf, "MINOR": 0.0, "MISSED": math.inf, "MODEL_ERROR": 0.0, "MOSTLY_LOST": 1.0,
-    "NEAR": 0.0, "NOISE_MATTERS": math.inf, "NOTHING_TO_MAP": 0.0, "ONSET_CLEAR": math.inf, "POLISHED": 1,
-    "RELINEARISED": 0, "SCREENING_DOUBT": 0.0, "SEEN_AT_ALL": 0.0, "SETTLING": 1,
-    "SMALL_SWING": 0.0, "STANDS_IN": 1.0, "STILL_GAINS": math.inf, "TELLS": 0.0, "TELLS_SCALES": 0.0,
-    "THRESHOLD_REACH": (), "TIE": 0.0, "TILTS_MATTER": 0.0, "TURNED_ROUND": math.inf, "WALKS": 0, "WITHIN": 0.0,
+    "BENT": 0.0, "CLOSES": 0.0, "CONTENDS": 0.0, "FEW_LOST": 0.0, "FITTED_ON": 0, "FLICKERS": 0.0,
+    "HEIRS": 0, "HOPELESS": math.inf, "HUBER": math.inf, "LEAST_NOISE": 0.0, "LOST_START": math.inf,
+    "MANY_OUTLIERS": 0.0, "MANY_WINDOWS": math.inf, "MINOR": 0.0, "MODEL_ERROR": 0.0, "MOSTLY_LOST": 1.0, "NEAR": 0.0,
+    "NOISE_MATTERS": math.inf, "NOTHING_TO_MAP": 0.0, "ONSET_CLEAR": math.inf, "RELINEARISED": 0,
+    "SEEN_AT_ALL": 0.0, "SETTLING": 1, "SMALL_SWING": 0.0, "STANDS_IN": 1.0, "STILL_GAINS": math.inf, "TELLS": 0.0,
+    "TELLS_SCALES": 0.0, "THRESHOLD_REACH": (), "WALKS": 0,
 }  # fmt: skip
 
 Changed = Mapping[str, Any]  # threshold -> its other value

@@ -1,18 +1,22 @@
 """What a diagnosis holds in memory has a bound, and what is left out for it is said."""
 
+import json
 import subprocess
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.lengths import MOST_COMMANDS, looked_at, stretches_of
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import FEWEST, MOST, affordable
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS
-from auv_torchrl.flightlog import Episode, FlightLog, write_flightlog
+from auv_torchrl.diagnosis.validate.predict import colour_of
+from auv_torchrl.flightlog import Episode, FlightLog, raw_columns, write_columns
 from auv_torchrl.flightlog.log import AXES, SampleErrors
+from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import simulated_logs
 
 SETTINGS = load_settings()
@@ -99,12 +103,29 @@ def test_thousands_of_short_episodes_are_not_all_looked_at():
     assert [episode.number for episode in whole.episodes] == list(range(len(whole.episodes)))
 
 
+def test_the_variance_of_many_stretches_takes_the_memory_of_a_few_covariances():
+    """Of the covariance of a stretch its diagonal alone is kept, before the next one is worked out."""
+    log = log_of(swaying(120.0, 20.0), errors=SampleErrors(snapshot_s=0.1))
+    windows = cut_windows(log, 4.0, SETTINGS.lead_s)
+    vehicle = batch(load_vehicle("bluerov2_heavy"), [{}])
+    tracemalloc.start()
+    try:
+        variance = colour_of(windows, vehicle, SETTINGS, windows.guess)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(windows) > 25 and (variance >= 0).all() and variance.any()
+    assert most < len(windows) / 2 * 8 * windows.trust[0].size ** 2
+
+
 @pytest.mark.thorough
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts memory as Linux does")
-def test_a_diagnosis_of_all_channels_stays_below_the_limit(tmp_path):
+@pytest.mark.parametrize("snapshot_s", [0.0, 0.1], ids=["white", "coloured"])
+def test_a_diagnosis_of_all_channels_stays_below_the_limit(tmp_path, snapshot_s):
     """A quarter of an hour of 15 channels with a fault, from file to report, in a process of its own."""
     log = simulated_logs("paper", [{"thruster_gain": {"gain_4": 0.55}}], episodes=1, seconds=900.0, felt=0.03)[0]
-    write_flightlog(log, tmp_path / "long.csv")
+    said = json.dumps({"drift": {}, "snapshot_s": snapshot_s, "autopilot": {}})
+    write_columns(raw_columns(log), tmp_path / "long.csv", said=said)
     code = (
         "import resource, subprocess, sys; subprocess.run([sys.executable, *sys.argv[1:]], check=True)\n"
         "print(1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"

@@ -15,19 +15,19 @@ from auv_torchrl.effects import EFFECTS, Origin
 
 
 def assess(
-    problem: Problem, path: WindowPath, sketched: Explanation | None = None, before: Fit | None = None
+    problem: Problem, path: WindowPath, along: Explanation | None = None, before: Fit | None = None
 ) -> tuple[Fit, Floats, Floats]:
-    """Weigh an explanation as it is, with the Gauss-Newton step of its terms and of its slack.
+    """Weigh an explanation as it is, with the Gauss-Newton step of its terms and of its nuisance parameters.
 
-    It is that of the path, or one that is ``sketched`` along its motion. The marks of slack are those of the
-    explanation ``before`` it, where there is one: they hardly change on the way down.
+    It is that of the path, or one that is fitted along its motion. The responses of nuisance parameters are those of
+    the explanation ``before`` it, where there is one: they hardly change on the way down.
     """
-    explanation = path.explanation if sketched is None else sketched
+    explanation = path.explanation if along is None else along
     changes, steps = term_changes(problem, explanation)
     nuisance_responses = None if before is None else before.nuisance_responses
     if nuisance_responses is None:
         nuisance_responses = respond_to_nuisance(problem, path, explanation)
-    q = quadratic(problem, path, changes, sketched, nuisance_responses, None if sketched is None else problem.followed)
+    q = quadratic(problem, path, changes, along, nuisance_responses, None if along is None else problem.followed)
     at = nuisance_now(problem, explanation)
     chi2 = q.constant + float(at @ problem.nuisance_precision @ at)
     if not np.isfinite(chi2):  # the windows diverge under this vehicle
@@ -47,9 +47,10 @@ def assess(
 
 
 def covariance_of_values(curvature: Floats, widths: Floats) -> Floats:
-    """Covariance (k, k) of values by their curvature (k, k), slack fitted, and the ``widths`` (k,) of their prior.
+    """Covariance (k, k) of values, nuisance parameters fitted, by their curvature (k, k) and prior ``widths`` (k,).
 
-    What slack takes of a curvature is taken by subtraction: where it takes all, rounding may leave less than nothing.
+    What nuisance parameters take of a curvature is taken by subtraction: where it takes all, rounding may leave less
+    than nothing.
     """
     size, directions = np.linalg.eigh(curvature * np.outer(widths, widths))
     covariance: Floats = (directions / (1.0 + np.maximum(size, 0.0))) @ directions.T * np.outer(widths, widths)

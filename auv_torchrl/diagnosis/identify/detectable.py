@@ -28,7 +28,7 @@ def detectable_sizes(field: Field, hidden: frozenset[Member]) -> dict[str, Estim
 
 
 def _under(field: Field, nuisance_covariance: Floats) -> Field:
-    """The same marks, where slack has another covariance (k, k)."""
+    """The same responses, where nuisance parameters have another covariance (k, k)."""
     problem = replace(
         field.problem, nuisance_covariance=nuisance_covariance, nuisance_precision=np.linalg.inv(nuisance_covariance)
     )
@@ -73,9 +73,9 @@ def with_more_flights(field: Field, hidden: frozenset[Member]) -> dict[int, dict
 
 
 def hidden_members(problem: Problem, found: Found) -> frozenset[Member]:
-    """Parameters whose mark on this log is none, once the motion that nobody measured follows it.
+    """Parameters whose response on this log is none, once the motion that nobody measured follows it.
 
-    A mark is worked out along the measured motion. Where a part of that is a guess, the guess may change with the
+    A response is worked out along the measured motion. Where a part of that is a guess, the guess may change with the
     effect so that nothing of it shows: a current, without positions and speeds over ground.
     """
     if not problem.layout.moves_unseen:

@@ -1,4 +1,4 @@
-"""What this log cannot tell apart: changes that leave the same mark on it."""
+"""What this log cannot tell apart: changes that leave the same response on it."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.thresholds import NOT_EXCLUDED, SAME_RESPONSE
 def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], ...]:
     """Sets of effects, or of parameters of one effect, of which the log cannot tell which one acts.
 
-    They come from three sides: explanations that fit as well as the best one, changes whose mark is the same, and
+    They come from three sides: explanations that fit as well as the best one, changes whose response is the same, and
     thrusters that are exchanged on a vehicle turned round.
     """
     same_marks = [(mine, theirs) for mine, theirs, _ in alternatives(problem, found)]
@@ -38,7 +38,7 @@ def _rivals(found: Found) -> list[tuple[str, str]]:
 
 
 def alternatives(problem: Problem, found: Found) -> list[tuple[str, str, Explanation]]:
-    """What of the best explanation could be something else that leaves the same mark, and the explanation with that."""
+    """What of the best explanation something else with the same response could do, and the explanation with that."""
     best = found.best.explanation
     others = []
     for one, other, ratio in _same_candidates(problem, found.field):
@@ -54,7 +54,7 @@ def alternatives(problem: Problem, found: Found) -> list[tuple[str, str, Explana
 
 
 def _same_candidates(problem: Problem, field: Field) -> Iterator[tuple[Candidate, Candidate, float]]:
-    """Pairs of candidates with the same mark, and how much of the second one is as large as the first."""
+    """Pairs of candidates with the same response, and how much of the second one is as large as the first."""
     size = np.sqrt(np.maximum(np.diag(field.A), 0.0))
     rows = np.flatnonzero(field.seen)
     cosine = field.A[np.ix_(rows, rows)] / np.outer(size[rows], size[rows])

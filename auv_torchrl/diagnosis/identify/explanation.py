@@ -1,4 +1,4 @@
-"""An explanation of a log: some effects with values, and the slack of every coefficient."""
+"""An explanation of a log: some effects with values, and the nuisance parameters of every coefficient."""
 
 from dataclasses import dataclass, field, replace
 
@@ -24,7 +24,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Knobs away from nominal, and small deviations of the slack parameters, added on top."""
+    """Terms away from nominal, and small deviations of the nuisance parameters, added on top."""
 
     terms: tuple[Term, ...] = ()
     nuisance: dict[tuple[str, str], float] = field(default_factory=dict)  # (effect, parameter) -> deviation
@@ -36,7 +36,7 @@ class Explanation:
 
     @property
     def alone(self) -> "Explanation":
-        """The effects without slack."""
+        """The effects without nuisance parameters."""
         return replace(self, nuisance={})
 
     @property
@@ -50,7 +50,7 @@ class Explanation:
         return {(term.effect, member) for term in self.terms for member in term.members}
 
     def values(self, vehicle: Vehicle, nuisance: bool = True) -> Values:
-        """Parameter values by effect, slack added unless told otherwise."""
+        """Parameter values by effect, nuisance parameters added unless told otherwise."""
         values: Values = {}
         names = {term.effect for term in self.terms} | {effect for effect, _ in self.nuisance}
         known = {name: declared(name, vehicle) for name in names}
@@ -79,7 +79,7 @@ class Explanation:
         return replace(self, terms=tuple(terms))
 
     def starting_from(self, other: "Explanation") -> "Explanation":
-        """The explanation with the slack of another one, and its values of the terms that both have."""
+        """The explanation with the nuisance parameters of another one, and its values of the terms that both have."""
         known = {term.key: term for term in other.terms}
         return Explanation(tuple(known.get(term.key, term) for term in self.terms), other.nuisance)
 

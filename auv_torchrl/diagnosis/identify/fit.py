@@ -1,7 +1,7 @@
 """The two ways to fit the values of an explanation.
 
-Along the measured motion effects are nearly linear, and nothing is simulated. By simulation values, slack, the starts
-and the disturbance are fitted until nothing moves.
+Along the measured motion effects are nearly linear, and nothing is simulated. By simulation values, nuisance
+parameters, the starts and the disturbance are fitted until nothing moves.
 """
 
 from dataclasses import replace
@@ -110,8 +110,8 @@ def rescued(problem: Problem, fit: Fit, follow: WindowPath, enough: float = np.i
 def _descend(problem: Problem, path: WindowPath, rounds: int) -> Fit:
     """Gauss-Newton with a shrinking stride.
 
-    Where a step fails, the slack of thresholds stays from there on. Where the first one does because single windows
-    diverge, they begin anew behind it.
+    Where a step fails, the nuisance parameters of thresholds stays from there on. Where the first one does because
+    single windows diverge, they begin anew behind it.
     """
     best, *step = assess(problem, path)
     stride, even = 1.0, bool(problem.even.all())
@@ -135,7 +135,7 @@ def _descend(problem: Problem, path: WindowPath, rounds: int) -> Fit:
 
 
 def _chi2(problem: Problem, path: WindowPath) -> float:
-    """What :func:`assess` weighs the explanation of a path by, without the marks that a step takes: these take long."""
+    """Chi-square by which :func:`assess` weighs the explanation of a path, without the responses: these take long."""
     nuisance = nuisance_now(problem, path.explanation)
     return float(chi2_by_window(problem, path.state).sum() + nuisance @ problem.nuisance_precision @ nuisance)
 

@@ -205,7 +205,7 @@ def nudge(problem: Problem, explanation: Explanation, start: WindowPath) -> Wind
 
 
 def nudged_chi2(problem: Problem, explanations: list[Explanation], start: WindowPath, steps: int = 1) -> Floats:
-    """Chi-square (R,), slack paid for, of explanations that differ a little from that of ``start``, all at once."""
+    """Chi-square (R,), that of nuisance parameters included, of explanations that differ a little from ``start``."""
     vehicles = batch(problem.vehicle, [explanation.values(problem.vehicle) for explanation in explanations])
     freedom = problem.freedom(start.state)
     starts = np.repeat(start.state.start[:, None], len(explanations), axis=1)

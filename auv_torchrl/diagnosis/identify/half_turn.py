@@ -22,7 +22,7 @@ NEARLY = 0.1  # rad away from half a turn, in which a value of a scan or of a fi
 
 
 def turned_round(problem: Problem, found: Found) -> list[tuple[str, str]]:
-    """What of the best explanation exchanges thrusters, and what leaves the same mark with the heading turned round."""
+    """Exchanged thrusters of the best explanation, and what has the same response with the heading turned round."""
     best = found.best.explanation
     exchanged = [term for term in best.terms if term.discrete]
     if not exchanged:
@@ -66,7 +66,7 @@ def _angle(problem: Problem, explanation: Explanation) -> float:
 
 
 def _same_mark(problem: Problem, found: Found, explanations: list[Explanation]) -> np.ndarray:
-    """Whether each explanation but the first leaves the mark of the first one (N - 1,)."""
+    """Whether each explanation but the first leaves the response of the first one (N - 1,)."""
     q = quadratic(problem, found.follow, explanations, chosen=problem.followed)
     _, A = without_nuisance(problem, q, found.follow.explanation)
     size = np.sqrt(np.maximum(np.diag(A), 1e-300))

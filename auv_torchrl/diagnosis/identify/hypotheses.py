@@ -1,4 +1,4 @@
-"""What could be wrong: every effect of the registry as a few concrete changes, and the slack of a healthy vehicle."""
+"""What could be wrong: every effect as a few candidates, and the nuisance parameters of a healthy vehicle."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -185,8 +185,8 @@ def do_change(vehicle: Vehicle, changes: Sequence[tuple[str, dict[str, float]]])
 def nuisance_parameters(vehicle: Vehicle, settings: Settings, channels: Collection[str] = ()) -> list[Entry]:
     """What no vehicle has exactly as modelled.
 
-    A coefficient of 0 has no relative slack, and a scale of it changes nothing: both are left out. What sound sensors
-    are off by is slack where a log has the ``channels`` that show it.
+    A coefficient of 0 has no relative nuisance parameters, and a scale of it changes nothing: both are left out. What
+    sound sensors are off by is nuisance parameters where a log has the ``channels`` that show it.
     """
     found: list[Entry] = []
     for name, effect in EFFECTS.items():
@@ -208,6 +208,6 @@ def that_matter(vehicle: Vehicle, entries: Sequence[Entry]) -> list[Entry]:
 
 
 def sensor_nuisance(vehicle: Vehicle, settings: Settings, channels: Collection[str]) -> list[Entry]:
-    """That of the slack parameters which sound sensors are off by in logs with these ``channels``."""
+    """That of the nuisance parameters which sound sensors are off by in logs with these ``channels``."""
     found = nuisance_parameters(vehicle, settings, channels)
     return [entry for entry in found if declared(entry[0], vehicle).parameters[entry[1]].loose_in(channels)]

@@ -25,7 +25,7 @@ class WindowPath:
     """Windows that follow the log under one explanation."""
 
     explanation: Explanation
-    vehicle: Vehicle  # (1,) with the explanation, slack included
+    vehicle: Vehicle  # (1,) with the explanation, nuisance parameters included
     state: Smoothed
     states: Floats  # (W, S + 1, 13) on the grid
     windows: Windows
@@ -58,11 +58,11 @@ class Fit:
     """An explanation with its values fitted."""
 
     explanation: Explanation
-    chi2: float  # with the cost of slack
+    chi2: float  # with the cost of nuisance parameters
     evidence: float
-    covariance: Floats  # (k, k) of the fitted terms, slack included
+    covariance: Floats  # (k, k) of the fitted terms, nuisance parameters included
     path: WindowPath
-    quadratic: Quadratic  # of slack, then fitted terms, at the path
+    quadratic: Quadratic  # of nuisance parameters, then fitted terms, at the path
     steps: Floats  # (k,) one unit of the quadratic, of each fitted term
     nuisance_responses: NuisanceResponses | None  # that it was made of, while its values are being fitted
 
@@ -82,7 +82,7 @@ class Fit:
 
 
 def nuisance_now(problem: Problem, explanation: Explanation) -> Floats:
-    """Slack deviations of an explanation, in the order of the slack parameters."""
+    """Deviations of the nuisance parameters of an explanation, in the order of the nuisance parameters."""
     return np.array([explanation.nuisance.get((effect, member), 0.0) for effect, member, _, _ in problem.nuisance])
 
 
@@ -97,13 +97,13 @@ def spread(fit: Fit) -> float:
 
 
 def strained(problem: Problem, fit: Fit) -> set[tuple[str, str]]:
-    """The slack, as (effect, parameter), that an explanation stretches further than calibration is likely to be off."""
+    """Nuisance parameters, as (effect, parameter), that an explanation moves further than a healthy vehicle is off."""
     each = zip(problem.nuisance, nuisance_now(problem, fit.explanation), strict=True)
     return {(effect, member) for (effect, member, _, width), at in each if abs(at) > STRAINED * width}
 
 
 def nuisance_does(problem: Problem, fit: Fit) -> bool:
-    """Whether slack alone explains the log, all of it together no further off than calibration is likely to be.
+    """Whether nuisance parameters alone explain the log, all together no further off than is likely.
 
     One by one its numbers may be likely where together they are not: healthy flights that leave the scale of all gains
     open still tell how much one gain differs from the next.
@@ -133,7 +133,7 @@ def log_likelihood(problem: Problem, fit: Fit) -> float:
 
 
 def force_of_nuisance(problem: Problem, path: WindowPath) -> float:
-    """Size of the force that slack alone makes on this log, in units of the thrusters' reach."""
+    """Size of the force that nuisance parameters alone make on this log, in units of the thrusters' reach."""
     size, direction = np.linalg.eigh(problem.nuisance_covariance)
     keys = [(effect, member) for effect, member, _, _ in problem.nuisance]
     each = [

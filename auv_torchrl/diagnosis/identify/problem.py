@@ -1,4 +1,4 @@
-"""What explanations of one log are fit by: windows, vehicle, settings, noise, disturbance and slack."""
+"""What explanations of one log are weighed by: windows, vehicle, noise, disturbance and nuisance parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -40,14 +40,14 @@ class Known:
     noise: dict[str, float]  # by channel
     rough_noise: dict[str, float]  # by channel, from third differences, to compare another log with
     nuisance: tuple[NuisanceEntry, ...]
-    nuisance_covariance: Floats  # (k, k) of the deviations that are left, in the order of the slack parameters
+    nuisance_covariance: Floats  # (k, k) of the deviations that are left, in the order of the nuisance parameters
     scales: Floats | None = None  # (k, g) what the g scales that no log tells leave unsure of these numbers, beside
     flights: int = 0  # from which it was learnt, where they are here
     shrinks: Floats | None = None  # (k, k) part of the covariance that falls with the number of these flights
     of_itself: bool = False  # whether the log that is explained has shown it, with a fault if it has one
 
     def beside(self, own: Sequence[NuisanceEntry]) -> "Known":
-        """The same with slack of channels that the healthy log may not have had."""
+        """The same with nuisance parameters of channels that the healthy log may not have had."""
         there = {entry[:2] for entry in self.nuisance}
         new = [entry for entry in own if entry[:2] not in there]
         if not new:
@@ -65,7 +65,8 @@ class Known:
 class Problem:
     """A log cut into windows, the vehicle that should explain it, and all that an explanation is fit by.
 
-    It is never changed: following the log, measuring its noise again or learning what slack explains gives another one.
+    It is never changed: following the log, measuring its noise again or learning what nuisance parameters explain gives
+    another one.
     """
 
     given: Windows  # as they were cut
@@ -88,8 +89,7 @@ class Problem:
     followed: np.ndarray  # (W,) bool: windows in which the motion is known
     seen_start: Floats  # (W, 12) where windows begin, whatever the vehicle
     outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
-    nuisance_size: float = 0.0  # of the force that slack alone makes on this log, in units of the thrusters' reach
-    nuisance_suffices: bool = True  # to explain the log; where it does not, a small effect is a finding
+    nuisance_size: float = 0.0  # of the force of nuisance parameters alone, in units of the thrusters' reach
     freedoms: Latest[Freedom] = field(default_factory=lambda: _freedoms(), repr=False, compare=False)
 
     @staticmethod
@@ -136,17 +136,17 @@ class Problem:
 
     @property
     def even(self) -> np.ndarray:
-        """(k,) slack parameters in which chi-square is smooth: moving a threshold flips single samples."""
+        """(k,) nuisance parameters in which chi-square is smooth: moving a threshold flips single samples."""
         return np.array([not self.settings.is_rough(effect) for effect, *_ in self.nuisance])
 
     def nuisance_step(self, nuisance: NuisanceEntry) -> float:
-        """By how much a slack parameter is moved to see what it does."""
+        """By how much a nuisance parameter is moved to see what it does."""
         effect, member, nominal, _ = nuisance
         return max(NUISANCE_STEP * abs(nominal), LONG_STEP * self.prior.width(effect, member))
 
     @cached_property
     def nuisance_bounds(self) -> tuple[Floats, Floats]:
-        """Least and most (k,) that slack may deviate by: it is no gap, and no effect beyond its bounds."""
+        """Least and most (k,) that nuisance parameters may deviate by: more is a gap, or impossible."""
         low, high = [], []
         for effect, member, nominal, width in self.nuisance:
             p = EFFECTS[effect].member_parameters(self.vehicle)[member]

@@ -1,4 +1,4 @@
-"""Chi-square near an explanation, as a quadratic of slack and of changes: by their marks on all windows."""
+"""Chi-square near an explanation, as a quadratic of nuisance parameters and changes, by their responses."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,7 +17,7 @@ from auv_torchrl.physics import prepare
 RESPONSES_AT_ONCE = (
     12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
 )
-RESPONSES_BYTES = 32 << 20  # of the marks of all changes; some such arrays are in use at once
+RESPONSES_BYTES = 32 << 20  # of the responses of all changes; some such arrays are in use at once
 
 
 def quadratic(
@@ -28,7 +28,7 @@ def quadratic(
     nuisance_responses: NuisanceResponses | None = None,
     chosen: np.ndarray | None = None,
 ) -> Quadratic:
-    """Chi-square of slack deviations (first) and of amounts of ``changes`` (each at 1 is that explanation).
+    """Chi-square of deviations of nuisance parameters (first) and of amounts of ``changes``, each whole at 1.
 
     It is taken ``around`` an explanation, by default that of the path; another one acts as the force that it makes
     along the motion of the path. ``slack_marks`` are those of :func:`mark_slack` if they are known, ``chosen`` is
@@ -48,7 +48,7 @@ def _parts(
     around: Explanation | None,
     nuisance_responses: NuisanceResponses,
 ) -> Iterator[Parts]:
-    """What the windows add to the quadratic, piece by piece: all marks of all of them would fill the memory."""
+    """What the windows add to the quadratic, piece by piece: all responses of all of them would fill the memory."""
     freedom = problem.freedom(path.state)
     nuisance = nuisance_responses.under(freedom)
     for some, columns, there in _responses_in_pieces(problem, path, changes, around):
@@ -59,7 +59,7 @@ def _parts(
 
 
 def respond_to_nuisance(problem: Problem, path: WindowPath, at: Explanation) -> NuisanceResponses:
-    """Marks of the slack parameters around an explanation on the windows of a path."""
+    """Responses of the nuisance parameters around an explanation on the windows of a path."""
     moved, steps = [], np.empty(len(problem.nuisance))
     for column, parameter in enumerate(problem.nuisance):
         key = parameter[:2]
@@ -74,7 +74,7 @@ def respond_to_nuisance(problem: Problem, path: WindowPath, at: Explanation) -> 
 def _responses_in_pieces(
     problem: Problem, path: WindowPath, changes: list[Explanation], around: Explanation | None
 ) -> Iterator[tuple[slice, Floats, Floats | None]]:
-    """Some windows, marks (w, K, N) of changes beyond ``around``, and the mark (w, K) of that; None is the path."""
+    """Some windows, responses (w, K, N) to changes beyond ``around``, and that to ``around`` (w, K), if any."""
     rows = [change.values(problem.vehicle) for change in (*changes, *([around] if around else []))]
     changed = prepare(batch(problem.vehicle, rows)).numpy() if rows else None
     now = path.coefficients
@@ -94,7 +94,7 @@ def _responses_in_pieces(
 
 
 def without_nuisance(problem: Problem, q: Quadratic, explanation: Explanation) -> tuple[Floats, Floats]:
-    """The vector and the matrix of the other columns, slack fitted."""
+    """The vector and the matrix of the other columns, nuisance parameters fitted."""
     k = len(problem.nuisance)
     at, precision = nuisance_now(problem, explanation), problem.nuisance_precision
     inside = q.A[:k, :k] + precision

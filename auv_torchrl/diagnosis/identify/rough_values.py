@@ -24,8 +24,8 @@ from auv_torchrl.effects.effect import Valley
 def search_thresholds(problem: Problem, best: Fit) -> Fit:
     """Try values near by for effects that switch single samples, because there chi-square is rough.
 
-    The smooth numbers go along with each. Slack of thresholds is tried too, however well the log is explained: fits
-    that end at different ones are apart by more than an effect is worth.
+    The smooth numbers go along with each. Nuisance parameters of thresholds is tried too, however well the log is
+    explained: fits that end at different ones are apart by more than an effect is worth.
     """
     if not np.isfinite(best.chi2):
         return best

@@ -39,20 +39,20 @@ class Screened:
 
 @dataclass(frozen=True)
 class Field:
-    """The quadratic of all candidates at a path, slack and the values of its explanation fitted."""
+    """The quadratic of all candidates at a path, nuisance parameters and the values of its explanation fitted."""
 
     problem: Problem
     explanation: Explanation  # on top of which the candidates act
-    quadratic: Quadratic  # of slack, the values of the explanation, and candidates
+    quadratic: Quadratic  # of nuisance parameters, the values of the explanation, and candidates
     values: tuple[Floats, Floats, Floats]  # (m,) prior precision of steps of these values, and their bounds in steps
-    b: Floats  # (N,) slack fitted
-    A: Floats  # (N, N) slack fitted
+    b: Floats  # (N,) nuisance parameters fitted
+    A: Floats  # (N, N) nuisance parameters fitted
     pull: Floats  # (N,) prior precision of each amount, about 1 for scanned candidates, else about 0
     centre: Floats  # (N,)
 
     @property
     def seen(self) -> np.ndarray:
-        """(N,) candidates that leave any mark on this log."""
+        """(N,) candidates that leave any response on this log."""
         return np.diag(self.A) > SEEN_AT_ALL
 
     @staticmethod
@@ -71,14 +71,15 @@ class Field:
 
     @property
     def constant(self) -> float:
-        """Chi-square of the explanation of the path, slack and values fitted."""
+        """Chi-square of the explanation of the path, nuisance parameters and values fitted."""
         return self.fit([])[0]
 
     def fit(self, chosen: list[int], amounts: Floats | None = None) -> tuple[float, Floats]:
         """Chi-square and amounts of some candidates together, or chi-square at given amounts.
 
-        Slack is fitted too, but no further than slack goes: what lies beyond must be an effect. So are the values that
-        the explanation has already, because what is added may take over a part of what they do.
+        Nuisance parameters is fitted too, but no further than nuisance parameters go: what lies beyond must be an
+        effect. So are the values that the explanation has already, because what is added may take over a part of what
+        they do.
         """
         H, g, low, high, paid = self._pulled
         first = len(low)
@@ -100,7 +101,7 @@ class Field:
 
     @cached_property
     def _pulled(self) -> tuple[Floats, Floats, Floats, Floats, float]:
-        """The quadratic with the prior of slack and values: matrix, vector, bounds, and what they cost now."""
+        """The quadratic with the prior of nuisance parameters and values: matrix, vector, bounds and cost."""
         problem, q = self.problem, self.quadratic
         stiffness, least, most = self.values
         at, first = nuisance_now(problem, self.explanation), len(problem.nuisance) + len(stiffness)
@@ -170,7 +171,7 @@ class Field:
 
     @cached_property
     def twins(self) -> set[frozenset[str]]:
-        """Effects of which each change leaves the mark of some change of the other: together they explain no more."""
+        """Effects of which each change has the response of some change of the other: together they explain no more."""
         size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
         same = np.abs(self.A) > SAME_RESPONSE * np.outer(size, size)
         rows = {

@@ -21,15 +21,17 @@ from auv_torchrl.diagnosis.identify.fit import (
 )
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, promise, weighed
-from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_does, sizes
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.identify.sure import likeliest
 from auv_torchrl.diagnosis.thresholds import (
     CONTENDS,
     FAR_BEHIND,
     FITTED_FROM,
     HOPELESS,
     MANY_WINDOWS,
+    MINOR,
     NEAR,
     REFITTED,
     SEARCHED_WINDOWS,
@@ -86,8 +88,9 @@ class _EffectSearch(Search[Neighbour, Fit]):
         best = self.note(self._without_effects(), "the beginning")
         own = [self._follow.explanation] if self._follow.explanation.effects else []
         for explanation in (*own, *(one for one in begin if one not in own)):
-            given = self._fitted(Neighbour(explanation, self._follow))
-            best = max(best, self.note(given, "given to begin with"), key=self.posterior)
+            given = self.note(self._fitted(Neighbour(explanation, self._follow)), "given to begin with")
+            if not self.is_small(given):
+                best = max(best, given, key=self.posterior)
         if further and best.explanation.effects and leaves_much(self._problem, best):
             alone = self.better(Way.LARGER, self.fits[0])
             best = max(best, alone or best, key=self.posterior)
@@ -119,6 +122,16 @@ class _EffectSearch(Search[Neighbour, Fit]):
         """See :meth:`Search.record`."""
         numbers = self._field.quadratic.numbers
         return weighed(self._problem, fitted.explanation, fitted.evidence, fitted.excess, numbers, proposed, outcome)
+
+    def is_small(self, fitted: Fit) -> bool:
+        """See :meth:`Search.is_small`: by the force of each effect, where nuisance parameters alone explain the log."""
+        effects = fitted.explanation.effects
+        sound = any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
+        if not sound or not effects or not np.isfinite(fitted.chi2):
+            return False
+        terms = likeliest(self._problem, fitted).terms
+        each = [Explanation(tuple(term for term in terms if term.effect == effect)) for effect in effects]
+        return bool((sizes(self._problem, each, fitted.path) < MINOR * self._problem.nuisance_size).any())
 
     def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.

@@ -25,10 +25,10 @@ def value_steps(problem: Problem, explanation: Explanation, steps: Floats) -> tu
 
 
 def moved_along(problem: Problem, fit: Fit, amounts: Mapping[int, float], along: bool = True) -> Explanation:
-    """The explanation with some numbers, of slack or fitted terms, moved by amounts.
+    """The explanation with some numbers, of nuisance parameters or fitted terms, moved by amounts.
 
-    ``amounts`` are by column of the quadratic: slack first, then fitted terms. The others go ``along`` as fits
-    best, or stay.
+    ``amounts`` are by column of the quadratic: nuisance parameters first, then fitted terms. The others go ``along`` as
+    fits best, or stay.
     """
     units = np.concatenate([np.ones(len(problem.nuisance)), fit.steps])
     held = dict.fromkeys(range(0 if along else len(units)), 0.0)
@@ -37,12 +37,12 @@ def moved_along(problem: Problem, fit: Fit, amounts: Mapping[int, float], along:
 
 
 def even_step(problem: Problem, fit: Fit) -> tuple[Floats, Floats]:
-    """Gauss-Newton step of terms and slack in which no slack of a threshold moves."""
+    """Gauss-Newton step of terms and nuisance parameters in which no nuisance parameter of a threshold moves."""
     return bounded_step(problem, fit, dict.fromkeys(np.flatnonzero(~problem.even).tolist(), 0.0))
 
 
 def bounded_step(problem: Problem, fit: Fit, held: Mapping[int, float] | None = None) -> tuple[Floats, Floats]:
-    """Gauss-Newton step of terms and slack, all within their bounds: slack goes no further than slack does.
+    """Gauss-Newton step of terms and nuisance parameters, all within their bounds.
 
     Some columns may be ``held`` at an amount.
     """
@@ -61,7 +61,7 @@ def bounded_step(problem: Problem, fit: Fit, held: Mapping[int, float] | None = 
 
 
 def take_step(problem: Problem, explanation: Explanation, step: Floats, nuisance_step: Floats) -> Explanation:
-    """The explanation after a step of its terms and of its slack, within bounds."""
+    """The explanation after a step of its terms and of its nuisance parameters, within bounds."""
     amounts, order = {}, 0
     for place, term in enumerate(explanation.terms):
         if term.discrete:
@@ -75,7 +75,7 @@ def take_step(problem: Problem, explanation: Explanation, step: Floats, nuisance
 
 
 def change_of_chi2(problem: Problem, fit: Fit, step: Floats, nuisance_step: Floats) -> float:
-    """What a step of the fitted terms and of slack adds to chi-square, by the quadratic of an explanation."""
+    """What a step of fitted terms and nuisance parameters adds to chi-square, by the quadratic of an explanation."""
     q, at = fit.quadratic, nuisance_now(problem, fit.explanation)
     x = np.concatenate([nuisance_step, step / fit.steps])
     moved = at + nuisance_step
@@ -84,10 +84,10 @@ def change_of_chi2(problem: Problem, fit: Fit, step: Floats, nuisance_step: Floa
 
 
 def parted_from_nuisance(problem: Problem, explanation: Explanation) -> Explanation:
-    """The same vehicle, with that slack of what a fitted value changes too which the rest of the slack lets expect.
+    """The same vehicle, where a nuisance parameter that a fitted value changes, too, is as the others let expect.
 
-    The value says all else. A fit holds what its log does not tell, and uses the slack of such a number, which costs
-    the log nothing, for that; or it stops anywhere between the two.
+    The value says all else. A fit holds what its log does not tell, and uses the nuisance parameters of such a number,
+    which costs the log nothing, for that; or it stops anywhere between the two.
     """
     own = shared_with_nuisance(problem, explanation)
     if not own.any():
@@ -105,7 +105,7 @@ def parted_from_nuisance(problem: Problem, explanation: Explanation) -> Explanat
 
 
 def shared_with_nuisance(problem: Problem, explanation: Explanation) -> Floats:
-    """(k, m) 1 where slack changes a member of a fitted value, and the two add up in all members of that value."""
+    """(k, m) 1 where a nuisance parameter changes a member of a fitted value, and the two add up in all its members."""
     own = np.zeros((len(problem.nuisance), len(explanation.fitted)))
     rows = {entry[:2]: row for row, entry in enumerate(problem.nuisance)}
     for column, term in enumerate(explanation.fitted):
@@ -116,7 +116,7 @@ def shared_with_nuisance(problem: Problem, explanation: Explanation) -> Floats:
 
 
 def joint_precision(nuisance: Floats, values: Floats) -> Floats:
-    """Prior precision (k + m, k + m) of slack, (k, k), and of independent values, (m,)."""
+    """Prior precision (k + m, k + m) of nuisance parameters, (k, k), and of independent values, (m,)."""
     k = len(nuisance)
     joint = np.zeros((k + len(values), k + len(values)))
     joint[:k, :k] = nuisance

@@ -1,4 +1,4 @@
-"""Values as a log tells them, and how sure they are: beside slack, and beside scales of the vehicle that none tells."""
+"""Values and their covariance, beside nuisance parameters, and beside scales of the vehicle that no log tells."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -33,13 +33,13 @@ class Minimum:
 
 
 def as_sure(problem: Problem, fit: Fit) -> tuple[Explanation, Floats]:
-    """The explanation with its values, and their covariance (m, m), where slack is as wide as this log shows it.
+    """The explanation and the covariance (m, m) of its values, nuisance parameters as wide as this log shows.
 
-    Its share of the width that slack may have is the likeliest one (type II maximum likelihood): of a vehicle that
-    is as its file says, the log shows that, and tells the values of an effect better. What healthy flights leave open
-    of the vehicle has been measured, and is as wide as it is, also where a fit held it because its log tells nothing of
-    it: a value may hang on it. Values move by what the other width does to them: where an explanation is not at the
-    minimum of its quadratic, its fit has found that the minimum is no better.
+    Its share of the width that nuisance parameters may have is the likeliest one (type II maximum likelihood): of a
+    vehicle that is as its file says, the log shows that, and tells the values of an effect better. What healthy flights
+    leave open of the vehicle has been measured, and is as wide as it is, also where a fit held it because its log tells
+    nothing of it: a value may hang on it. Values move by what the other width does to them: where an explanation is not
+    at the minimum of its quadratic, its fit has found that the minimum is no better.
 
     A scale of the vehicle that no healthy flight tells is held by all fits. A log may tell it after all, as a tether
     does, whose direction shows what heave is to sway: then values go with it. Else they are as unsure as what they owe
@@ -70,9 +70,9 @@ def as_sure(problem: Problem, fit: Fit) -> tuple[Explanation, Floats]:
 
 
 def likeliest(problem: Problem, fit: Fit) -> Explanation:
-    """The explanation at the minimum of its quadratic, all slack as wide as this log shows it.
+    """The explanation at the minimum of its quadratic, all nuisance parameters as wide as this log shows it.
 
-    A fit that stopped short may have slack undo half of a value that is as good as nothing.
+    A fit that stopped short may have nuisance parameters undo half of a value that is as good as nothing.
     """
     q, k = fit.quadratic, len(problem.nuisance)
     shares = _by_share(problem, fit.explanation, fit.steps, q.A, q.b, problem.nuisance_covariance)
@@ -89,9 +89,10 @@ def _by_share(
     whole: Floats,
     measured: Floats | None = None,
 ) -> Iterator[Minimum]:
-    """The minimum by share of the width of slack, the whole first, of slack, values and numbers of width 1 behind.
+    """The minimum by share of the width of nuisance parameters, the whole first; behind them values and scales.
 
-    ``whole`` (k, k) is the covariance of slack, and ``measured`` (k, k) the part of it that is as wide as it is.
+    ``whole`` (k, k) is the covariance of nuisance parameters, and ``measured`` (k, k) the part of it that is as wide as
+    it is.
     """
     at = np.zeros(len(b))
     at[: len(problem.nuisance)] = nuisance_now(problem, explanation)
@@ -108,7 +109,7 @@ def _by_share(
 
 
 def _as_one_number(problem: Problem, fit: Fit) -> Floats:
-    """What slack and fitted terms do (k + m, k + m), where slack of a number that a term has does what the term does.
+    """What nuisance parameters and fitted terms do (k + m, k + m), where those of the same number do the same.
 
     Their slopes differ by rounding alone, and a log that tells the number well would part them by that.
     """
@@ -122,7 +123,7 @@ def _as_one_number(problem: Problem, fit: Fit) -> Floats:
 
 
 def _of_a_share(problem: Problem, explanation: Explanation) -> Floats:
-    """What (m, k) values of factors gain where slack moves the vehicle that they are factors of: half stays half."""
+    """What (m, k) factors gain where nuisance parameters move the vehicle that they multiply: half stays half."""
     own = shared_with_nuisance(problem, explanation).T
     gained = np.zeros_like(own)
     for row, term in enumerate(explanation.fitted):

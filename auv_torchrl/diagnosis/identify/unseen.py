@@ -1,4 +1,4 @@
-"""Directions of slack that a log cannot tell: they are not fitted to it."""
+"""Directions of nuisance parameters that a log cannot tell: they are not fitted to it."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.thresholds import TELLS, UNTOLD
 
 
 def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
-    """The problem with slack that keeps its width only along directions of which its windows tell something.
+    """The problem with nuisance parameters as wide as they are only along directions of which its windows tell.
 
     Healthy flights leave open what moves nothing, as twice the inertia with twice the thrust and drag. To first order
     that costs a fit nothing either, so that it would go there as far as it may for the least of reasons. What is said
@@ -22,7 +22,7 @@ def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
         return problem
     size, direction = np.linalg.eigh(problem.nuisance_covariance)
     root = direction * np.sqrt(np.maximum(size, 0.0))
-    told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of slack
+    told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of nuisance parameters
     share = np.where(told < TELLS, UNTOLD, 1.0)
     held = root @ along * share
     covariance = held @ held.T

@@ -43,7 +43,7 @@ def _moved(problem: Problem, explanation: Explanation, moves: Mapping[tuple[str,
 def walks(problem: Problem, fit: Fit, valley: Valley, steps: Floats) -> list[Explanation]:
     """The explanation some ``steps`` of the leading number further, all numbers beside the valley along as fits best.
 
-    What the valley's numbers do together is one mark, taken at the largest step. By itself each of them switches
+    What the valley's numbers do together is one response, taken at the largest step. By itself each of them switches
     samples that together they do not, and the others would make up for what does not happen.
     """
     k, unit = len(problem.nuisance), float(np.abs(steps).max())

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import ACTUATIONS, actuate, coefficients
+from auv_torchrl.diagnosis.motion.actuation import ACTUATIONS, actuate
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, local_slopes, noise_per_sample
-from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
+from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, noise_per_sample
+from auv_torchrl.diagnosis.motion.tangent import Tangent, linearise, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
 from auv_torchrl.diagnosis.thresholds import BENT, FLICKERS, LEAST_FREEDOM, LEAST_NOISE
 from auv_torchrl.flightlog.log import ANGLES
@@ -24,6 +24,7 @@ from auv_torchrl.vehicle import Vehicle
 
 MOMENTS = 101  # at which a command may have changed between two snapshots, to average over
 ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
+AT_ONCE = 4 << 20  # bytes of covariances: a dozen arrays as large are in use while they are worked out
 
 
 @DIVERGING
@@ -57,24 +58,27 @@ def colour_in_pieces(
 
     Piece by piece, because some such arrays are in use at once.
     """
-    state = local_slopes(windows, vehicle, layout, *begin) if windows.errors.snapshot_s else None
-    for some in chunks(len(windows), 8 * windows.trust[0].size ** 2):
-        yield some, _colour(windows.subset(some), vehicle, layout, state and state.rows(some))
+    tangent = None
+    if windows.errors.snapshot_s:
+        start, bins = begin
+        _, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
+    for some in chunks(len(windows), 8 * windows.trust[0].size ** 2, AT_ONCE):
+        yield some, _colour(windows.subset(some), vehicle, layout, tangent and tangent.rows(some))
 
 
 @DIVERGING
-def _colour(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed | None) -> Floats:
-    """Covariance (w, K, K) of what is no white noise, along a state where commands were logged as snapshots."""
+def _colour(windows: Windows, vehicle: Vehicle, layout: Layout, tangent: Tangent | None) -> Floats:
+    """Covariance (w, K, K) of what is no white noise, along a tangent where commands were logged as snapshots."""
     covariance = drift_covariance(windows)
-    if state is not None:
-        responses = command_marks(windows, vehicle, layout, state)
+    if tangent is not None:
+        responses = command_responses(windows, vehicle, layout, tangent)
         bent = np.eye(responses.shape[1]) * (BENT**2 * (responses**2).sum(-1))[:, None]
         covariance = covariance + responses @ responses.swapaxes(1, 2) + bent
     covariance[~np.asarray(np.isfinite(covariance).all((1, 2)))] = 0.0  # no motion to work it out along
     return covariance
 
 
-def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed) -> Floats:
+def command_responses(windows: Windows, vehicle: Vehicle, layout: Layout, tangent: Tangent) -> Floats:
     """What the force that snapshots of commands do not tell would show, (W, K, S n / 2).
 
     Each column is a standard deviation of the samples of a window, one for each grid step and degree of freedom,
@@ -83,8 +87,6 @@ def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, state: Smo
     moves = layout.start[: len(layout.start) // 2]
     unknown = unknown_force(windows, vehicle)[..., moves].reshape(len(windows), 1, -1)
     unit = np.eye(windows.steps * len(moves)).reshape(1, windows.steps, len(moves), -1)
-    c = coefficients(vehicle)
-    tangent = Tangent.of(windows, c, layout.start, state.transition, state.push, state.feel)
     nothing = np.zeros((1, len(layout.start), unit.shape[-1]))
     return unknown * respond(windows, tangent, nothing, unit)
 
