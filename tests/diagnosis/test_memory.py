@@ -64,7 +64,7 @@ def test_a_quadratic_in_pieces_is_that_of_the_whole(followed, at_once, seed, aro
 
     whole = chi_square()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(quadratics, "MARKS_AT_ONCE", at_once)
+        patch.setattr(quadratics, "RESPONSES_AT_ONCE", at_once)
         pieces = chi_square()
     size = np.sqrt(np.diag(whole.A))
     np.testing.assert_allclose(pieces.A, whole.A, rtol=0, atol=1e-9 * np.outer(size, size).max())
@@ -76,7 +76,7 @@ def test_a_quadratic_in_pieces_is_that_of_the_whole(followed, at_once, seed, aro
 def test_screening_a_longer_log_takes_little_more_memory(followed, monkeypatch):
     """A window more costs less than the marks of all changes on it, which would be several times as much at once."""
     problem, path = followed
-    monkeypatch.setattr(quadratics, "MARKS_AT_ONCE", PIECE * len(problem.candidates))
+    monkeypatch.setattr(quadratics, "RESPONSES_AT_ONCE", PIECE * len(problem.candidates))
     times = (1, 5)
     peaks = [peak_of_screening(*repeated(problem, path, n)) for n in times]
     more = (times[1] - times[0]) * len(problem.windows)
