@@ -14,6 +14,7 @@
 
 The engine knows no vehicle and no flight log: a :class:`Model` is any simulator (``model``). Read the modules in this
 order: model, windows, path, linear, smooth, prior, fit, trace, search, select, posterior, identify.
+``bounded`` has the bounded minima that the diagnosis of vehicles uses.
 """
 
 from auv_torchrl.sysid.fit import Fit

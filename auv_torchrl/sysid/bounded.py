@@ -1,7 +1,12 @@
-"""The least of a quadratic within bounds, on a way that never leaves them.
+"""The minimum of a quadratic within bounds, without a search for the exact one.
 
-Where many numbers stand for each other, to go to the minimum first and cut it at the bounds after ends anywhere: a mass
-that has to make up for an added mass below nothing does so no more once that is nothing.
+Two forms serve the diagnosis, and none replaces the other:
+
+- :func:`bounded_minimum` ranks candidates. It clips all numbers beyond their bounds at once and fits the others again:
+  faster than the path, at a cost that may be far above the least.
+- :func:`least_within` makes the steps of a fit. It follows a path from the start to the minimum and never leaves the
+  bounds. Where numbers can replace each other, a minimum that is clipped afterwards is no step downhill: the mass that
+  made up for a negative added mass is wrong once the added mass is clipped to 0.
 """
 
 import numpy as np
@@ -9,7 +14,7 @@ from scipy.linalg import get_lapack_funcs
 
 from auv_torchrl.sysid.model import Floats
 
-BOUND_PASSES = 4  # of fixing numbers at their bounds and fitting the rest again
+BOUND_PASSES = 4  # of clipping numbers to their bounds and fitting the others again
 POTRF, POTRS = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)  # Cholesky without scipy's checks of small arrays
 SINGULAR = 1e-13  # of the largest direction: below, a double holds nothing but rounding
 STILL = 1e-3  # of the largest step, each in units of its curvature: a number at a bound that moves less is rounding
@@ -32,9 +37,9 @@ def solve_semidefinite(H: Floats, right: Floats) -> Floats:
 def bounded_minimum(
     H: Floats, g: Floats, low: Floats, high: Floats, x: Floats | None = None, free: np.ndarray | None = None
 ) -> Floats:
-    """Minimum (N,) of ``x H x - 2 g x`` within bounds: what a number at its bound leaves goes to the others.
+    """A point (N,) within bounds where ``x H x - 2 g x`` is low: numbers beyond a bound stop there, others go on.
 
-    Numbers that are not ``free`` stay as they are in ``x``.
+    Numbers that are not ``free`` keep their value in ``x``.
     """
     x = np.zeros(len(g)) if x is None else x.copy()
     free = np.ones(len(g), bool) if free is None else free.copy()
@@ -55,9 +60,9 @@ def bounded_minimum(
 def least_within(
     H: Floats, g: Floats, bounds: tuple[Floats, Floats], directions: Floats, start: Floats | None = None
 ) -> Floats:
-    """Where (k,) ``x H x - 2 g x`` is least along directions (k, g) from a start, as far as ``bounds`` (k,) let it.
+    """Where (k,) ``x H x - 2 g x`` is least along directions (k, g) from a start, on a path within ``bounds`` (k,).
 
-    What reaches a bound on the way stays there while the others go on. The start is 0 unless it is given.
+    A number that reaches a bound on the path stays there while the others go on. The start is 0 unless it is given.
     """
     # By the size alone: a curvature that is lost in what it was made of by subtraction may come out below 0.
     size, x = np.sqrt(np.maximum(np.abs(np.diag(H)), TINY)), np.zeros(len(g)) if start is None else start.copy()
@@ -87,7 +92,7 @@ def _without(directions: Floats, stopped: int) -> Floats:
 
 
 def minimum_within(H: Floats, g: Floats, bounds: tuple[Floats, Floats], x: Floats, free: np.ndarray) -> Floats:
-    """The same from ``x`` (k,) in the numbers that are ``free``, at once where no bound is in the way."""
+    """:func:`least_within` from ``x`` (k,) in the ``free`` numbers, by one solution where no bound is met."""
     whole = x.copy()
     whole[free] = solve_semidefinite(H[np.ix_(free, free)], g[free] - H[np.ix_(free, ~free)] @ x[~free])
     if ((whole >= bounds[0]) & (whole <= bounds[1]))[free].all():

@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.force import Course, middles, reading_changes, responses
+from auv_torchrl.diagnosis.motion.force import MeasuredMotion, middles, reading_changes, responses
 from auv_torchrl.diagnosis.motion.smooth import Layout, flown, follow, rough_force
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, Severity
@@ -146,7 +146,7 @@ def test_the_mark_of_a_sensor_is_the_difference_of_two_simulations(effect, axes)
     other = batch(HELD, [{effect: {name: 1.0 + size}}])
     motion = middles(states[:, 0])
     before, after = (prepare(its).numpy() for its in (one, other))
-    response = responses(windows, before, layout, state, Course.of(windows, before, motion).forces(after))
+    response = responses(windows, before, layout, state, MeasuredMotion.of(windows, before, motion).forces(after))
     read = reading_changes(windows, before, after, states[:, 0])
     response = (response if read is None else response + read)[..., 0]
     moved, _ = flown(actuate(windows, other), layout, state.start[:, None], state.bins[:, None])

@@ -55,8 +55,8 @@ def test_the_engine_predicts_what_a_simulator_logs():
     windows = cut_windows(log, 2.0, 0.5, 0.2)
     one = batch(HEAVY, [{}])
     predicted, _ = fly(actuate(windows, one), log.episodes[0].values[np.newaxis, windows.start, :12].swapaxes(0, 1))
-    left = windows.residual(predicted)[:, 0][..., windows.felt]
-    seen = windows.trust[..., windows.felt] > 0
+    left = windows.residual(predicted)[:, 0][..., windows.specific_force]
+    seen = windows.trust[..., windows.specific_force] > 0
     assert np.abs(left[seen]).max() < 2e-3  # m/s^2, of 9.8 and of accelerations up to 1
 
 

@@ -8,7 +8,7 @@ import pytest
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.force import Course, middles, reading_changes, responses
+from auv_torchrl.diagnosis.motion.force import MeasuredMotion, middles, reading_changes, responses
 from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.diagnosis.motion.smooth import Layout, local_slopes
 from auv_torchrl.effects import EFFECTS
@@ -39,7 +39,7 @@ def simulated_and_marked(values):
     windows, layout, one, state, samples, states = flown()
     changed = batch(VEHICLE, [values])
     c, beyond = (prepare(its).numpy() for its in (one, changed))
-    responded = responses(windows, c, layout, state, Course.of(windows, c, middles(states)).forces(beyond))
+    responded = responses(windows, c, layout, state, MeasuredMotion.of(windows, c, middles(states)).forces(beyond))
     read = reading_changes(windows, c, beyond, states)
     responded = (responded if read is None else responded + read)[..., 0]
     after = fly(actuate(windows, changed), windows.guess[:, None])[0][:, 0]

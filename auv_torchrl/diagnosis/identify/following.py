@@ -108,10 +108,10 @@ def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tupl
 
 def _beside_offsets(windows: Windows, residual: Floats) -> Floats:
     """What is left (W, K), less what a channel that is felt is off by throughout: that is no motion, and no outlier."""
-    if not windows.felt.any():
+    if not windows.specific_force.any():
         return residual
     left = residual.reshape(windows.trust.shape).copy()
-    for column in np.flatnonzero(windows.felt):
+    for column in np.flatnonzero(windows.specific_force):
         seen = (windows.trust[..., column] > 0) & np.isfinite(left[..., column])
         if seen.any():
             left[..., column] -= np.where(seen, np.median(left[..., column][seen]), 0.0)

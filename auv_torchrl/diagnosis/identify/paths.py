@@ -9,7 +9,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import coefficients
-from auv_torchrl.diagnosis.motion.force import Course, middles
+from auv_torchrl.diagnosis.motion.force import MeasuredMotion, middles
 from auv_torchrl.diagnosis.motion.reduce import NuisanceResponses, Quadratic, local_precision
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import TANGENT, Smoothed, noise_per_sample
@@ -36,9 +36,9 @@ class WindowPath:
         return coefficients(self.vehicle)
 
     @cached_property
-    def course(self) -> Course:
+    def course(self) -> MeasuredMotion:
         """The vehicle along its motion."""
-        return Course.of(self.windows, self.coefficients, self.motion)
+        return MeasuredMotion.of(self.windows, self.coefficients, self.motion)
 
     @cached_property
     def motion(self) -> Floats:
@@ -151,6 +151,6 @@ def sizes(problem: Problem, explanations: list[Explanation], path: WindowPath) -
     values = [{}, *(explanation.values(problem.vehicle) for explanation in explanations)]
     c = prepare(batch(problem.vehicle, values)).numpy()
     moves = problem.layout.start[: len(problem.layout.start) // 2]  # unseen ones too: some effects act through a tilt
-    course = Course.of(problem.windows, c.rows(slice(1)), path.motion)
+    course = MeasuredMotion.of(problem.windows, c.rows(slice(1)), path.motion)
     scaled = (course.forces(c.rows(slice(1, None)))[..., moves] / problem.reach[moves])[problem.followed]
     return np.sqrt((scaled**2).mean((0, 2)).sum(-1))

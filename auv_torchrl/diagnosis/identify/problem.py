@@ -121,7 +121,7 @@ class Problem:
             layout=layout,
             floor=floor[layout.dof],
             reach=_or_alike(reach),
-            wide=reach[layout.dof] * np.where(layout.felt, FELT_ALONE, 1.0),
+            wide=reach[layout.dof] * np.where(layout.by_specific_force, FELT_ALONE, 1.0),
             candidates=candidates,
             nuisance=nuisance,
             nuisance_covariance=covariance,

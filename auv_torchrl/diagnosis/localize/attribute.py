@@ -1,11 +1,11 @@
-"""What a gap goes with that no effect explains: the commands, the motion, the surroundings, and which thruster.
+"""The origin of a gap that no effect explains: commands, motion, surroundings, and which thruster.
 
-Forces of many shapes, sorted by where they come from, are fitted to some windows and predict others. The kind that
-predicts most takes what it predicts as its share of the gap, the next one what it adds to that, and so on: motion
-follows the commands, so that most kinds of force could stand in for another a little. None takes more than it predicts
-alone: commands, velocities and accelerations together are the equation of motion and would explain any gap.
+Forces of many shapes, grouped by origin, are fitted to some windows and predict others. The origin that predicts most
+takes its prediction as its share of the gap, the next one takes what it adds, and so on: motion follows the commands,
+so that one origin can stand in for another a little. No origin takes more than it predicts alone: commands, velocities
+and accelerations together are the equation of motion and would explain any gap.
 
-How much of the gap a map of the commands could close says whether adapting the controls will help.
+The share of the gap that a map of the commands could close says whether adapting the controls will help.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from auv_torchrl.effects import Origin
 from auv_torchrl.physics.kinematics import rotation_matrix
 
 FOLDS = 4
-RESPONSES_BYTES = 64 << 20  # of the marks of all forces; some such arrays are in use at once
+RESPONSES_BYTES = 64 << 20  # of the responses to all forces; some such arrays are in use at once
 SOFT = 0.05  # of the full command, over which a sign changes
 EARLIER = (1, 2, 4, 8, 16)  # grid steps between a command and a force that it may leave behind
 STICTIONS = (0.05, 0.1, 0.2)  # of the full command, by which it must change before a force follows
@@ -126,19 +126,19 @@ def input_mappable(problem: Problem, follow: WindowPath) -> float | None:
 
 
 def in_turn(value: Callable[[Sequence[int]], float], teams: Sequence[Sequence[int]]) -> Floats:
-    """What each team adds to ``value``, the best first, at most what it is worth alone; equals divide it."""
+    """What each team adds to ``value``, the best first, at most its value alone; equal teams share."""
     shares, inside, left, reached = np.zeros(len(teams)), [], list(range(len(teams))), 0.0
     alone = np.maximum([value(team) for team in teams], 0.0)
     while left:
         added = np.array([value([*inside, *teams[team]]) - reached for team in left])
         if not added.max() > WORTHLESS:
             break
-        alike = [team for team, worth in zip(left, added, strict=True) if worth > (1 - ALIKE) * added.max()]
-        inside += [member for team in alike for member in teams[team]]
+        equal = [team for team, worth in zip(left, added, strict=True) if worth > (1 - ALIKE) * added.max()]
+        inside += [member for team in equal for member in teams[team]]
         gained = value(inside) - reached
-        shares[alike] = np.minimum(gained / len(alike), alone[alike])
+        shares[equal] = np.minimum(gained / len(equal), alone[equal])
         reached += gained
-        left = [team for team in left if team not in alike]
+        left = [team for team in left if team not in equal]
     return shares
 
 
@@ -159,7 +159,7 @@ def _by_dof(motion: Floats, dof: np.ndarray) -> Floats:
 def _folds(
     problem: Problem, path: WindowPath, forces: Floats, followed: np.ndarray
 ) -> list[tuple[Quadratic, Quadratic]]:
-    """Windows to fit to and windows to predict, in turn, and what forces (W, N, S, 6) predict of them."""
+    """Quadratics of forces (W, N, S, 6) on the windows to fit to and on those to predict, for each fold."""
     turn = np.arange(len(followed)) % FOLDS
     tests = _quadratics(problem, path, forces, [followed & (turn == k) for k in range(FOLDS)])
     others = [[tests[j] for j in range(FOLDS) if j != k] for k in range(FOLDS)]
@@ -169,7 +169,7 @@ def _folds(
 def _quadratics(problem: Problem, path: WindowPath, forces: Floats, chosen: list[np.ndarray]) -> list[Quadratic]:
     """Chi-square of amounts of forces (W, N, S, 6) on some windows each, masks (W,).
 
-    The marks of all forces on all windows would fill the memory: they are reduced piece by piece.
+    The responses to all forces on all windows would fill the memory: they are reduced piece by piece.
     """
     freedom, each = problem.freedom(path.state), 8 * path.state.residual[0].size * forces.shape[1]
     whole, numbers = [np.zeros((1, 1)) for _ in chosen], 0.0

@@ -21,7 +21,7 @@ MOST_REGIMES = 5
 def locate(
     problem: Problem, found: Found, effects: tuple[FoundEffect, ...], verdict: Verdict, onset: Onset | None
 ) -> Where:
-    """Shares of the gap before anything is explained; what no effect explains is shared out by what it goes with."""
+    """Shares of the whole gap; the part that no effect explains is attributed by :func:`attribute`."""
     size = gap_by_window(problem, found.follow)
     origin, thruster = by_origin(effects), by_thruster(problem, effects)
     if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED):
@@ -41,7 +41,7 @@ def locate(
 
 
 def mixed(known: dict[str, float], rest: dict[str, float], share: float) -> dict[str, float]:
-    """Shares of what is known, which is ``share`` of the gap, and of the rest."""
+    """Shares of the explained part of the gap, which is ``share`` of it, and of the rest."""
     if not known or not rest:
         return known or rest
     return {name: share * known[name] + (1 - share) * rest[name] for name in known}

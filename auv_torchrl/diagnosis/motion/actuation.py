@@ -1,7 +1,7 @@
-"""What many vehicles do with the logged commands, before any motion.
+"""The thrust that many vehicles make of the logged commands, before any motion.
 
-Thrust depends on commands alone, so it is worked out before the body moves: each window starts with the thrust that
-its commands have left behind, and the targets of all its steps are found at once.
+Thrust depends on commands alone, so it is computed before the body moves. Each window starts with the thrust that
+earlier commands have left behind, and the thrust targets of all steps are computed at once.
 """
 
 from collections.abc import Sequence
@@ -26,17 +26,17 @@ from auv_torchrl.vehicle import Vehicle
 
 LEAST_STEP = 0.005  # s; drag stops no vehicle within that: speeds that would need less are noise, and never end
 LAG_MEMORY = 6.0  # time constants after which 0.25 % of an old thrust is left
-KEPT, LARGEST = 64, 50_000  # mean targets, and numbers of one: 26 MB at most; long logs make larger ones
-MEANS: Latest[list[Floats]] = Latest(KEPT)
+MOST_MEANS, LARGEST = 64, 50_000  # mean targets, and numbers of one: 26 MB at most; long logs have larger ones
+MEANS: Latest[list[Floats]] = Latest(MOST_MEANS)
 COEFFICIENTS: Latest[Coefficients] = Latest(8)
 SENSORS: Latest[Inverse] = Latest(8)
-# Beside the latest no more than that many bytes of what whitens windows: each subset of them has a copy of its own.
+# Beside the latest no more than that many bytes of whitening: each subset of windows has its own copy.
 ACTUATIONS: "Latest[Actuation]" = Latest(4, 192 << 20, lambda actuation: actuation.whitening_bytes)
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """What ``R`` vehicles do with the logged commands, before any motion."""
+    """Thrust that ``R`` vehicles make of the logged commands, before any motion."""
 
     windows: Windows
     c: Coefficients  # (R, ...); their delay is what is left of it behind whole grid steps
@@ -47,7 +47,7 @@ class Actuation:
 
     @property
     def whitening_bytes(self) -> int:
-        """What whitens the windows takes so much memory: the largest array that they hold."""
+        """Memory of the whitening of the windows, the largest array that they hold."""
         return 0 if self.windows.whitening is None else self.windows.whitening.nbytes
 
     @cached_property
@@ -57,7 +57,7 @@ class Actuation:
 
     @cached_property
     def sensors(self) -> Inverse:
-        """What their sensors make of a motion."""
+        """The vehicles' sensors, from reports to true motion and back."""
         return sensors_of(self.c, self.windows.channels)
 
     @property
@@ -68,7 +68,7 @@ class Actuation:
     def targets(self, chunk: slice, steps: np.ndarray, parts: int = 1) -> list[Floats]:
         """Mean thrust target (w, R, S, n) in N during each of ``parts`` parts of grid steps (S,) of some windows.
 
-        Nobody changes them in place.
+        The arrays are shared: no caller may change them in place.
         """
         windows, (kinds, kind) = self.windows, self._kinds
         logged = windows.commands, windows.parts, windows.volts
@@ -85,7 +85,7 @@ class Actuation:
         return found if self.late else found * parts
 
     def _means(self, chunk: slice, steps: np.ndarray, parts: int) -> list[Floats]:
-        """The same of each kind of vehicle alone (w, K, S, n); one of them where all parts are the same."""
+        """Mean thrust targets (w, K, S, n) of each kind of vehicle; one array where all parts are the same."""
         windows, (kinds, _) = self.windows, self._kinds
         grid = np.clip(windows.start[chunk, None] + steps, 0, windows.commands.shape[1] - 1)
         shifts = self.whole[kinds]
@@ -101,7 +101,7 @@ class Actuation:
         return means if left is None else [mean * left[..., None] for mean in means]
 
     def load(self, chunk: slice, steps: int) -> Floats | None:
-        """Share (w, R, S) of their full thrusts that thrusters give at grid steps; None where no sensor feels it."""
+        """Share (w, R, S) of their full thrusts of thrusters at grid steps; None where no sensor depends on it."""
         if not self.c.compass_per_load.any():
             return None
         (target,) = self.targets(chunk, np.arange(steps) - 1)  # a sample is taken before its command acts
@@ -109,22 +109,22 @@ class Actuation:
 
     @cached_property
     def _numbers(self) -> Floats:
-        """What the vehicles (R, k) do with a command depends on."""
+        """The numbers (R, k) on which the thrust target of a command depends."""
         fields = [getattr(self.c, name).reshape(len(self.whole), -1) for name in TARGET_FIELDS]
         return np.concatenate([self.whole[:, None], *fields], axis=1)
 
     @cached_property
     def _kinds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vehicles that do different things with a command, and as which of them each does: most change elsewhere."""
+        """Vehicles whose thrust targets differ, and the one of them that each vehicle equals: most differ elsewhere."""
         return distinct(self._numbers)
 
 
 def left_by_volts(
     windows: Windows, by_step: Coefficients, grid: np.ndarray, chunk: slice = slice(None)
 ) -> Floats | None:
-    """What the logged volts leave of the thrust of vehicles (R, 1) at grid steps (w, S) of windows, (w, R, S).
+    """Share (w, R, S) of their thrust that the logged volts leave vehicles (R, 1) at grid steps (w, S) of windows.
 
-    None where no volts were logged, or no vehicle follows them.
+    None where no volts were logged, or no vehicle depends on them.
     """
     if windows.volts is None or not by_step.volts.any():
         return None
@@ -132,27 +132,27 @@ def left_by_volts(
 
 
 def oldest(windows: Windows, c: Coefficients) -> Floats:
-    """Age (R,) in s of the latest reports: windows are flown at the times that they tell of."""
+    """Age (R,) in s of the oldest reports of each vehicle: its windows are simulated at those times."""
     return ages(c, windows.channels).max(-1)
 
 
 def coefficients(vehicle: Vehicle) -> Coefficients:
-    """Those of vehicles that nobody changes in place, in numpy: many ask for them, one after the other."""
+    """Coefficients of vehicles in numpy, computed once for the same vehicles; no caller may change them in place."""
     return COEFFICIENTS.of(lambda: prepare(vehicle).numpy(), (vehicle,))
 
 
 def sensors_of(c: Coefficients, channels: tuple[str, ...]) -> Inverse:
-    """What the sensors of vehicles that nobody changes in place make of a motion; many ask, one after the other."""
+    """The sensors of vehicles with coefficients ``c``, computed once for the same ones."""
     return SENSORS.of(lambda: Inverse.of(c, channels), (c,), channels)
 
 
 def actuate(windows: Windows, vehicle: Vehicle) -> Actuation:
-    """What vehicles, a batch (R,), do with the commands of windows; many ask, one after the other."""
+    """The thrust that vehicles, a batch (R,), make of the commands of windows, computed once for the same ones."""
     return ACTUATIONS.of(lambda: actuate_prepared(windows, coefficients(vehicle)), (windows, vehicle))
 
 
 def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
-    """Delay the commands and let the lag run up to the start of each window; coefficients of vehicles (R,)."""
+    """Delay the commands, and run the lag up to the start of each window; ``c`` are coefficients of vehicles (R,)."""
     total = np.maximum(c.delay + oldest(windows, c), 0.0)  # late reports see the motion that older commands made
     whole = np.floor(total / windows.dt + 1e-6)
     c = c._replace(delay=np.maximum(total - whole * windows.dt, 0.0))
@@ -171,7 +171,7 @@ def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
 
 
 def _substeps(windows: Windows, c: Coefficients) -> int:
-    """Runge-Kutta steps per grid step that keep order 4 accurate at the speeds that were flown."""
+    """Runge-Kutta steps per grid step that are accurate at the speeds of the log."""
     speed = np.quantile(np.abs(windows.guess[:, 6:]), 0.99, axis=0)
     linear = np.diagonal(c.linear_drag, axis1=-2, axis2=-1)
     rate = (linear + 2 * c.quadratic_drag * speed) * np.diagonal(c.mass_inverse, axis1=-2, axis2=-1)
@@ -180,7 +180,7 @@ def _substeps(windows: Windows, c: Coefficients) -> int:
 
 
 def _targets(c: Coefficients, terms: ActiveTerms, commands: Floats, dt: float, parts: int) -> list[Floats]:
-    """:func:`thrust_targets` of vehicles (K, 1) whose delay is less than ``dt``, at commands (w, K or 1, S, L, n)."""
+    """Thrust targets by part of a step: vehicles (K, 1) of a delay below ``dt``, commands (w, K or 1, S, L, n)."""
     now = _target(c, terms, commands[..., 0, :])
     if commands.shape[-2] == 1:
         return [now] * parts
@@ -204,7 +204,7 @@ def _target(c: Coefficients, terms: ActiveTerms, commands: Floats) -> Floats:
 
 
 def distinct(numbers: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (K,) of all (R, k) that differ from each other, and which of them each row (R,) is equal to."""
+    """Rows (K,) that differ from each other, among rows (R, k), and the one of them that each row (R,) equals."""
     known: dict[bytes, int] = {}
     kind = [known.setdefault(row.tobytes(), len(known)) for row in np.ascontiguousarray(numbers)]
     found = np.array(kind)
@@ -212,5 +212,5 @@ def distinct(numbers: Floats) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _mean(targets: Sequence[Floats]) -> Floats:
-    """Of thrusts, and not of commands, because the dead band is not linear."""
+    """Mean of thrust targets, and not of commands, because the dead band is not linear."""
     return targets[0] if len(targets) == 1 else sum(targets[1:], start=targets[0]) / len(targets)

@@ -25,10 +25,10 @@ class _Cut(NamedTuple):
 
 
 def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0.0) -> Windows:
-    """Windows of ``window_s`` seconds, end to end, the first ``lead_s`` seconds of each episode left out.
+    """Windows of ``window_s`` seconds, end to end, without the first ``lead_s`` seconds of each episode.
 
-    With ``bin_s``, their length is a whole number of pairs of bins of that many seconds. The lead is there
-    because nobody logged what was commanded before the first row.
+    The lead is left out because commands before the first row are not logged. With ``bin_s``, the length of a window is
+    a whole number of pairs of bins of that many seconds.
 
     Raises:
         FlightLogError: if no episode holds a window.
@@ -48,7 +48,7 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         first = _first_seen(position, known, lead) if log.errors.snapshot_s else lead
         starts = range(first, length - steps + 1, steps)
         for start, inside, seen in _dense(position, known, starts, dt, max(0.5, 0.25 * window_s)):
-            inside = seen if log.errors.snapshot_s else inside  # rows that are there for a command alone say nothing
+            inside = seen if log.errors.snapshot_s else inside  # a row with a command alone has no sample
             cuts.append(_Cut(order, episode, start, position[inside] - start, values[inside], trusted[inside]))
     if not cuts:
         raise FlightLogError(
@@ -82,9 +82,9 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
 
 
 def _affordable(log: FlightLog, cuts: list[_Cut], channels: tuple[str, ...], steps: int, per_bin: int) -> int:
-    """How many windows fit the memory once each is followed by a force per half a bin, as a limit cycle needs.
+    """How many windows fit the memory with a force per half a bin in each, as a limit cycle needs.
 
-    All where none is, as ``per_bin`` is 0. What no channel tells anything of has no force.
+    All of them fit where windows have no force (``per_bin`` is 0). A degree of freedom without a channel has none.
     """
     if not per_bin:
         return len(cuts)
@@ -98,8 +98,8 @@ def _volts(log: FlightLog, dt: float, length: int) -> Floats | None:
     """Volts (E, length) at grid steps, between the samples of each episode; NaN where it has none."""
     found = np.full((len(log.episodes), length), np.nan)
     for row, episode in zip(found, log.episodes, strict=True):
-        if episode.battery is not None and (told := np.isfinite(episode.battery)).any():
-            row[:] = np.interp(episode.t[0] + dt * np.arange(length), episode.t[told], episode.battery[told])
+        if episode.battery is not None and (logged := np.isfinite(episode.battery)).any():
+            row[:] = np.interp(episode.t[0] + dt * np.arange(length), episode.t[logged], episode.battery[logged])
     return None if np.isnan(found).all() else found
 
 

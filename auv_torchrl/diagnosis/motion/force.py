@@ -1,8 +1,8 @@
-"""The force that a change of the vehicle would have added along the motion that was measured.
+"""The force that a change of the vehicle would have added along the measured motion, and its response in the samples.
 
-At a given motion, an effect is a force in time, however large it is and however far the changed vehicle would have
-drifted from the measured path in a simulation. That makes every effect nearly linear, a reversed or swapped thruster
-included, and one rollout per effect gives its mark on the measurements.
+At a given motion an effect is a force over time, however far a simulation of the changed vehicle would drift from the
+measured path. So every effect is nearly linear, a reversed or swapped thruster included. One pass along the motion
+gives the response of the samples to an effect.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.diagnosis.motion.actuation import actuate_prepared, sensors_of
-from auv_torchrl.diagnosis.motion.rollout import DIVERGING, accelerations, ahead, felt_samples
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING, accelerations, ahead, mean_specific_forces
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
@@ -21,7 +21,7 @@ from auv_torchrl.sensors import Inverse, motion_of, read, report_alike
 
 CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
 READ_AT_ONCE = 300  # windows of vehicles: their arrays stay in the cache of a laptop
-PROBED = 3  # windows in which is looked which vehicles report something else
+PROBED = 3  # windows that show which vehicles report something else
 SAME = 1e-9  # m, rad, m/s, rad/s: rounding
 
 
@@ -34,8 +34,8 @@ def middles(states: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Course:
-    """A vehicle along a measured motion: what the forces of other vehicles there are compared with."""
+class MeasuredMotion:
+    """A measured motion, and the accelerations of the nominal vehicle along it."""
 
     windows: Windows
     sensors: Inverse  # of the vehicle (1,)
@@ -45,23 +45,25 @@ class Course:
 
     @staticmethod
     @DIVERGING
-    def of(windows: Windows, nominal: Coefficients, motion: Floats) -> "Course":
-        """That of a vehicle (1,) along its true ``motion`` (W, S, 13)."""
-        sound = actuate_prepared(windows, nominal)
-        seen = sound.sensors.reported_state(motion)
-        return Course(windows, sound.sensors, sound.c.mass_matrix[:, None], seen, accelerations(sound, seen))
+    def of(windows: Windows, nominal: Coefficients, motion: Floats) -> "MeasuredMotion":
+        """The true ``motion`` (W, S, 13) with the accelerations of a vehicle (1,)."""
+        actuation = actuate_prepared(windows, nominal)
+        seen = actuation.sensors.reported_state(motion)
+        return MeasuredMotion(
+            windows, actuation.sensors, actuation.c.mass_matrix[:, None], seen, accelerations(actuation, seen)
+        )
 
-    def rows(self, some: slice) -> "Course":
-        """That of some windows."""
+    def rows(self, some: slice) -> "MeasuredMotion":
+        """The measured motion of some windows."""
         if some == slice(0, len(self.windows)):
             return self
         return replace(self, windows=self.windows.subset(some), seen=self.seen[some], rate=self.rate[some])
 
     @DIVERGING
     def forces(self, changed: Coefficients) -> Floats:
-        """Force (W, R, S, 6) in N and N m that changed vehicles (R,) feel beyond the vehicle.
+        """Force (W, R, S, 6) in N and N m on changed vehicles (R,) less that on the nominal one.
 
-        It is its mass matrix times the difference of the accelerations, so that a change of the inertia counts too.
+        The force is the nominal mass matrix times the difference of the accelerations, so a changed inertia counts too.
         """
         windows, sensors = self.windows, self.sensors
         forces = np.empty((len(windows), len(changed.lag), windows.steps, 6))
@@ -79,7 +81,7 @@ def _chunks(rows: np.ndarray) -> list[np.ndarray]:
 
 
 def responses(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed, forces: Floats) -> Floats:
-    """How forces (W, R, S, 6) along the measured motion would show in the samples, to first order: (W, K, R)."""
+    """Responses (W, K, R) of the samples to forces (W, R, S, 6) along the measured motion, to first order."""
     moves = layout.start[: len(layout.start) // 2]
     pushed = forces[..., moves].transpose(0, 2, 3, 1)
     nothing = np.zeros((1, len(layout.start), forces.shape[1]))
@@ -89,11 +91,11 @@ def responses(windows: Windows, c: Coefficients, layout: Layout, state: Smoothed
 
 @DIVERGING
 def reading_changes(windows: Windows, before: Coefficients, after: Coefficients, states: Floats) -> Floats | None:
-    """What vehicles (R,) report (W, K, R) beyond the nominal one (1,), where they move as the same report says.
+    """Reports (W, K, R) of vehicles (R,) less those of the nominal one (1,), for motions that give the same report.
 
-    A speed that positions show is also a speed that a Doppler log reads: a vehicle whose positions are scaled, or whose
-    compass is off, moves otherwise than reported, and its other sensors tell. None where all of them report the same.
-    ``states`` (W, S + 1, 13) are the true ones of the nominal vehicle.
+    A vehicle whose positions are scaled, or whose compass is off, moves otherwise than reported, and its other sensors
+    show that: a speed that positions show is also a speed that a Doppler log reads. None where all vehicles report the
+    same. ``states`` (W, S + 1, 13) are the true ones of the nominal vehicle.
     """
     first, kind = report_alike(before, after, windows.channels)
     if not len(first):
@@ -111,7 +113,7 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
     if not len(other):
         return None
     shown = np.zeros((*windows.measured.shape, len(after.lag)))
-    few = max(1, READ_AT_ONCE // len(windows)) if windows.felt.any() else 1
+    few = max(1, READ_AT_ONCE // len(windows)) if windows.specific_force.any() else 1
     for start in range(0, len(other), few):
         some = other[start : start + few]
         for like, change in zip(some, np.moveaxis(beyond(after.rows(first[some]), slice(None)), 1, 0), strict=True):
@@ -121,10 +123,10 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
 
 
 def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
-    """What vehicles (R,) report (W, R, m, C) at the times of samples, moving as ``seen`` (W, 1, S + 1, 13)."""
+    """Reports (W, R, m, C) of vehicles (R,) at the times of samples, along a reported motion (W, 1, S + 1, 13)."""
     true = sensors_of(c, windows.channels).by_step().true_state(seen)
-    felt = c.compass_per_load.any()  # what thrusters give is worked out where some sensor feels it
-    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2]) if felt else None
+    loads_matter = c.compass_per_load.any()  # thrust is computed where some sensor depends on it
+    load = actuate_prepared(windows, c).load(slice(0, len(windows)), true.shape[2]) if loads_matter else None
     by_step, motion = c.rows((slice(None), None)), motion_of(true)
     reports = read(by_step, windows.channels, motion, load)
     reports[..., windows.angular] = np.unwrap(reports[..., windows.angular], axis=2)
@@ -132,6 +134,8 @@ def _readings(windows: Windows, c: Coefficients, seen: Floats) -> Floats:
     whole = np.minimum(np.floor(at + 1e-9).astype(int), windows.steps - 1)
     here, there = (np.take_along_axis(reports, step, axis=2) for step in (whole, whole + 1))
     found = here + (at - whole) * (there - here)
-    if windows.felt.any():
-        found[..., windows.felt] = felt_samples(windows, by_step, motion, at[..., windows.felt])
+    if windows.specific_force.any():
+        found[..., windows.specific_force] = mean_specific_forces(
+            windows, by_step, motion, at[..., windows.specific_force]
+        )
     return found

@@ -23,8 +23,8 @@ from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.vehicle import Vehicle
 
 MOMENTS = 101  # at which a command may have changed between two snapshots, to average over
-AT_ONCE = 4 << 20  # bytes of covariances: a dozen arrays as large are in use while they are worked out
 ROUNDING = 12**-0.5  # standard deviation of a rounding error, in steps: no noise is believed below it
+AT_ONCE = 4 << 20  # bytes of covariances: a dozen arrays as large are in use while they are worked out
 
 
 @DIVERGING
@@ -71,14 +71,14 @@ def _colour(windows: Windows, vehicle: Vehicle, layout: Layout, tangent: Tangent
     """Covariance (w, K, K) of what is no white noise, along a tangent where commands were logged as snapshots."""
     covariance = drift_covariance(windows)
     if tangent is not None:
-        responses = command_marks(windows, vehicle, layout, tangent)
+        responses = command_responses(windows, vehicle, layout, tangent)
         bent = np.eye(responses.shape[1]) * (BENT**2 * (responses**2).sum(-1))[:, None]
         covariance = covariance + responses @ responses.swapaxes(1, 2) + bent
     covariance[~np.asarray(np.isfinite(covariance).all((1, 2)))] = 0.0  # no motion to work it out along
     return covariance
 
 
-def command_marks(windows: Windows, vehicle: Vehicle, layout: Layout, tangent: Tangent) -> Floats:
+def command_responses(windows: Windows, vehicle: Vehicle, layout: Layout, tangent: Tangent) -> Floats:
     """What the force that snapshots of commands do not tell would show, (W, K, S n / 2).
 
     Each column is a standard deviation of the samples of a window, one for each grid step and degree of freedom,

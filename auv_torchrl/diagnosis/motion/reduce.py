@@ -1,4 +1,8 @@
-"""From windows full of samples to one small quadratic: what the log says about every change at once."""
+"""Starts and disturbances integrated out of all windows: one small quadratic in the amounts of all changes is left.
+
+A column is the response of the samples to one change of the vehicle. The free numbers of a window, its start and its
+disturbance, absorb a part of every column. What remains of all columns makes the quadratic.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -18,7 +22,7 @@ OU_TIME = 1.0  # s, correlation time of the disturbance force
 
 @dataclass(frozen=True)
 class Reduced:
-    """Columns on ``W`` windows, and what of each of them the free numbers of a window absorb."""
+    """Columns on ``W`` windows, and the part of each that the free numbers of a window absorb."""
 
     responses: Floats  # (W, K, N) in units of the noise
     pull: Floats  # (W, L, N) of each of these on the free numbers
@@ -33,7 +37,7 @@ class Reduced:
 
     @cached_property
     def size(self) -> Floats:
-        """(W,) that is finite where all numbers are."""
+        """A number (W,) per window, finite where all its numbers are."""
         return np.einsum("wkn,wkn->w", self.responses, self.responses) + np.einsum("wln,wln->w", self.pull, self.moved)
 
     def times(self, other: "Reduced", chosen: np.ndarray) -> Floats:
@@ -45,7 +49,7 @@ class Reduced:
         return mine.T @ its - pull.T @ moved
 
     def squares(self, chosen: np.ndarray) -> Floats:
-        """Products (N, N) of the columns with each other, worked out once for the same windows."""
+        """Products (N, N) of the columns with each other, computed once for the same windows."""
         key = chosen.tobytes()
         if key not in self._squares:
             self._squares[key] = self.times(self, chosen)
@@ -69,7 +73,7 @@ class Quadratic:
 
 @dataclass(frozen=True)
 class Parts:
-    """What ``W`` windows add to a quadratic of ``N`` columns, as factors: one product of all windows is the fastest."""
+    """Contribution of ``W`` windows to a quadratic of ``N`` columns, as factors: one product of all is the fastest."""
 
     columns: Reduced  # the residual, then the columns but for the first ones
     first: Reduced | None  # columns that are known already
@@ -82,12 +86,12 @@ class Parts:
         return pooled([self], chosen)
 
     def pooled(self, chosen: np.ndarray) -> Floats:
-        """Of some windows (W,): constant and b in the first row of (1 + N, 1 + N), A in the others."""
-        sound = chosen & ~self.diverged
-        whole = self.columns.times(self.columns, sound)
+        """Sum (1 + N, 1 + N) over some windows (W,): constant and b in the first row, A in the others."""
+        finite = chosen & ~self.diverged
+        whole = self.columns.times(self.columns, finite)
         if self.first is not None:
-            across = self.first.times(self.columns, sound)  # (k, 1 + N - k)
-            corner = self.first.squares(sound)
+            across = self.first.times(self.columns, finite)  # (k, 1 + N - k)
+            corner = self.first.squares(finite)
             upper = np.concatenate([whole[:1, :1], across[:, :1].T, whole[:1, 1:]], axis=1)
             middle = np.concatenate([across[:, :1], corner, across[:, 1:]], axis=1)
             lower = np.concatenate([whole[1:, :1], across[:, 1:].T, whole[1:, 1:]], axis=1)
@@ -129,7 +133,7 @@ def local_precision(layout: Layout, dt: float, floor: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Freedom:
-    """What the free start and the disturbance of every window can absorb; many explanations share one."""
+    """The free start and the disturbance of every window, as what they can absorb; many hypotheses share one."""
 
     weight: Floats  # (K,) one over the noise of each number of a window
     slope: Floats  # (W, K, L) of the prediction in the free numbers, in units of the noise
@@ -139,7 +143,7 @@ class Freedom:
     @staticmethod
     @DIVERGING
     def of(windows: Windows, layout: Layout, slope: Floats, sigma: dict[str, float], prior: Floats) -> "Freedom":
-        """Work it out for slopes (W, K, L), sensor noise by channel and a disturbance of ``prior`` (D,)."""
+        """From slopes (W, K, L), sensor noise by channel and a disturbance of standard deviation ``prior`` (D,)."""
         weight = 1.0 / noise_per_sample(windows, sigma)
         scaled = slope * weight[:, None]
         precision = local_precision(layout, windows.dt, prior)
@@ -147,12 +151,12 @@ class Freedom:
 
     @property
     def size(self) -> int:
-        """Bytes that it takes."""
+        """Bytes in memory."""
         return self.slope.nbytes + self.inverse.nbytes
 
     @DIVERGING
     def reduced(self, columns: Floats) -> Reduced:
-        """Marks (W, K, N) of changes, and what the free numbers absorb of them."""
+        """Responses (W, K, N) to changes, and the part of them that the free numbers absorb."""
         responses = columns * self.weight[:, None]
         pull = self.slope.swapaxes(1, 2) @ responses
         return Reduced(responses, pull, self.inverse @ pull)
@@ -162,21 +166,21 @@ class Freedom:
         return replace(self, slope=self.slope[some], inverse=self.inverse[some])
 
     def determined(self, layout: Layout) -> float:
-        """How many entries of all starts the samples tell; an axis that nobody measured costs no number."""
+        """How many entries of all starts the samples determine; an axis without a channel costs no number."""
         at = np.arange(len(layout.start))
-        told = 1.0 - self.inverse[:, at, at] * self.precision[at, at]
-        return float(np.where(np.isfinite(told), told, 1.0).sum())
+        share = 1.0 - self.inverse[:, at, at] * self.precision[at, at]
+        return float(np.where(np.isfinite(share), share, 1.0).sum())
 
 
 @dataclass(frozen=True)
 class NuisanceResponses:
-    """Marks of the slack parameters, per unit, and what the free numbers of the windows absorb of them."""
+    """Responses to the nuisance parameters, per unit, and the part of them that the free numbers absorb."""
 
     freedom: Freedom
     reduced: Reduced
 
     def under(self, freedom: Freedom) -> Reduced:
-        """That of the same marks where the free numbers absorb something else."""
+        """The same responses where the free numbers absorb another part."""
         if freedom is self.freedom:
             return self.reduced
         return freedom.reduced(self.reduced.responses / self.freedom.weight[:, None])
@@ -195,8 +199,8 @@ def settle(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Gauss-Newton steps of the free numbers; starts, bins, residuals (W, R, K) and states (W, R, S + 1, 13) then.
 
-    ``vehicle`` is a batch (R,), ``start`` (W, R, 12), ``bins`` (W, R, B, D); ``residual`` is theirs where it is known.
-    Slopes are known: they hardly change where a small change of the vehicle moves the windows a little.
+    ``vehicle`` is a batch (R,), ``start`` (W, R, 12), ``bins`` (W, R, B, D); ``residual`` is known or
+    None. The slopes of ``freedom`` serve: a small change of the vehicle hardly changes them.
     """
     actuation = actuate(windows, vehicle)
     states = np.empty(0)
@@ -217,7 +221,7 @@ def settle(
 def chi_square(
     windows: Windows, layout: Layout, freedom: Freedom, start: Floats, bins: Floats, residual: Floats
 ) -> Floats:
-    """Chi-square (W, R) of what :func:`settle` returned, the free numbers paid for."""
+    """Chi-square (W, R) of a result of :func:`settle`, with the cost of the free numbers."""
     away = layout.away(windows, start, bins)
     scaled = residual * freedom.weight
     pull = scaled @ freedom.slope - away @ freedom.precision
@@ -236,15 +240,15 @@ def reduce(
     columns: Floats,
     first: Reduced | None = None,
 ) -> Parts:
-    """Eliminate the start and the disturbance of every window.
+    """Integrate the start and the disturbance out of every window.
 
     Args:
         windows: the data.
         layout: of the free numbers of ``state``.
-        freedom: what they can absorb.
+        freedom: what the free numbers can absorb.
         state: where the slopes were taken; its force is part of the gap, not of the disturbance.
-        columns: (W, K, N) marks of the changes.
-        first: marks of other changes, which come before these and are reduced already.
+        columns: (W, K, N) responses to the changes.
+        first: responses to other changes, which come before these and are reduced already.
     """
     away = layout.away(windows, state.start, state.bins)
     prior = away @ freedom.precision

@@ -1,4 +1,4 @@
-"""Many vehicles over many windows in one batched rollout of the project's physics."""
+"""Many vehicles simulated over many windows at once, and what their sensors report at the times of the samples."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +13,8 @@ from auv_torchrl.physics.thrusters import lag_left
 from auv_torchrl.sensors import ages, felt_along, motion_of, read
 
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
-DIVERGING = np.errstate(over="ignore", invalid="ignore", divide="ignore")  # such a candidate predicts NaN and loses
+# A candidate that diverges predicts NaN and loses.
+DIVERGING = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 Reading = Callable[[Floats, Floats | None], Floats]  # what is reported of a motion (..., 12), and of a load (...)
 
 
@@ -24,9 +25,9 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
     Args:
         actuation: what the vehicles (R,) do with the commands of the windows.
         start: (W, R, 12) pose and velocity at the start as reported, see :class:`~auv_torchrl.sensors.Inverse`.
-        force: (W, R, S, 6) in N and N m, body frame, that acts besides what the vehicle does; None for none.
+        force: (W, R, S, 6) in N and N m, body frame, in addition to the vehicle's own; None for none.
 
-    Any of the three may have one row for all the others'.
+    Each of the three may have one row that serves all rows of the others.
     """
     windows = actuation.windows
     steps = windows.steps + late_steps(windows, actuation.c)
@@ -42,7 +43,7 @@ def fly(actuation: Actuation, start: Floats, force: Floats | None = None) -> tup
 
 
 def _lasting(force: Floats, steps: int) -> Floats:
-    """A force (w, R, S, 6) during as many steps; the last one goes on."""
+    """A force (w, R, S, 6) during ``steps`` steps; the last value goes on."""
     missing = steps - force.shape[2]
     return np.concatenate([force, np.repeat(force[:, :, -1:], missing, axis=2)], axis=2) if missing else force
 
@@ -54,7 +55,7 @@ def begin(actuation: Actuation, chunk: slice, start: Floats, rows: int) -> Float
 
 
 class Run:
-    """Some windows on their way; rows of one vehicle share its thrust."""
+    """The simulation of some windows; rows of one vehicle share its thrust."""
 
     def __init__(self, actuation: Actuation, chunk: slice, steps: int):
         self._actuation = actuation
@@ -91,7 +92,7 @@ class Run:
 
 
 def _by_part(targets: list[Floats]) -> Floats:
-    """Targets (w, R, S, P, n) of ``P`` parts of grid steps; where they are the same ones, they are not copied."""
+    """Targets (w, R, S, P, n) of ``P`` parts of grid steps; equal parts are not copied."""
     if all(part is targets[0] for part in targets):
         one = targets[0][..., None, :]
         return np.broadcast_to(one, (*one.shape[:-2], len(targets), one.shape[-1]))
@@ -128,24 +129,26 @@ def late_steps(windows: Windows, c: Coefficients) -> int:
 
 
 def sample(windows: Windows, chunk: slice, c: Coefficients, states: Floats, load: Floats | None = None) -> Floats:
-    """What the sensors report of ``states`` (w, R, steps + 1, 13) at the times of the samples: (w, R, m, C).
+    """Reports of the sensors on ``states`` (w, R, steps + 1, 13) at the times of the samples, (w, R, m, C).
 
-    ``load`` (w, R, steps + 1) is the share of their full thrusts that thrusters give; None where no sensor feels it.
+    ``load`` (w, R, steps + 1) is the share of full thrust that thrusters give; None where no sensor depends on it.
     """
     by_step = c.rows((slice(None), None))  # (R, 1, ...): steps are a batch axis
-    motion, felt = motion_of(states), windows.felt
+    motion, specific = motion_of(states), windows.specific_force
     at, later = (windows.index + windows.fraction)[chunk, None], ahead(windows, c)
-    reported = np.empty((*states.shape[:2], at.shape[-1], len(felt)))
-    if not felt.all():
-        names = tuple(name for name, alone in zip(windows.channels, felt, strict=True) if not alone)
-        angular, reading = windows.angular[~felt], partial(read, by_step, names)
-        reported[..., ~felt] = (
-            _at_their_times(reading, angular, motion, load, at[..., None] + later[:, None, ~felt])
+    reported = np.empty((*states.shape[:2], at.shape[-1], len(specific)))
+    if not specific.all():
+        names = tuple(name for name, alone in zip(windows.channels, specific, strict=True) if not alone)
+        angular, reading = windows.angular[~specific], partial(read, by_step, names)
+        reported[..., ~specific] = (
+            _at_their_times(reading, angular, motion, load, at[..., None] + later[:, None, ~specific])
             if later.any()
             else _at_once(reading, angular, motion, load, at)
         )
-    if felt.any():
-        reported[..., felt] = felt_samples(windows, by_step, motion, at[..., None] + later[:, None, felt])
+    if specific.any():
+        reported[..., specific] = mean_specific_forces(
+            windows, by_step, motion, at[..., None] + later[:, None, specific]
+        )
     return reported
 
 
@@ -174,26 +177,26 @@ def _rows(motion: Floats, steps: np.ndarray) -> Floats:
 
 
 def _at_their_times(reading: Reading, angular: np.ndarray, motion: Floats, load: Floats | None, at: Floats) -> Floats:
-    """The same where each channel is read at grid positions ``at`` (w, R, m, C) of its own."""
+    """Reports (w, R, m, C) where each channel is read at its own grid positions ``at`` (w, R, m, C)."""
     reported = reading(motion, load)
     reported[..., angular] = np.unwrap(reported[..., angular], axis=2)  # interpolation must not cross the cut at pi
     columns = (_read(reported[..., column], at[..., column]) for column in range(len(angular)))
     return np.stack(list(columns), axis=-1)
 
 
-def felt_samples(windows: Windows, by_step: Coefficients, motion: Floats, at: Floats) -> Floats:
-    """What is felt along a ``motion`` (w, R, L, 12) on the mean around grid positions ``at`` (w, R or 1, m, k).
+def mean_specific_forces(windows: Windows, by_step: Coefficients, motion: Floats, at: Floats) -> Floats:
+    """Specific force along a ``motion`` (w, R, L, 12), averaged around grid positions ``at`` (w, R or 1, m, k).
 
-    ``k`` are the channels that are felt, in their order.
+    ``k`` counts the channels of the accelerometer, in their order.
     """
-    means = felt_along(by_step, windows.felt_channels, motion, windows.dt)
+    means = felt_along(by_step, windows.specific_force_channels, motion, windows.dt)
     total = np.concatenate([np.zeros_like(means[:, :, :1]), np.cumsum(means, axis=2)], axis=2)
     columns = (_around(windows, total[..., place], at[..., place]) for place in range(total.shape[-1]))
     return np.stack(list(columns), axis=-1)
 
 
 def _around(windows: Windows, total: Floats, at: Floats) -> Floats:
-    """Means around grid positions ``at`` (w, R or 1, m) of what adds up to ``total`` (w, R, L) at grid steps."""
+    """Means around grid positions ``at`` (w, R or 1, m) of a series with the running sum ``total`` (w, R, L)."""
     low, high = (np.clip(at + side * windows.around, 0.0, total.shape[-1] - 1) for side in (-1, 1))
     return (_read(total, high) - _read(total, low)) / (2 * windows.around)
 

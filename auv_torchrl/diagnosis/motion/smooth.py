@@ -1,8 +1,9 @@
-"""Let each window start freely and let a free force act on it until it follows what was measured.
+"""The start and the force under which every window follows its samples.
 
 The force is what the simulator misses, in newtons, without differentiating a noisy position. With a wide prior on the
-force the fit is a smoother and its residual is sensor noise; with the narrow prior of a disturbance the same
-quantities are the innovations that hypotheses are fit by.
+force the fit is a smoother, and its residual is sensor noise. With the narrow prior of a disturbance the same
+quantities are the innovations that hypotheses are fitted to. The smoother begins from a rough force: local parabolas
+through the samples give the motion, and the simulator misses a force there.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
-USUAL_SPEED = 0.5  # m/s, prior of a speed where what changes it is felt and nothing tells the speed itself
+USUAL_SPEED = 0.5  # m/s, prior of a speed where an accelerometer alone measures that axis
 REACH_S = 0.25  # half width of the parabolas; wider where samples are sparse
 LEAST_SAMPLES = 6
 
@@ -37,7 +38,7 @@ class Layout:
     bins: int
     steps_per_bin: int
     loose: Floats  # (len(start),) standard deviations of the prior of a start about the first guess
-    felt: np.ndarray  # (len(dof),) True where a force is felt and no motion measured
+    by_specific_force: np.ndarray  # (len(dof),) True where an accelerometer alone measures the axis
 
     @property
     def size(self) -> int:
@@ -51,7 +52,7 @@ class Layout:
 
     @staticmethod
     def of(windows: Windows, vehicle: Vehicle, bin_s: float) -> "Layout":
-        """The layout for the degrees of freedom in which the vehicle moves, with forces in those measured or felt.
+        """The layout for the degrees of freedom in which the vehicle moves, with forces in those that the log measures.
 
         Raises:
             FlightLogError: if the log measures none of them.
@@ -71,7 +72,7 @@ class Layout:
         return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose, ~followed[seen])
 
     def away(self, windows: Windows, start: Floats, bins: Floats) -> Floats:
-        """Free numbers (W, ..., L) of starts (W, ..., 12) and bins (W, ..., B, D), less what their prior expects."""
+        """Free numbers (W, ..., L) of starts (W, ..., 12) and bins (W, ..., B, D), less the mean of their prior."""
         guess = np.expand_dims(windows.guess, tuple(range(1, start.ndim - 1)))
         return np.concatenate([(start - guess)[..., self.start], bins.reshape(*bins.shape[:-2], -1)], axis=-1)
 
@@ -87,12 +88,12 @@ TANGENT = ("inward", "transition", "push", "feel")  # what slopes come from
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Windows with their free numbers, what is left, and how that changes with the free numbers."""
+    """Windows with fitted free numbers, the residual, and its slopes in the free numbers."""
 
     start: Floats  # (W, 12)
     bins: Floats  # (W, B, D) N, N m
     residual: Floats  # (W, K) measured less predicted, K = m C
-    inward: Floats  # (W, n, n) of the true start in the reported one, from which the slopes come
+    inward: Floats  # (W, n, n) of the true start by the reported one, from which the slopes come
     transition: Floats  # (W, S, n, n) of the tangent, likewise
     push: Floats  # (W, S, n, n / 2), likewise
     feel: Floats  # (W, S + 1, k, n), likewise
@@ -109,12 +110,12 @@ class Smoothed:
 
 
 def loose_start(vehicle: Vehicle) -> Floats:
-    """Prior standard deviations (12,) of a start: weak, but a vehicle tilts no further than its thrusters hold it."""
+    """Prior standard deviations (12,) of a start: weak, but no tilt beyond what the thrusters can hold."""
     c = prepare(vehicle.expand(1)).numpy()
     stiffness = np.abs(c.restoring[0, [3, 4], [1, 0]])  # N m per rad of roll and pitch
     moment = (np.abs(c.allocation[0, 3:5]) * c.full_thrust[0]).sum(-1)
     loose = LOOSE_START.copy()
-    with np.errstate(divide="ignore", invalid="ignore"):  # without a righting moment, anything may be
+    with np.errstate(divide="ignore", invalid="ignore"):  # without a righting moment, any tilt may be
         tilt = np.fmin(TILTS * np.maximum(moment, moment.max()) / stiffness, loose[3:5])
     tilt = np.maximum(tilt, SMALL_SWING)  # where no thruster tilts it, the water does
     loose[9:11] *= tilt / loose[3:5]
@@ -155,7 +156,7 @@ def _free_slopes(
     push: Floats,
     feel: Floats,
 ) -> Floats:
-    """What the samples (W, K, L) change by per unit of each free number, along a tangent."""
+    """Change (W, K, L) of the samples per unit of each free number, along a tangent."""
     n, moves = len(layout.start), layout.start[: len(layout.start) // 2]
     starts = inward @ np.eye(n, layout.size)
     forces = np.zeros((1, windows.steps, len(moves), layout.size))
@@ -248,9 +249,9 @@ def fields(state: Smoothed) -> tuple[Floats, ...]:
 def follow(
     windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], force_prior: Floats, begin: Floats
 ) -> Smoothed:
-    """Smooth from far away: first in pieces so short that even a wrong model stays near, then whole windows.
+    """Smooth from far away: first pieces so short that even a wrong model stays near, then whole windows.
 
-    ``begin`` is a rough force (W, B, D), see :func:`auv_torchrl.diagnosis.motion.smooth.rough_force`.
+    ``begin`` is a rough force (W, B, D), see :func:`rough_force`.
     """
     pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
     short = replace(layout, bins=PIECE_BINS)
@@ -308,7 +309,7 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     motion = np.concatenate([value[..., :3], quaternion, velocity], axis=-1)
     by_step = np.repeat(motion, layout.steps_per_bin, axis=1)[:, : windows.steps]
     actuation = actuate(windows, vehicle)
-    rate[..., :3] = _where_felt_alone(windows, actuation.c, fits[:, :, 0], motion, rate[..., :3])
+    rate[..., :3] = _with_specific_force(windows, actuation.c, fits[:, :, 0], motion, rate[..., :3])
     predicted = accelerations(actuation, by_step)[:, 0]
     missing = np.repeat(rate, layout.steps_per_bin, axis=1)[:, : windows.steps] - predicted
     missing = actuation.sensors.true_rate(missing, by_step)
@@ -318,8 +319,8 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     return np.add.reduceat(force, edges, axis=1) / counts[:, None]
 
 
-def _where_felt_alone(windows: Windows, c: Coefficients, fits: Floats, motion: Floats, rate: Floats) -> Floats:
-    """Accelerations (W, B, 3), as the fits (W, B, C) of what is felt say along axes that nothing else tells of."""
+def _with_specific_force(windows: Windows, c: Coefficients, fits: Floats, motion: Floats, rate: Floats) -> Floats:
+    """Accelerations (W, B, 3), from specific force, in fits (W, B, C), along axes that no other channel measures."""
     rate = rate.copy()
     for axis, name in enumerate(FELT):
         if name in windows.channels and not {MOTION[axis], MOTION[6 + axis]} & set(windows.channels):

@@ -1,7 +1,8 @@
-"""The equations of motion linearised along every window: what a small change of a start or of a force does later.
+"""The rollout linearised along every window: how samples respond to small changes of starts and forces.
 
-A step is linearised by finite differences of the project's physics; after that every question about small changes is
-a product of small matrices, and no vehicle is simulated again.
+Each step is linearised by finite differences of the physics. The response to any small change is then a product of
+small matrices, and no vehicle is simulated again. :class:`Slopes` are the responses to the free numbers of windows, the
+largest arrays of a diagnosis: the latest are held, the others are computed again.
 """
 
 import weakref
@@ -35,24 +36,24 @@ class Tangent:
 
     transition: Floats  # (W, S, n, n) of a step in the state before it
     push: Floats  # (W, S, n, n / 2) of a step in a force on the vehicle during it, per N and N m
-    feel: Floats  # (W, S + 1, k, n) of what ``k`` channels feel at grid steps in the state there, as it goes on
-    slopes: Floats  # (C, n) what sensors report per unit of each number; 0 for what is felt
-    moving: Floats  # (k, n) what is felt besides of how fast each number changes, per s
+    feel: Floats  # (W, S + 1, k, n) of the specific force on ``k`` channels at grid steps by the state there
+    slopes: Floats  # (C, n) reports per unit of each number; 0 for a specific force
+    moving: Floats  # (k, n) specific force that comes from the rate of each number, per 1/s
     later: Floats  # (C,) grid steps by which the reports of each channel are younger than the oldest ones
 
     def rows(self, some: slice) -> "Tangent":
-        """That of some windows."""
+        """The tangent of some windows."""
         return replace(self, transition=self.transition[some], push=self.push[some], feel=self.feel[some])
 
     @staticmethod
     def of(
         windows: Windows, c: Coefficients, entries: np.ndarray, transition: Floats, push: Floats, feel: Floats
     ) -> "Tangent":
-        """The tangent of a vehicle ``c`` (1,) from what was worked out along its path."""
+        """The tangent of a vehicle ``c`` (1,) from the derivatives along its path."""
         moved, columns = columns_of_motion(windows.channels)
         slopes = np.zeros((len(windows.channels), len(entries)))
         slopes[moved] = sensors_of(c, windows.channels).slopes[0][columns][:, entries]
-        names = windows.felt_channels
+        names = windows.specific_force_channels
         rates = moving(c.rows((slice(None), None)), names, np.eye(12)[None, entries])[0].T if names else np.zeros(0)
         return Tangent(transition, push, feel, slopes, rates, ahead(windows, c)[0])
 
@@ -93,8 +94,8 @@ def linearise(
 
 
 def _feel(windows: Windows, c: Coefficients, entries: np.ndarray, motion: Floats) -> Floats:
-    """How what is felt of a motion (W, L, 12) that goes on as it is changes with each of its free numbers."""
-    names = windows.felt_channels
+    """Derivative (W, L, k, n) of the specific force by each free number of a motion (W, L, 12) that goes on."""
+    names = windows.specific_force_channels
     if not names:
         return np.zeros((*motion.shape[:2], 0, len(entries)))
     beside = 0.5 * STEP_STATE * np.eye(12)[entries]
@@ -145,18 +146,18 @@ def _respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) -
             if between:
                 values = (1 - part) * values + part * history[here, np.minimum(whole + 1, steps), entry]
             change[:, :, column] += slopes[entry] * values
-    if windows.felt.any():
-        change[:, :, windows.felt] = _felt(windows, tangent, history)
+    if windows.specific_force.any():
+        change[:, :, windows.specific_force] = _mean_specific_forces(windows, tangent, history)
     change *= windows.trust[..., None]
     return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
 
 
-def _felt(windows: Windows, tangent: Tangent, history: Floats) -> Floats:
-    """Change (W, m, k, N) of the means of what is felt, of changes (W, L, n, N) of the numbers at grid steps."""
+def _mean_specific_forces(windows: Windows, tangent: Tangent, history: Floats) -> Floats:
+    """Change (W, m, k, N) of mean specific forces under changes (W, L, n, N) of the numbers at grid steps."""
     # means over steps, added up: halves of neighbours, and changes, of which only the last one stays
     total = np.cumsum(tangent.feel @ history, axis=1)
     total += (tangent.moving / windows.dt - 0.5 * tangent.feel) @ history
-    later = tangent.later[windows.felt]
+    later = tangent.later[windows.specific_force]
     here, channel = np.arange(len(total))[:, None, None], np.arange(len(later))
     at = np.where(windows.present, windows.index + windows.fraction, 0.0)[..., None] + later
     ends = []
@@ -177,7 +178,7 @@ def _perturbed(states: Floats, entries: np.ndarray, rows: int) -> Floats:
 
 
 class Slopes:
-    """Slopes (W, K, L) of windows in their free numbers, which are let go where others need the memory."""
+    """Slopes (W, K, L) of the samples of windows in their free numbers, let go where others need the memory."""
 
     def __init__(self, make: Callable[[], Floats], array: Floats | None = None, counts: bool = True) -> None:
         self._make = make
@@ -188,7 +189,7 @@ class Slopes:
 
     @property
     def array(self) -> Floats:
-        """The slopes, worked out again where they were let go. Nobody changes them in place."""
+        """The slopes, computed again where they were let go; no caller may change them in place."""
         array = self._make() if self._array is None else self._array
         if self._counts:
             self._array = array
@@ -197,20 +198,20 @@ class Slopes:
 
     @property
     def is_held(self) -> bool:
-        """Whether they are in memory."""
+        """Whether the slopes are in memory."""
         return self._array is not None
 
     def rows(self, some: slice | np.ndarray) -> "Slopes":
-        """Those of some windows, taken from the whole when they are asked for."""
+        """Slopes of some windows, cut out of these when they are read."""
         return Slopes(lambda: self.array[some], counts=False)
 
     def taken(self) -> Floats:
-        """The slopes for somebody who changes them in place; these are let go."""
+        """The slopes for a caller that changes them in place; this object lets them go."""
         array, self._array = self.array, None
         return array if self._counts else array.copy()
 
     def _hold(self) -> None:
-        """Be the latest of all that are held, and let the oldest go where these are too large."""
+        """Make these slopes the latest, and let the oldest ones go where all together are too large."""
         if not self._counts:
             return
         _latest.pop(id(self), None)

@@ -16,11 +16,11 @@ from auv_torchrl.sensors import MOTION, is_felt
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
 
 PARTS = 6  # in which a triangle is multiplied, 0.6 times the work of a square; more save less than they cost
-AT_ONCE = 24 << 20  # bytes of an array over windows; what is made of one takes several times as much
+AT_ONCE = 24 << 20  # bytes of an array over windows; results that come from one take several times as much
 # Bytes of the slopes of all windows of a log. A diagnosis takes up to ten times as much at its worst, beside 0.5 GB of
 # libraries, and 1.5 GB are what it may in all. Of 15 channels at 20 Hz that is 5 minutes, with two forces per bin.
 MOST = 96 << 20
-WHITENING = 0.35  # share that counts of what whitens the samples: slopes are in use ten times, this is three times
+WHITENING = 0.35  # share of the whitening that counts: slopes are in use ten times, a whitening three times
 FEWEST = 12  # windows, however large
 
 
@@ -28,7 +28,7 @@ FEWEST = 12  # windows, however large
 class Windows:
     """``W`` windows of ``S`` steps with up to ``m`` samples of the ``C`` measured channels.
 
-    The command of grid step k of an episode is the mean of what was commanded during it.
+    The command of a grid step is the mean of the commands during that step.
     """
 
     dt: float  # s, grid step
@@ -49,8 +49,8 @@ class Windows:
     parts: Floats | None = None  # (E, T, P, n) commands in P equal parts of each grid step, where they change within
     errors: SampleErrors = SampleErrors()  # what the log says of errors that are no white noise
     volts: Floats | None = None  # (E, T) of the battery at each grid step, NaN where not logged; None: nowhere
-    around: float = 0.5  # grid steps before and behind a sample over which what is felt is its mean
-    share: float = 1.0  # of the windows of the log that these are: not all of a long one are looked at
+    around: float = 0.5  # grid steps before and behind a sample, over which a specific force is averaged
+    share: float = 1.0  # of all windows of the log: of a long log, some are taken
     whitening: Floats | None = None  # (W, K, K) lower triangles of K = m C numbers; None: their noise is white
 
     def __len__(self) -> int:
@@ -62,14 +62,14 @@ class Windows:
         return np.array([channel in ANGLES for channel in self.channels])
 
     @property
-    def felt(self) -> np.ndarray:
-        """(C,) True for channels that are means of what is felt around each sample."""
+    def specific_force(self) -> np.ndarray:
+        """(C,) True for channels of an accelerometer, which hold means of the specific force around each sample."""
         return is_felt(self.channels)
 
     @property
-    def felt_channels(self) -> tuple[str, ...]:
-        """Their names, in order."""
-        return tuple(name for name, felt in zip(self.channels, self.felt, strict=True) if felt)
+    def specific_force_channels(self) -> tuple[str, ...]:
+        """Names of the channels of an accelerometer, in order."""
+        return tuple(name for name, here in zip(self.channels, self.specific_force, strict=True) if here)
 
     @property
     def time(self) -> Floats:
@@ -88,12 +88,12 @@ class Windows:
 
     @property
     def numbers(self) -> float:
-        """How many numbers were measured, outliers by what they count."""
+        """Measured numbers of all windows; an outlier counts by its trust."""
         return float((self.trust**2).sum())
 
     @property
     def numbers_of_each(self) -> Floats:
-        """The same (W,) of each window."""
+        """Measured numbers (W,) of each window; an outlier counts by its trust."""
         return (self.trust**2).sum((1, 2))
 
     def subset(self, chosen: np.ndarray | slice) -> "Windows":
@@ -131,12 +131,12 @@ class Windows:
         ).without_edges()
 
     def without_edges(self) -> "Windows":
-        """No trust in what is felt at samples so near the ends that a part of their mean is of another window."""
-        if not self.felt.any():
+        """No trust in a specific force so near the ends of a window that its mean reaches into another window."""
+        if not self.specific_force.any():
             return self
         at = self.index + self.fraction
         beyond = (at < self.around - 1e-6) | (at > self.steps - self.around + 1e-6)
-        return replace(self, trust=np.where(beyond[..., None] & self.felt, 0.0, self.trust))
+        return replace(self, trust=np.where(beyond[..., None] & self.specific_force, 0.0, self.trust))
 
     def residual(self, predicted: Floats) -> Floats:
         """Measured less predicted (W, ..., m, C), angles wrapped, each number times the trust in it, then whitened."""
@@ -160,7 +160,7 @@ class Windows:
 
 
 def columns_of_motion(channels: tuple[str, ...]) -> tuple[list[int], list[int]]:
-    """Which of the channels are numbers of a motion, and which of its 12 numbers these are."""
+    """Positions of the channels that are numbers of a motion, and which of the 12 numbers of a motion they are."""
     moved = [column for column, channel in enumerate(channels) if channel in MOTION]
     return moved, [MOTION.index(channels[column]) for column in moved]
 
@@ -195,9 +195,10 @@ def guess_starts(times: Sequence[Floats], values: Sequence[Floats]) -> Floats:
 
 
 def affordable(numbers: int, free: int, coloured: bool) -> int:
-    """How many windows of so many ``numbers`` fit the memory, with as many ``free`` ones in each.
+    """How many windows fit the memory, each with so many measured ``numbers`` and ``free`` numbers.
 
-    Where errors are ``coloured``, what whitens the numbers is held beside: once, where slopes are in use many times.
+    Where errors are ``coloured``, the whitening of the numbers is held beside the slopes: once, where slopes are in use
+    many times.
     """
     each = 8 * numbers * (free + (WHITENING * numbers if coloured else 0.0))
     return max(FEWEST, int(MOST / each))

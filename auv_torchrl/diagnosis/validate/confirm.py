@@ -1,4 +1,4 @@
-"""Confirm what was found: the held-out stretches flown again in MuJoCo, without and with the effects in the vehicle.
+"""The held-out stretches flown again in MuJoCo, without and with the effects in the vehicle.
 
 The diagnosis fits and predicts with the plain model. Here the same stretches, from the same estimated starts and with
 the same commands, are flown by the simulator that training uses, all stretches as rows of one model.
@@ -87,7 +87,7 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
 
 
 def thrust_shares(windows: Windows, c: Coefficients, steps: int) -> Floats:
-    """What the logged volts leave of the thrust of vehicles, on average over each window, (W, V); else 1."""
+    """Mean share (W, V) of their thrust that the logged volts leave vehicles in each window; 1 without volts."""
     grid = np.clip(windows.start[:, None] + np.arange(steps), 0, windows.commands.shape[1] - 1)
     left = left_by_volts(windows, c.rows((slice(None), None)), grid)
     return np.ones((len(windows), len(c.volts))) if left is None else left.mean(-1)

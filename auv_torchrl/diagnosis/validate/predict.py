@@ -1,4 +1,8 @@
-"""How far the gap shrinks: held-out stretches predicted from the commands alone, before and after."""
+"""Held-out stretches predicted from the commands alone, without and with the effects: how far the gap shrinks.
+
+The spread of a prediction holds sensor noise and the estimated start. Neither tells what pushes a vehicle next, nor
+what its simulator leaves out: healthy flights do, by how much they miss their own predictions (:func:`unforeseen`).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,9 +31,8 @@ if TYPE_CHECKING:  # calibration predicts by this module
     from auv_torchrl.diagnosis.calibrate.calibration import Calibration
 
 HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
-PUSHED = (
-    4.0  # times the floor: the force under which a start is estimated; some of all stretches begin in as large a one
-)
+# Times the disturbance, the force under which a start is estimated: some of all stretches begin in as large a one.
+PUSHED = 4.0
 MOST_STRETCHES = 60
 SMALL = 1e-2  # standard deviations of the start, for the slope of the prediction
 BIN_S = HORIZONS_S[0] / 2  # s of horizon, over which errors are averaged
@@ -250,13 +253,15 @@ def _trajectory(numbers: Floats, measured: Floats) -> Trajectory:
     return Trajectory(np.concatenate([numbers[:, :3], angles], axis=1), numbers[:, 6:])
 
 
-def unforeseen(healthy: Sequence[FlightLog], sound: "Calibration | None", settings: Settings) -> dict[str, Floats]:
-    """Variance by channel at ``MIDDLES``, (BINS,), of errors beyond the spread of a prediction; empty where none tell.
+def unforeseen(
+    healthy: Sequence[FlightLog], calibration: "Calibration | None", settings: Settings
+) -> dict[str, Floats]:
+    """Variance by channel at ``MIDDLES``, (BINS,), of errors beyond the spread of a prediction.
 
-    Each flight is predicted by the vehicle that was fitted to it, with its own trim and current: what is left is what
-    no such fit foresees, rather too little than too much.
+    Empty without fits to the healthy flights. Each flight is predicted by the vehicle that was fitted to it, with its
+    own trim and current: the variance is rather too small than too large.
     """
-    fits = sound.flights_fit.fits if sound and sound.flights_fit else ()
+    fits = calibration.flights_fit.fits if calibration and calibration.flights_fit else ()
     if len(fits) != len(healthy):
         return {}
     missed: dict[str, list[tuple[Floats, Floats]]] = {}
@@ -282,7 +287,7 @@ def _by_horizon(time: Floats, beyond: Floats) -> Floats:
 
 
 def widened(p: Predictions, variance: Mapping[str, Floats]) -> Predictions:
-    """Predictions whose spread holds what nobody foresees, too."""
+    """Predictions whose spread holds the variance of :func:`unforeseen`, too."""
     time, none = p.windows.sampled, np.zeros(BINS)
     more = [np.interp(time, MIDDLES, variance.get(channel, none)) for channel in p.windows.channels]
     return replace(p, spread=np.sqrt(p.spread**2 + np.stack(more, -1)))

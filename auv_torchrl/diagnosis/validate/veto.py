@@ -28,10 +28,10 @@ def scaled_errors(p: Predictions) -> np.ndarray:
 
 
 def worse(p: Predictions, before: int, after: int) -> tuple[str, ...]:
-    """What one vehicle predicts worse than another in held-out stretches, by more than noise can do.
+    """Quantities that one vehicle predicts worse than another in held-out stretches, by more than noise can do.
 
-    That is ``EVERYTHING`` where all numbers together are worse, else the channels that are so by themselves: a better
-    position does not pay for a worse heading.
+    The answer is ``EVERYTHING`` where all numbers together are worse, else the channels that are so by
+    themselves: a better position does not pay for a worse heading.
     """
     errors = scaled_errors(p)
     if errors[after] > max(WORSE * errors[before], WITHIN_FLOOR):
@@ -44,8 +44,8 @@ def worse_channels(p: Predictions, before: int, after: int) -> tuple[str, ...]:
     """The channels that one vehicle predicts worse than another, each tested by itself over the held-out stretches.
 
     A stretch counts once, because its samples share their start: as the logarithm of the factor by which its error
-    grows. Student's t says whether the mean is above that of ``WORSE``. Errors below ``STILL_FAR`` floors are alike:
-    the floor does not know how unsure the values of an explanation are.
+    grows. Student's t says whether the mean is above that of ``WORSE``. Errors below ``STILL_FAR`` floors
+    count as equal: the floor does not hold the uncertainty of the values of an explanation.
     """
     trusted = p.windows.trust[:, None] > 0
     count = trusted.sum(2)  # (W, 1, C)
@@ -55,11 +55,11 @@ def worse_channels(p: Predictions, before: int, after: int) -> tuple[str, ...]:
     grows = size[:, after] - size[:, before] - np.log(WORSE)
     found = []
     for channel, each, seen in zip(p.windows.channels, grows.T, count[:, 0].T > 0, strict=True):
-        told = each[seen]
-        if len(told) < 2:
+        growth = each[seen]
+        if len(growth) < 2:
             continue  # of a single stretch nobody knows how much of it is chance
-        t = told.mean() * np.sqrt(len(told)) / told.std(ddof=1)
-        if t > stdtrit(len(told) - 1, 1 - BY_CHANCE / len(p.windows.channels)):
+        t = growth.mean() * np.sqrt(len(growth)) / growth.std(ddof=1)
+        if t > stdtrit(len(growth) - 1, 1 - BY_CHANCE / len(p.windows.channels)):
             found.append(channel)
     return tuple(found)
 
@@ -76,7 +76,7 @@ def only(p: Predictions, before: int, after: int) -> Predictions:
 
 
 def shortfalls(short: bool) -> tuple[Finding, ...]:
-    """What is said where effects fit the log, but do not predict held-out flight."""
+    """The finding where effects fit the log, but do not predict held-out flight."""
     if not short:
         return ()
     sentence = (
@@ -86,7 +86,7 @@ def shortfalls(short: bool) -> tuple[Finding, ...]:
 
 
 def vetoes(quantities: Collection[str]) -> tuple[Finding, ...]:
-    """What was thrown away because held-out flight speaks against it, in these quantities; empty where none does."""
+    """The finding where held-out flight takes all effects back, for these quantities; empty without any."""
     if not quantities:
         return ()
     sentence = (
@@ -97,7 +97,7 @@ def vetoes(quantities: Collection[str]) -> tuple[Finding, ...]:
 
 
 def calibration_vetoed(quantities: Collection[str]) -> Finding:
-    """What is said where corrected coefficients do not carry over to held-out flight, in these quantities."""
+    """The finding where corrected coefficients do not carry over to held-out flight, in these quantities."""
     sentence = (
         "coefficients corrected on this log predict held-out flight worse than the vehicle's file "
         f"({', '.join(quantities)}): the file stands"
