@@ -39,7 +39,7 @@ def _square(label: str, value: Any, size: int) -> Tensor:
     """The numbers of the diagonal, or all rows of a matrix."""
     if isinstance(value, list | tuple) and len(value) == size and all(isinstance(row, list | tuple) for row in value):
         return matrix(label, value, size)
-    return torch.diag(numbers(label, value, (size,), f"{size} numbers, or {size} rows of {size}"))
+    return torch.diag(numbers(label, value, (size,), f"{counted(size, 'number')}, or {counted(size, 'row')} of {size}"))
 
 
 def _each_thruster(label: str, values: Any, position: Any) -> Tensor:

@@ -172,7 +172,7 @@ def test_settings_are_composed_just_to_find_the_mode_only_where_something_may_se
     assert Hydra.get_mode is asked
 
 
-@pytest.mark.parametrize("part", ["experiment", "diagnosis", "diagnosis.calibrate", "flightlog", "link"])
+@pytest.mark.parametrize("part", ["experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export"])
 def test_every_command_tells_the_version_of_the_package(part, monkeypatch, capsys):
     """Not that of Hydra, by which most of them read their command line."""
     monkeypatch.setattr(sys, "argv", ["auv", "--version"])

@@ -169,8 +169,8 @@ def test_a_policy_store_on_a_full_disk_ends_training_as_any_full_disk_does(train
 
 def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatch, capsys, caplog, tmp_path):
     """diagnose.py says what it found before it writes; half a file does not stay."""
-    from auv_torchrl.diagnosis import command as diagnose
     from auv_torchrl.diagnosis import job
+    from auv_torchrl.monitoring import command as diagnose
 
     caplog.set_level(logging.INFO)
     made = example()

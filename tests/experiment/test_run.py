@@ -22,7 +22,8 @@ from auv_torchrl.experiment.run import fit_map, fly_adapted, linear_map, run, so
 from auv_torchrl.paths import PROJECT
 from tests.experiment.conftest import TINY
 
-FILES = {"results.json", "trajectories.png", "errors.png", "forces.png", "distribution.png", "flight.png", "run.rrd"}
+FIGURES = {"trajectories.png", "errors.png", "forces.png", "distribution.png", "flight.png"}
+FILES = {"results.json", "run.rrd"} | FIGURES
 ADAPTED = FILES | {"adapter.safetensors"}
 METRICS = {"mean_m", "std_m", "p95_m", "worst_m", "settling_s"}
 
@@ -160,7 +161,7 @@ def test_the_command_line_composes_scenarios_and_puts_everything_where_one_says(
     done = train("+scenario=[thruster_gain,swap]", *TINY, f"policies={policies}", f"output={folder}", "seed=0")
     assert done.returncode == 0, done.stderr
     assert "── 7/7" in done.stdout and "\n| u_t  " in done.stdout
-    assert {path.name for path in folder.iterdir()} == FILES | {"config.yaml", "run.json", "train.log"}
+    assert {path.name for path in folder.iterdir()} == ADAPTED | {"config.yaml", "run.json", "train.log"}
     config = OmegaConf.load(folder / "config.yaml")
     assert set(config.scenario.effects) == {"thruster_gain", "thruster_swap"} and config.starts == 4
     about = json.loads((folder / "run.json").read_text())
@@ -213,7 +214,7 @@ def test_a_vehicle_that_lacks_an_axis_is_refused_when_the_config_is_read(experim
 def test_a_path_is_flown_adapted_drawn_and_recorded(experiment, tmp_path):
     """A helix leaves the same files, and the results name the task."""
     run(experiment("reversed", "task=helix", "task.episode_s=11", "starts=2"), tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert {path.name for path in tmp_path.iterdir()} == ADAPTED
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["task"] == "helix" and results["u_t"] is not None and results["in_flight"] is not None
 

@@ -26,6 +26,7 @@ from auv_torchrl.diagnosis.thresholds import (
     SIMULATED,
     WORTH_AN_EFFECT,
 )
+from auv_torchrl.quantities import counted
 from auv_torchrl.sysid.search import Proposal
 from auv_torchrl.sysid.trace import Outcome, Record
 
@@ -134,7 +135,7 @@ class Neighbourhood:
         moved, rise = held_at(self.problem, self.best, {place: nominal[place] for place in places})
         kept = tuple(term for place, term in enumerate(moved.terms) if place not in places)
         gone = [f"{terms[place].effect} {terms[place].members[0]}" for place in places]
-        how = f"without {_words(gone) if len(gone) < 3 else f'{len(gone)} values'}"
+        how = f"without {_words(gone) if len(gone) < 3 else counted(len(gone), 'value')}"
         return self._fewer(Explanation(kept, moved.nuisance), rise, how)
 
     def _merged(self) -> list[Proposal[Neighbour]]:
