@@ -124,9 +124,11 @@ class _EffectSearch(Search[Neighbour, Fit]):
         return weighed(self._problem, fitted.explanation, fitted.evidence, fitted.excess, numbers, proposed, outcome)
 
     def is_small(self, fitted: Fit) -> bool:
-        """See :meth:`Search.is_small`: by the force of each effect, where nuisance parameters alone explain the log."""
+        """See :meth:`Search.is_small`: by the force of each effect beside that of nuisance parameters."""
         effects = fitted.explanation.effects
-        sound = any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
+        # Healthy flights say what small effects differ by among themselves: beside a fault, too, that is no finding.
+        known = self._problem.known is not None and not self._problem.known.of_itself and len(effects) > 1
+        sound = known or any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
         if not sound or not effects or not np.isfinite(fitted.chi2):
             return False
         terms = likeliest(self._problem, fitted).terms
