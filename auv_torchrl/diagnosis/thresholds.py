@@ -122,8 +122,8 @@ TELLS_SCALES = 0.5
 NOISE_MATTERS = 0.02  # relative change of the sensor noise from which explanations are weighed again
 RELINEARISED = 3  # times at most that windows are linearised again
 GAINS_AGAIN = 0.02  # of chi-square, below which that is not worth it
-SKETCHED = 0.02  # of chi-square: a fit along the motion that gains less is done
-SAME_SKETCH = 1e-6  # of chi-square: a fit along the motion that loses no more went nowhere
+SETTLED_ALONG = 0.02  # of chi-square: a fit along the motion that gains less is done
+STUCK_ALONG = 1e-6  # of chi-square: a fit along the motion that loses no more went nowhere
 
 # Fitting: values that are tried one by one
 THRESHOLD_REACH = (0.05, 0.015, 0.004)  # of the plausible range

@@ -43,6 +43,7 @@ class Search(ABC, Generic[What, Fitted]):
     def __init__(self) -> None:
         self.records: list[Record] = []
         self.fits: list[Fitted] = []
+        self._rows: list[int] = []  # of the record of each fit
 
     @abstractmethod
     def neighbours(self, way: Way, best: Fitted) -> Sequence[Proposal[What]]:
@@ -83,6 +84,7 @@ class Search(ABC, Generic[What, Fitted]):
     def note(self, fitted: Fitted, proposed: str, outcome: Outcome = Outcome.STEP) -> Fitted:
         """Keep a fit and its record."""
         self.fits.append(fitted)
+        self._rows.append(len(self.records))
         self.records.append(self.record(fitted, proposed, outcome))
         return fitted
 
@@ -92,19 +94,21 @@ class Search(ABC, Generic[What, Fitted]):
 
     def trace(self, best: Fitted) -> SearchTrace:
         """All records, that of the best marked as kept."""
-        place = next(place for place, fitted in enumerate(self._fits_of_records()) if fitted is best)
-        kept = replace(self.records[place], outcome=Outcome.KEPT)
-        return SearchTrace((*self.records[:place], kept, *self.records[place + 1 :]))
+        row = self._rows[self._place(best)]
+        kept = replace(self.records[row], outcome=Outcome.KEPT)
+        return SearchTrace((*self.records[:row], kept, *self.records[row + 1 :]))
 
     def better(self, way: Way, best: Fitted) -> Fitted | None:
         """The best neighbour of one way; None where none has a higher posterior."""
         proposals = self.neighbours(way, best)
         fitted = [(self.fit(one, best), one) for one in proposals if one.simulate]
-        # Linear predictions of one round are compared with each other: all share what is wrong with their quadratic.
-        found = [self.record(one, "", Outcome.STEP).log_evidence for one, _ in fitted]
-        promised = [one.promised.log_evidence for one in proposals if one.simulate]
-        too_high = max(0.0, max(promised, default=0.0) - max(found, default=0.0)) if fitted else 0.0
-        self._note_predicted([one.promised for one in proposals if not one.simulate], too_high)
+        too_high = 0.0
+        if fitted:
+            # Linear predictions of one round are compared: all share what is wrong with their quadratic.
+            promised = max(proposal.promised.log_evidence for _, proposal in fitted)
+            too_high = max(0.0, promised - max(self.record(one, "", Outcome.STEP).log_evidence for one, _ in fitted))
+        predicted = [one.promised for one in proposals if not one.simulate]
+        self.records += [replace(one, log_evidence=one.log_evidence - too_high) for one in predicted]
         if not fitted:
             return None
         small = {id(one) for one, _ in fitted if self.posterior(one) > self.posterior(best) and self.is_small(one)}
@@ -129,16 +133,11 @@ class Search(ABC, Generic[What, Fitted]):
 
     def exchange(self, old: Fitted, new: Fitted) -> None:
         """Keep a better fit of the same hypothesis in place of one that was noted."""
-        rows = [place for place, record in enumerate(self.records) if record.simulated]
-        for place, row in enumerate(rows):
-            if self.fits[place] is old:
-                before = self.records[row]
-                self.fits[place] = new
-                self.records[row] = self.record(new, before.proposed, before.outcome)
+        place = self._place(old)
+        before = self.records[self._rows[place]]
+        self.fits[place] = new
+        self.records[self._rows[place]] = self.record(new, before.proposed, before.outcome)
 
-    def _note_predicted(self, records: Sequence[Record], too_high: float) -> None:
-        self.records += [replace(one, log_evidence=one.log_evidence - too_high) for one in records]
-
-    def _fits_of_records(self) -> list[Fitted | None]:
-        fits = iter(self.fits)
-        return [next(fits) if record.simulated else None for record in self.records]
+    def _place(self, fitted: Fitted) -> int:
+        """Where a fit stands among all; fits hold arrays, which do not compare."""
+        return next(place for place, one in enumerate(self.fits) if one is fitted)

@@ -78,11 +78,6 @@ class Explanation:
         terms = [replace(k, value=amounts[i]) if i in amounts else k for i, k in enumerate(self.terms)]
         return replace(self, terms=tuple(terms))
 
-    def starting_from(self, other: "Explanation") -> "Explanation":
-        """The explanation with the nuisance parameters of another one, and its values of the terms that both have."""
-        known = {term.key: term for term in other.terms}
-        return Explanation(tuple(known.get(term.key, term) for term in self.terms), other.nuisance)
-
     def without(self, effect: str) -> "Explanation":
         """The explanation less one effect."""
         return replace(self, terms=tuple(term for term in self.terms if term.effect != effect))

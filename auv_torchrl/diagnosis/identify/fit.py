@@ -27,12 +27,12 @@ from auv_torchrl.diagnosis.thresholds import (
     GAINS_AGAIN,
     NOISE_MATTERS,
     RELINEARISED,
-    SAME_SKETCH,
-    SKETCHED,
+    SETTLED_ALONG,
     STILL_GAINS,
+    STUCK_ALONG,
 )
 
-SKETCH_STEPS = 6  # at most
+STEPS_ALONG = 6  # at most
 
 
 def fit_by_simulation(
@@ -69,17 +69,17 @@ def fit_along_motion(problem: Problem, explanation: Explanation, follow: WindowP
     """
     best, step, nuisance_step = assess(problem, follow, explanation)
     stride = 1.0
-    for _ in range(SKETCH_STEPS):
+    for _ in range(STEPS_ALONG):
         moved = take_step(problem, best.explanation, stride * step, stride * nuisance_step)
         trial, trial_step, trial_nuisance_step = assess(problem, follow, moved, best)
         gained = best.chi2 - trial.chi2
-        if not gained > 0 and abs(gained) <= SAME_SKETCH * best.chi2:  # as at a bound: a shorter step brings no more
+        if not gained > 0 and abs(gained) <= STUCK_ALONG * best.chi2:  # as at a bound: a shorter step brings no more
             break
         if not gained > 0:
             stride *= 0.3
             continue
         best, step, nuisance_step = trial, trial_step, trial_nuisance_step
-        if gained < SKETCHED * trial.chi2 or best.chi2 - 2 * gained > enough:
+        if gained < SETTLED_ALONG * trial.chi2 or best.chi2 - 2 * gained > enough:
             break
     return replace(best, nuisance_responses=None)
 

@@ -6,7 +6,6 @@ or another effect in place of one.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -55,15 +54,8 @@ class Neighbourhood:
     follow: WindowPath  # the measured motion
     field: Field  # responses to all changes along it, without an effect
     best: Fit
+    here: float  # its log posterior
     is_known: Callable[[Proposal[Neighbour]], bool]  # whether a proposal was fitted before, and promises no more
-
-    @cached_property
-    def here(self) -> float:
-        """Log posterior of the best fit."""
-        numbers = self.field.quadratic.numbers
-        return weighed(
-            self.problem, self.best.explanation, self.best.evidence, self.best.excess, numbers, "", Outcome.STEP
-        ).log_posterior
 
     @property
     def doubt(self) -> float:

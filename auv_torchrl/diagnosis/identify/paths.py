@@ -96,12 +96,6 @@ def spread(fit: Fit) -> float:
     return SATISFIED * float(np.sqrt(2 * fit.quadratic.numbers))
 
 
-def strained(problem: Problem, fit: Fit) -> set[tuple[str, str]]:
-    """Nuisance parameters, as (effect, parameter), that an explanation moves further than a healthy vehicle is off."""
-    each = zip(problem.nuisance, nuisance_now(problem, fit.explanation), strict=True)
-    return {(effect, member) for (effect, member, _, width), at in each if abs(at) > STRAINED * width}
-
-
 def nuisance_does(problem: Problem, fit: Fit) -> bool:
     """Whether nuisance parameters alone explain the log, all together no further off than is likely.
 

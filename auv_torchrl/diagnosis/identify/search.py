@@ -66,10 +66,12 @@ def search(
     ranked = [found.best, *(one for one in found.fits if one is not found.best)]
     chosen = [one.explanation for one in ranked if one.explanation.effects][: 1 + REFITTED]
     whole = _EffectSearch(problem, follow, progress).run(chosen, further=False)
-    names = whole.trace.best.names
-    if names == found.trace.best.names or not any(one.simulated and one.names == names for one in found.trace.records):
-        return replace(whole, trace=found.trace if names == found.trace.best.names else whole.trace)
-    return replace(whole, trace=found.trace.instead(names, Outcome.STEP))
+    # The trace is that of the search among some windows, where all effects were looked at.
+    names, trace = whole.trace.best.names, found.trace
+    if names == trace.best.names:
+        return replace(whole, trace=trace)
+    is_there = any(record.simulated and record.names == names for record in trace.records)
+    return replace(whole, trace=trace.instead(names, Outcome.STEP)) if is_there else whole
 
 
 class _EffectSearch(Search[Neighbour, Fit]):
@@ -108,7 +110,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
         for place, one in enumerate(self.fits):  # slopes of what is far behind would fill the memory
             if one.explanation.effects and self.posterior(one) < self.posterior(best) - CONTENDS:
                 self.fits[place] = one.set_aside()
-        around = Neighbourhood(self._problem, self._follow, self._field, best, self._is_known)
+        around = Neighbourhood(self._problem, self._follow, self._field, best, self.posterior(best), self._is_known)
         return {Way.LARGER: around.larger, Way.SMALLER: around.smaller, Way.EXCHANGED: around.exchanged}[way]()
 
     def fit(self, proposal: Proposal[Neighbour], best: Fit) -> Fit:
