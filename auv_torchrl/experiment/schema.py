@@ -11,6 +11,7 @@ from omegaconf import MISSING, OmegaConf
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.agents.config import AGENTS, FineTuning
+from auv_torchrl.command.scenario_schema import ScenarioSchema
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.config_source import ENDINGS, SCHEMA
 from auv_torchrl.ddr.config import AdapterConfig
@@ -34,13 +35,6 @@ def schema_of(settings: type) -> type:
         default = MISSING if entry.default is NO_DEFAULT else entry.default
         columns.append((entry.name, hints[entry.name], field(default=default)))
     return make_dataclass(f"{settings.__name__}Schema", columns)
-
-
-@dataclass
-class ScenarioSchema:
-    """``conf/scenario/*.yaml``; the effects are checked by :func:`auv_torchrl.scenario.read_scenario`."""
-
-    effects: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass

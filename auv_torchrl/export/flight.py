@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.export.contract import ContractError, read_export
-from auv_torchrl.export.library import library
+from auv_torchrl.extras import library
 from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.tasks import read_task
 from auv_torchrl.vehicle_fields import CONTROLLED, DEGREES_OF_FREEDOM
@@ -35,7 +35,7 @@ class ExportedPolicy:
     """
 
     def __init__(self, folder: Path):
-        runtime = library("onnxruntime", "flying an export", "fly")
+        runtime = library("onnxruntime", "flying an export needs", "fly")
         self.contract, files = read_export(Path(folder))
         options = runtime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1  # the networks are small: a second one waits

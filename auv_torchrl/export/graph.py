@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from auv_torchrl.export.library import library
+from auv_torchrl.extras import library
 
 OPSET = 18  # onnxruntime from 1.14 reads it
 IR_VERSION = 9  # likewise; onnx itself would write its newest, which older runtimes refuse
@@ -37,7 +37,7 @@ class Graph:
 
     def __init__(self, name: str, dtype: str = "float32", outer: "Graph | None" = None):
         self.name, self.dtype = name, np.dtype(dtype)
-        self.onnx = outer.onnx if outer else library("onnx", "an export", "export")
+        self.onnx = outer.onnx if outer else library("onnx", "an export needs", "export")
         self._outer, self.depth, self._made = outer, outer.depth + 1 if outer else 0, 0
         self._nodes: list[Any] = []
         self._constants: list[Any] = []

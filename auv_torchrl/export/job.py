@@ -21,10 +21,10 @@ from auv_torchrl.ddr.adapter import DDRAdapter
 from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.ddr.store import ADAPTER, load_adapter, load_or_pretrain
 from auv_torchrl.export.contract import CONTRACT, FRAMES, entries, unit_of, write_export
-from auv_torchrl.export.library import library
 from auv_torchrl.export.maps import command_graph, effect_graph
 from auv_torchrl.export.networks import CHANNELS, forward_graph, intended_graph, inverse_graph, policy_graph
 from auv_torchrl.export.schema import ExportSchema
+from auv_torchrl.extras import library
 from auv_torchrl.settings import check
 from auv_torchrl.simulator.base import FARTHEST, FASTEST
 from auv_torchrl.tasks import Task, read_task
@@ -52,7 +52,7 @@ def export(config: DictConfig) -> None:
     """Write the files and the contract."""
     torch.set_num_threads(1)
     with checking_input((ValueError, KeyError, FileNotFoundError, StorageError)):
-        library("onnx", "auv-export", "export")
+        library("onnx", "auv-export needs", "export")
         asked = read_asked(config)
         files, about = described(asked)
     folder = Path(HydraConfig.get().runtime.output_dir)

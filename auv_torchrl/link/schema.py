@@ -6,6 +6,7 @@ from typing import Annotated, Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
+from auv_torchrl.command.scenario_schema import ScenarioSchema
 from auv_torchrl.settings import In, Seed
 
 
@@ -17,13 +18,6 @@ class StartSchema:
     east: Annotated[float, In("[-900, 900]", "m")] = MISSING
     down: Annotated[float, In("[-10, 900]", "m")] = MISSING
     yaw: Annotated[float, In("[-6.3, 6.3]", "rad")] = MISSING
-
-
-@dataclass
-class ScenarioSchema:
-    """``conf/scenario/*.yaml``; the effects are checked by :func:`auv_torchrl.scenario.read_scenario`."""
-
-    effects: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from auv_torchrl.export.library import library
 from auv_torchrl.export.maps import command_graph, effect_graph
 from auv_torchrl.export.networks import forward_graph, intended_graph, inverse_graph, policy_graph
+from auv_torchrl.extras import library
 from tests.export.conftest import drawn
 
 COUNT = 10_000

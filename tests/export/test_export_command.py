@@ -2,7 +2,7 @@
 
 import pytest
 
-from auv_torchrl.export.library import MissingLibrary, library
+from auv_torchrl.extras import MissingLibrary, library
 from tests.command_lines import answers_of
 
 LINES = {
@@ -33,4 +33,4 @@ def test_a_mistaken_line_is_answered_by_one_that_says_what_to_give(answers, line
 def test_without_the_library_it_is_said_how_to_get_it():
     """The extra is named."""
     with pytest.raises(MissingLibrary, match=r"pip install 'auv_torchrl\[fly\]'"):
-        library("no_such_runtime", "flying an export", "fly")
+        library("no_such_runtime", "flying an export needs", "fly")

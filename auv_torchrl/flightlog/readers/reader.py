@@ -1,10 +1,10 @@
 """Which reader takes a file: by what is in it, and by its suffix where that does not tell."""
 
 from collections.abc import Callable, Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from auv_torchrl import extras
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
@@ -69,10 +69,4 @@ def library(module: str, needed_for: str) -> Any:
     Raises:
         FlightLogError: if it is not installed, saying how to.
     """
-    try:
-        return import_module(module)
-    except ImportError as error:
-        name = module.partition(".")[0]
-        raise FlightLogError(
-            f"{needed_for} is read by {name}, which is not installed: pip install 'auv_torchrl[logs]'"
-        ) from error
+    return extras.library(module, f"{needed_for} is read by", "logs", FlightLogError)

@@ -1,0 +1,24 @@
+"""Libraries that are there where an extra of this package was installed."""
+
+from importlib import import_module
+from typing import Any
+
+
+class MissingLibrary(ValueError):
+    """An optional library is not installed; the message says how to get it."""
+
+
+def library(module: str, clause: str, extra: str, error: type[ValueError] = MissingLibrary) -> Any:
+    """A module of an optional library.
+
+    Args:
+        module: its name.
+        clause: what asks for it, with a verb: "flying an export needs".
+        extra: of this package, that brings it.
+        error: raised if it is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as cause:
+        name = module.partition(".")[0]
+        raise error(f"{clause} {name}, which is not installed: pip install 'auv_torchrl[{extra}]'") from cause
