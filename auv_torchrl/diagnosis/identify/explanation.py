@@ -1,4 +1,4 @@
-"""An explanation of a log: some effects with values, and the nuisance parameters of every coefficient."""
+"""An explanation of a log: some effects with values, and deviations of the nuisance parameters."""
 
 from dataclasses import dataclass, field, replace
 

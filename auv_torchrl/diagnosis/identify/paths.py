@@ -99,8 +99,8 @@ def spread(fit: Fit) -> float:
 def nuisance_does(problem: Problem, fit: Fit) -> bool:
     """Whether nuisance parameters alone explain the log, all together no further off than is likely.
 
-    One by one its numbers may be likely where together they are not: healthy flights that leave the scale of all gains
-    open still tell how much one gain differs from the next.
+    One by one the deviations may be likely where together they are not: healthy flights that leave the scale of all
+    gains open still tell how much one gain differs from the next.
     """
     at = nuisance_now(problem, fit.explanation)
     likely = len(at) + STRAINED * np.sqrt(2 * len(at))

@@ -77,9 +77,8 @@ class Field:
     def fit(self, chosen: list[int], amounts: Floats | None = None) -> tuple[float, Floats]:
         """Chi-square and amounts of some candidates together, or chi-square at given amounts.
 
-        Nuisance parameters is fitted too, but no further than nuisance parameters go: what lies beyond must be an
-        effect. So are the values that the explanation has already, because what is added may take over a part of what
-        they do.
+        Nuisance parameters are fitted too, within their bounds: what lies beyond must be an effect. The values that the
+        explanation has already are fitted as well, because a candidate may take over a part of what they do.
         """
         H, g, low, high, paid = self._pulled
         first = len(low)

@@ -86,8 +86,8 @@ def change_of_chi2(problem: Problem, fit: Fit, step: Floats, nuisance_step: Floa
 def parted_from_nuisance(problem: Problem, explanation: Explanation) -> Explanation:
     """The same vehicle, where a nuisance parameter that a fitted value changes, too, is as the others let expect.
 
-    The value says all else. A fit holds what its log does not tell, and uses the nuisance parameters of such a number,
-    which costs the log nothing, for that; or it stops anywhere between the two.
+    The fitted value takes the rest of the change. A fit divides the change between the two at random, because they do
+    the same to the samples.
     """
     own = shared_with_nuisance(problem, explanation)
     if not own.any():

@@ -35,15 +35,14 @@ class Minimum:
 def as_sure(problem: Problem, fit: Fit) -> tuple[Explanation, Floats]:
     """The explanation and the covariance (m, m) of its values, nuisance parameters as wide as this log shows.
 
-    Its share of the width that nuisance parameters may have is the likeliest one (type II maximum likelihood): of a
-    vehicle that is as its file says, the log shows that, and tells the values of an effect better. What healthy flights
-    leave open of the vehicle has been measured, and is as wide as it is, also where a fit held it because its log tells
-    nothing of it: a value may hang on it. Values move by what the other width does to them: where an explanation is not
-    at the minimum of its quadratic, its fit has found that the minimum is no better.
+    The width of nuisance parameters is the likeliest share of their prior width (type II maximum likelihood): a log of
+    a vehicle that is as its file says shows a small share, and tells the values of an effect better. What healthy
+    flights leave open was measured and keeps its whole width, also where the fit held it. Values move by what the other
+    width does to them.
 
-    A scale of the vehicle that no healthy flight tells is held by all fits. A log may tell it after all, as a tether
-    does, whose direction shows what heave is to sway: then values go with it. Else they are as unsure as what they owe
-    to it (Schmidt 1966, consider covariance).
+    All fits hold a scale of the vehicle that no healthy flight tells. Where this log tells the scale after all, as the
+    direction of a tether does, the values go with it. Else the values are as uncertain as the scale makes them
+    (Schmidt 1966, consider covariance).
     """
     explanation, known = parted_from_nuisance(problem, fit.explanation), problem.known
     k, n = len(problem.nuisance), len(fit.quadratic.b)

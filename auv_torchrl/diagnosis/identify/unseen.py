@@ -13,9 +13,9 @@ from auv_torchrl.diagnosis.thresholds import TELLS, UNTOLD
 def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
     """The problem with nuisance parameters as wide as they are only along directions of which its windows tell.
 
-    Healthy flights leave open what moves nothing, as twice the inertia with twice the thrust and drag. To first order
-    that costs a fit nothing either, so that it would go there as far as it may for the least of reasons. What is said
-    of the values that were found takes the whole width (:func:`auv_torchrl.diagnosis.identify.sure.as_sure`).
+    Healthy flights leave open what changes no motion, as twice the inertia with twice the thrust and drag. Such a
+    direction costs a fit nothing to first order, and the fit would go to its bound for no reason. The intervals of the
+    fitted values take the whole width (:func:`auv_torchrl.diagnosis.identify.sure.as_sure`).
     """
     A = quadratic(problem, follow, [], chosen=problem.followed).A
     if not np.isfinite(A).all():
