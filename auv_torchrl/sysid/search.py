@@ -138,6 +138,17 @@ class Search(ABC, Generic[What, Fitted]):
         self.fits[place] = new
         self.records[self._rows[place]] = self.record(new, before.proposed, before.outcome)
 
+    def mark(self, fitted: Fitted, outcome: Outcome) -> None:
+        """Say what became of a fit that was noted."""
+        row = self._rows[self._place(fitted)]
+        self.records[row] = replace(self.records[row], outcome=outcome)
+
+    @property
+    def sound(self) -> list[Fitted]:
+        """The fits that were not dropped as small."""
+        rows = zip(self.fits, self._rows, strict=True)
+        return [one for one, row in rows if self.records[row].outcome is not Outcome.SMALL]
+
     def _place(self, fitted: Fitted) -> int:
         """Where a fit stands among all; fits hold arrays, which do not compare."""
         return next(place for place, one in enumerate(self.fits) if one is fitted)

@@ -9,7 +9,7 @@ import numpy as np
 class Outcome(Enum):
     """What became of a hypothesis; the value is the phrase that a person reads."""
 
-    KEPT = "kept: no other hypothesis has a higher posterior"
+    KEPT = "kept: no hypothesis that counts has a higher posterior"
     STEP = "kept on the way: a later one has more"
     NO_GAIN = "dropped: the log does not pay for what it adds"
     SMALL = "dropped: it does less than what is uncertain about a sound system anyway"
@@ -61,8 +61,9 @@ class SearchTrace:
 
     @property
     def runner_up(self) -> Record | None:
-        """The simulated hypothesis with the next highest posterior; None where there is no other."""
-        others = [record for record in self.records if record.simulated and record.names != self.best.names]
+        """The simulated hypothesis with the next highest posterior that counts; None where there is no other."""
+        counted = [record for record in self.records if record.simulated and record.outcome is not Outcome.SMALL]
+        others = [record for record in counted if record.names != self.best.names]
         return max(others, key=lambda record: record.log_posterior, default=None)
 
     @property
@@ -109,6 +110,8 @@ class SearchTrace:
         where = f"beside {' + '.join(beside)}" if beside else "alone"
         if not np.isfinite(behind):
             return f"{where} its simulation diverges"
+        if nearest.outcome is Outcome.SMALL:
+            return f"{where} it was {Outcome.SMALL.value}"
         how = "simulated" if nearest.simulated else "by linear prediction"
         return f"{where} it is {abs(behind):.1f} log units {'behind' if behind >= 0 else 'ahead'}, {how}"
 

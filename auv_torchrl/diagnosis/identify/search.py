@@ -38,6 +38,7 @@ from auv_torchrl.diagnosis.thresholds import (
     SETTLED,
 )
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.quantities import words
 from auv_torchrl.sysid.search import Proposal, Search, Way
 from auv_torchrl.sysid.trace import Outcome, Record
 
@@ -96,11 +97,11 @@ class _EffectSearch(Search[Neighbour, Fit]):
         if further and best.explanation.effects and leaves_much(self._problem, best):
             alone = self.better(Way.LARGER, self.fits[0])
             best = max(best, alone or best, key=self.posterior)
-        best = self._by_plainer_names(self.climb(self.settle(best)))
+        best = self._without_small(self._by_plainer_names(self.climb(self.settle(best))))
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
         self._problem.freedoms.clear()
-        ranked = sorted(self.fits, key=lambda one: -one.evidence)
+        ranked = sorted(self.sound, key=lambda one: -one.evidence)
         fits = tuple(one if one is best or one is none else one.set_aside() for one in ranked)
         return Found(self._problem, self._follow, none, best, fits, self._field, trace)
 
@@ -127,15 +128,29 @@ class _EffectSearch(Search[Neighbour, Fit]):
 
     def is_small(self, fitted: Fit) -> bool:
         """See :meth:`Search.is_small`: by the force of each effect beside that of nuisance parameters."""
-        effects = fitted.explanation.effects
-        # Healthy flights say what small effects differ by among themselves: beside a fault, too, that is no finding.
-        known = self._problem.known is not None and not self._problem.known.of_itself and len(effects) > 1
-        sound = known or any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
-        if not sound or not effects or not np.isfinite(fitted.chi2):
+        if not fitted.explanation.effects or not np.isfinite(fitted.chi2):
             return False
-        terms = likeliest(self._problem, fitted).terms
+        sound = any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
+        return sound and bool(self._small(fitted))
+
+    def _small(self, fitted: Fit) -> list[str]:
+        """Effects whose force is small beside that of nuisance parameters."""
+        terms, effects = likeliest(self._problem, fitted).terms, fitted.explanation.effects
         each = [Explanation(tuple(term for term in terms if term.effect == effect)) for effect in effects]
-        return bool((sizes(self._problem, each, fitted.path) < MINOR * self._problem.nuisance_size).any())
+        small = sizes(self._problem, each, fitted.path) < MINOR * self._problem.nuisance_size
+        return [effect for effect, is_small in zip(effects, small, strict=True) if is_small]
+
+    def _without_small(self, best: Fit) -> Fit:
+        """Without what healthy flights differ by among themselves: beside a fault, too, that is no finding."""
+        known = self._problem.known
+        if known is None or known.of_itself or not (small := self._small(best)):
+            return best
+        rest = tuple(term for term in best.explanation.terms if term.effect not in small)
+        if not rest:
+            return best
+        self.mark(best, Outcome.SMALL)
+        less = Neighbour(replace(best.explanation, terms=rest), best.path)
+        return self.note(self._fitted(less), f"without {words(' and '.join(small))}")
 
     def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
