@@ -83,6 +83,6 @@ def steep_stretches(log: FlightLog) -> tuple[Finding, ...]:
         return ()
     sentence = (
         f"the vehicle points straight up or down in {percent(share)} of the samples, where roll and yaw are not "
-        "defined: windows with such samples are left out where there are others"
+        "defined: they do not count there"
     )
     return (Finding(Severity.WARNING, "steep", sentence, "Log stretches in which it stays upright", ("pitch",)),)

@@ -64,7 +64,7 @@ def read_request(config: DictConfig) -> Request:
     uncertainty = read_uncertainty(content.get("uncertainty"), vehicle)
     kept = read_calibration(content.get("calibration"), uncertainty)
     extra = names(config, "extra")
-    options = read_options(names(config, "modes"), plain_config(config.params), config.system)
+    options = read_options(names(config, "modes"), plain_config(config.params), config.system, config.mapping)
     kinds = {kind: tuple(read_flightlog(path, vehicle, extra, options) for path in paths[kind]) for kind in KINDS}
     logs = [flight for group in kinds.values() for flight in group]
     report_findings(logs)

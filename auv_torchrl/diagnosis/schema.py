@@ -17,6 +17,7 @@ class LogsSchema:
     extra: Any = MISSING
     modes: Any = MISSING
     params: Any = MISSING
+    mapping: str | None = MISSING
     system: Any = MISSING
     trust_log: bool = MISSING
     output: str = MISSING

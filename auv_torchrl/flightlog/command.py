@@ -14,7 +14,7 @@ from auv_torchrl.importing import importing_without_compiler
 from auv_torchrl.text import printable
 
 _BAD_INPUT = 2  # exit code, as for a wrong command line
-_KEYS = ("output", "modes", "params", "system", "replace", "healthy", "vehicle")
+_KEYS = ("output", "modes", "params", "system", "mapping", "replace", "healthy", "vehicle")
 HELP = """What is in a log of a vehicle, and the same in the simple form that diagnose.py reads too.
 
   auv-log info FILE [FILE ...]           streams, rates and gaps, frame, motors, modes, arming, what can be diagnosed
@@ -23,6 +23,7 @@ HELP = """What is in a log of a vehicle, and the same in the simple form that di
   healthy=FILE      of info: a flight while the vehicle was sound; parameters that differ from it are named
   vehicle=NAME      of info: read a table as a diagnosis of this vehicle does
   params=FILE       parameters that the log lacks, as a ground station saves them; or params={MOT_1_DIRECTION: -1}
+  mapping=FILE      what the columns of a table or the messages of a recording are, where its names do not say it
   modes=[MANUAL]    take these modes alone
   system=1          which vehicle, where a file has several
   replace=true      write over the output
@@ -44,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         action, files, keys = _parsed(given)
         modes = [mode.strip() for mode in keys.get("modes", "").strip("[]").split(",") if mode.strip()]
-        options = read_options(modes, keys.get("params"), keys.get("system"))
+        options = read_options(modes, keys.get("params"), keys.get("system"), keys.get("mapping"))
         with importing_without_compiler():  # here, not above: --help and a mistaken command line need neither
             from auv_torchrl.flightlog.job import convert, info
 

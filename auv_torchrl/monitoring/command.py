@@ -14,7 +14,9 @@ from auv_torchrl.importing import importing_without_compiler, spare_pandas
 register()
 
 
-@command("diagnose", files=("log", "healthy", "test", "params", "store", "output", "vehicle"), file_key="log")
+@command(
+    "diagnose", files=("log", "healthy", "test", "params", "mapping", "store", "output", "vehicle"), file_key="log"
+)
 def main(config: DictConfig) -> None:
     """Diagnose the logs that are named, once it is sure that they are there."""
     with checking_input():

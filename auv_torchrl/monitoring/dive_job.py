@@ -29,7 +29,16 @@ from auv_torchrl.vehicle import load_vehicle
 
 log = logging.getLogger("diagnose")
 VERSION = 1  # of dives.json
-_SHAPING = ("vehicle", "diagnosis", "extra", "modes", "params", "system", "trust_log")  # keys that shape a result
+_SHAPING = (
+    "vehicle",
+    "diagnosis",
+    "extra",
+    "modes",
+    "params",
+    "system",
+    "mapping",
+    "trust_log",
+)  # keys that shape a result
 _DATE = re.compile(
     r"(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?:[-_. T]?([0-2]\d)[-_.:h]?([0-5]\d)(?:[-_.:]?([0-5]\d))?)?", re.ASCII
 )
@@ -122,7 +131,7 @@ def _work(config: DictConfig) -> Work:
         raise ValueError(f"each is {config.each!r}: give changed, all or none")
     if not config.dives_per_false_alarm >= 1:
         raise ValueError(f"dives_per_false_alarm is {config.dives_per_false_alarm}: give 1 or more")
-    options = read_options(names(config, "modes"), plain_config(config.params), config.system)
+    options = read_options(names(config, "modes"), plain_config(config.params), config.system, config.mapping)
     return Work(
         vehicle=vehicle,
         vehicle_name=str(config.vehicle.get("name", "unnamed")),

@@ -131,23 +131,19 @@ class Search(ABC, Generic[What, Fitted]):
             self.exchange(best, settled)
         return settled
 
-    def exchange(self, old: Fitted, new: Fitted) -> None:
-        """Keep a better fit of the same hypothesis in place of one that was noted."""
+    def exchange(self, old: Fitted, new: Fitted, outcome: Outcome | None = None) -> None:
+        """Keep a better fit of the same hypothesis in place of one that was noted, and say what became of it."""
         place = self._place(old)
         before = self.records[self._rows[place]]
         self.fits[place] = new
-        self.records[self._rows[place]] = self.record(new, before.proposed, before.outcome)
-
-    def mark(self, fitted: Fitted, outcome: Outcome) -> None:
-        """Say what became of a fit that was noted."""
-        row = self._rows[self._place(fitted)]
-        self.records[row] = replace(self.records[row], outcome=outcome)
+        self.records[self._rows[place]] = self.record(new, before.proposed, outcome or before.outcome)
 
     @property
-    def sound(self) -> list[Fitted]:
-        """The fits that were not dropped as small."""
-        rows = zip(self.fits, self._rows, strict=True)
-        return [one for one, row in rows if self.records[row].outcome is not Outcome.SMALL]
+    def ranked(self) -> list[Fitted]:
+        """The fits that were not dropped as small, the one with the highest posterior on record first."""
+        noted = [(one, self.records[row]) for one, row in zip(self.fits, self._rows, strict=True)]
+        counted = [pair for pair in noted if pair[1].outcome is not Outcome.SMALL]
+        return [one for one, _ in sorted(counted, key=lambda pair: -pair[1].log_posterior)]
 
     def _place(self, fitted: Fitted) -> int:
         """Where a fit stands among all; fits hold arrays, which do not compare."""

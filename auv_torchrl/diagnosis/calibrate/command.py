@@ -16,7 +16,7 @@ register()
 NO_LOG = "no healthy log: give healthy=[a.csv,b.csv], flights of the vehicle while it was sound"
 
 
-@command("calibrate", files=("healthy", "params", "output", "vehicle"), has_folder=False, file_key="healthy")
+@command("calibrate", files=("healthy", "params", "mapping", "output", "vehicle"), has_folder=False, file_key="healthy")
 def main(config: DictConfig) -> None:
     """Calibrate on the logs that are named, once it is sure that they are there and the file can be written."""
     with checking_input():

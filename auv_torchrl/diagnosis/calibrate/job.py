@@ -105,7 +105,7 @@ def read_request(config: DictConfig, paths: Sequence[Path]) -> CalibrationReques
     content = plain_config(config.vehicle)
     vehicle = load_vehicle(content)
     settings = read_settings(plain_config(config.diagnosis), vehicle)
-    options = read_options(names(config, "modes"), plain_config(config.params), config.system)
+    options = read_options(names(config, "modes"), plain_config(config.params), config.system, config.mapping)
     extra = names(config, "extra")
     healthy = tuple(check_healthy_flight(read_flightlog(path, vehicle, extra, options)) for path in paths)
     report_findings(healthy)

@@ -97,11 +97,12 @@ class _EffectSearch(Search[Neighbour, Fit]):
         if further and best.explanation.effects and leaves_much(self._problem, best):
             alone = self.better(Way.LARGER, self.fits[0])
             best = max(best, alone or best, key=self.posterior)
-        best = self._without_small(self._by_plainer_names(self.climb(self.settle(best))))
+        self._name_plainly(self.climb(self.settle(best)))
+        best = self._without_small(self.ranked[0])
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
         self._problem.freedoms.clear()
-        ranked = sorted(self.sound, key=lambda one: -one.evidence)
+        ranked = sorted(self.ranked, key=lambda one: -one.evidence)
         fits = tuple(one if one is best or one is none else one.set_aside() for one in ranked)
         return Found(self._problem, self._follow, none, best, fits, self._field, trace)
 
@@ -148,7 +149,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
         rest = tuple(term for term in best.explanation.terms if term.effect not in small)
         if not rest:
             return best
-        self.mark(best, Outcome.SMALL)
+        self.exchange(best, best, Outcome.SMALL)
         less = Neighbour(replace(best.explanation, terms=rest), best.path)
         return self.note(self._fitted(less), f"without {words(' and '.join(small))}")
 
@@ -195,8 +196,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
                 self.exchange(one, reassess(problem, one))
         return again
 
-    def _by_plainer_names(self, best: Fit) -> Fit:
-        """The same vehicle where a value of one effect is one of a plainer effect, as no thrust limit is no gain."""
+    def _name_plainly(self, best: Fit) -> None:
+        """Exchange what is the same vehicle by a plainer effect's name, as a thrust limit of 0 is a gain of 0."""
         tried = {candidate.effect for candidate in self._problem.candidates}
 
         def plainer(term: Term) -> Term:
@@ -208,8 +209,5 @@ class _EffectSearch(Search[Neighbour, Fit]):
             return Term(known[0][0], tuple(member for _, member, _ in known), known[0][2])
 
         terms = tuple(plainer(term) for term in best.explanation.terms)
-        if terms == best.explanation.terms:
-            return best
-        renamed = fit_by_simulation(self._problem, replace(best.explanation, terms=terms), best.path)
-        self.exchange(best, renamed)
-        return renamed
+        if terms != best.explanation.terms:
+            self.exchange(best, fit_by_simulation(self._problem, replace(best.explanation, terms=terms), best.path))

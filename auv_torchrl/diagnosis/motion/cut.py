@@ -54,7 +54,6 @@ def cut_windows(log: FlightLog, window_s: float, lead_s: float, bin_s: float = 0
         raise FlightLogError(
             f"{log.name}: no episode holds a window of {window_s:g} s behind the first {lead_s:g} s: give a longer log"
         )
-    cuts = [cut for cut in cuts if not _is_steep(cut.values)] or cuts
     many, most = len(cuts), min(MAX_WINDOWS, _affordable(log, cuts, channels, steps, round(bin_s / dt)))
     if many > most:
         cuts = [cuts[i] for i in np.linspace(0, many - 1, most).astype(int)]
@@ -130,9 +129,10 @@ def _samples(cuts: list[_Cut], columns: list[int]) -> dict[str, np.ndarray]:
     return {"index": index, "fraction": fraction, "present": present, "measured": measured, "trust": trust}
 
 
-def _is_steep(values: Floats) -> bool:
-    """Whether samples (T, 15) show the vehicle point straight up or down, where roll and yaw are not defined."""
-    return bool((np.abs(values[:, CHANNELS.index("pitch")]) > STEEP).any())
+def _trust_upright(values: Floats) -> Floats:
+    """Trust (T,) in roll and yaw of samples (T, 15): errors of the attitude show in them 1 / cos(pitch) as large."""
+    pitch = values[:, CHANNELS.index("pitch")]
+    return np.where(np.abs(pitch) > STEEP, 0.0, np.where(np.isnan(pitch), 1.0, np.cos(pitch)))
 
 
 def _first_seen(position: Floats, known: np.ndarray, lead: int) -> int:
@@ -168,14 +168,14 @@ def _merge(episode: Episode, merged: int) -> tuple[Floats, Floats, Floats]:
     trusted = np.ones_like(values)
     if episode.filled is not None:
         trusted[:, : episode.filled.shape[1]] -= episode.filled
-    if merged == 1:
-        return episode.t, values, trusted
-    whole = len(values) // merged * merged
-    return (
-        episode.t[:whole].reshape(-1, merged).mean(1),
-        values[:whole].reshape(-1, merged, values.shape[1]).mean(1),
-        np.round(trusted[:whole].reshape(-1, merged, values.shape[1]).mean(1)),
-    )
+    t, whole = episode.t, len(values) // merged * merged
+    if merged > 1:
+        t = t[:whole].reshape(-1, merged).mean(1)
+        values = values[:whole].reshape(-1, merged, values.shape[1]).mean(1)
+        trusted = np.round(trusted[:whole].reshape(-1, merged, values.shape[1]).mean(1))
+    for angle in ("roll", "yaw"):
+        trusted[:, CHANNELS.index(angle)] *= _trust_upright(values)
+    return t, values, trusted
 
 
 def _commands_on_grid(episode: Episode, dt: float, length: int) -> Floats:

@@ -5,10 +5,12 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
+from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import (
     ardupilot,
     dataflash,
     dataflash_text,
+    mapped,
     mcap,
     mcap_records,
     ros,
@@ -24,6 +26,7 @@ from auv_torchrl.registry import Registry
 if TYPE_CHECKING:
     from auv_torchrl.flightlog.table import Table
 
+_MAPPED = ("ROS bag", "MCAP recording")  # readers of recordings whose messages may be an owner's own
 TABLES = (".csv", ".parquet", ".pq")  # how tables are called
 
 
@@ -54,17 +57,26 @@ READERS = Registry(
 def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -> "Streams | Table":
     """Everything that a log holds, packed or not: streams of a vehicle's own log, or a table (CSV, Parquet).
 
+    A table or a recording whose columns or messages a mapping explains is read as streams.
+
     Raises:
         FlightLogError: if nothing of the file can be used.
     """
     with unpacked(Path(path), _is_log) as (log, findings):
-        reader = choose_reader(log, READERS)
-        if reader is not None:
-            read = reader.read(log, options or ReadOptions())
-        else:
+        reader, options = choose_reader(log, READERS), options or ReadOptions()
+        if reader is None:
             from auv_torchrl.flightlog.table import read_table  # here, not above: it loads pyarrow
 
-            read = read_table(log)
+            table = read_table(log)
+            read = mapped.streams_of_table(table, options.mapping) if options.mapping else table
+        elif options.mapping:
+            if reader.name not in _MAPPED:
+                raise FlightLogError(
+                    f"{log.name} is a {reader.name}, which says itself what it holds: leave mapping out"
+                )
+            read = mapped.streams_of_recording(log, options.mapping)
+        else:
+            read = reader.read(log, options)
     return replace(read, findings=(*findings, *read.findings)) if findings else read
 
 

@@ -116,7 +116,7 @@ class Topic:
             KeyError: if its type lacks a field.
         """
         values = self.type.values(data)
-        row = [time_ns * 1e-9, _stamp(values)]
+        row = [time_ns * 1e-9, stamp(values)]
         for name in _FIELDS[self.kind]:
             value = values[name]
             if name == "orientation_covariance":
@@ -199,7 +199,7 @@ def _topics(path: Path, seen: dict[Channel, None], loss: Loss) -> list[Topic]:
     """The topics whose messages are needed and can be read."""
     topics: dict[Channel, Topic | None] = {}
     budget = Budget(loss)
-    for channel, time_ns, data in _messages(path, _is_wanted, seen, loss):
+    for channel, time_ns, data in messages(path, _is_wanted, seen, loss):
         if channel not in topics:
             try:
                 made = Type(channel.kind, channel.definition, channel.encoding)
@@ -211,7 +211,7 @@ def _topics(path: Path, seen: dict[Channel, None], loss: Loss) -> list[Topic]:
         if topic is None:
             continue
         try:
-            topic.add(time_ns, _plain(data), budget)
+            topic.add(time_ns, plain(data), budget)
         except KeyError as error:
             topics[channel] = None
             loss.cut(f"{channel.topic}, whose type {channel.kind} has no field {error.args[0]}")
@@ -226,7 +226,7 @@ def _is_wanted(channel: Channel) -> bool:
     return channel.kind in _FIELDS and channel.encoding in (CDR, ROS1)
 
 
-def _messages(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: Loss) -> Messages:
+def messages(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: Loss) -> Messages:
     """The messages of a bag, whatever contains them."""
     for part in rosbag.storage_of(path, loss) if path.is_dir() else [path]:
         with unpacked(part, lambda name, head: True) as (file, findings):
@@ -244,7 +244,7 @@ def _messages(path: Path, wanted: Wanted, seen: dict[Channel, None], loss: Loss)
                 loss.cut(f"{part.name}, which is neither a database nor an MCAP file")
 
 
-def _plain(data: bytes) -> bytes:
+def plain(data: bytes) -> bytes:
     """A message that the recorder packed by itself, unpacked.
 
     Raises:
@@ -269,7 +269,8 @@ def _listed(names: list[str]) -> str:
     )
 
 
-def _stamp(values: Values) -> float:
+def stamp(values: Values) -> float:
+    """When a message was made, s; 0 where it does not say."""
     return values.get("header.stamp.sec", 0) + values.get("header.stamp.nanosec", 0) * 1e-9
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError
+from auv_torchrl.flightlog.streams.mapping import read_mapping
 from auv_torchrl.flightlog.streams.parameters import is_name, read_parameters
 from auv_torchrl.flightlog.streams.stream import ReadOptions
 from auv_torchrl.text import number, whole
@@ -17,18 +18,18 @@ _MOST = 3.4e38  # what a parameter can be: ArduPilot has them as float32
 _MOST_BYTES = 4 << 20  # of a file of parameters; a vehicle has some thousand
 
 
-def read_options(modes: Iterable[str] = (), params: Any = None, system: Any = None) -> ReadOptions:
-    """Options as commands are given them; ``params`` is a file, or values by name.
+def read_options(modes: Iterable[str] = (), params: Any = None, system: Any = None, mapping: Any = None) -> ReadOptions:
+    """Options as commands are given them; ``params`` is a file, or values by name; ``mapping`` is a file.
 
     Raises:
-        FlightLogError: for a file of parameters that cannot be read, or a value that is no number.
+        FlightLogError: for a file of parameters or a mapping that cannot be read, or a value that is no number.
     """
     chosen = None if system is None else whole(str(system))
     if system is not None and (chosen is None or chosen < 0):
         raise FlightLogError(f"system={system} is no number of a vehicle: give system=1")
     named = tuple(str(mode).upper() for mode in modes)
     values, findings = _parameters(params)
-    return ReadOptions(named, values, chosen, findings)
+    return ReadOptions(named, values, chosen, read_mapping(str(mapping)) if mapping else (), findings)
 
 
 def _parameters(given: Any) -> tuple[dict[str, float], tuple[Finding, ...]]:

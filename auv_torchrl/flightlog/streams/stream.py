@@ -166,12 +166,39 @@ class Streams:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where one channel is found: a column, or a field of a message; ``data.3`` is the fourth number of an array."""
+
+    name: str
+    sign: float
+
+
+@dataclass(frozen=True)
+class MappedStream:
+    """One stream as its owner describes it."""
+
+    name: str
+    channels: tuple[str, ...]
+    places: tuple[Place, ...]  # of the channels
+    topic: str  # empty for a table
+    unit: str  # of the stream
+    scale: float  # a channel is sign * (scale * number + offset), in the unit of the stream
+    offset: float
+    sampling: Sampling
+
+    def converted(self, numbers: Floats) -> Floats:
+        """Channels (T, n) in the unit of the stream from the numbers (T, n) of the file."""
+        return np.array([place.sign for place in self.places]) * (self.scale * numbers + self.offset)
+
+
+@dataclass(frozen=True)
 class ReadOptions:
     """What people add to a file."""
 
     modes: tuple[str, ...] = ()  # to take alone; empty takes all
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # that the file lacks
     system: int | None = None  # which vehicle of several
+    mapping: tuple[MappedStream, ...] = ()  # what columns or fields stand for; empty where the format says it
     findings: tuple[Finding, ...] = ()  # about what they gave
 
 
