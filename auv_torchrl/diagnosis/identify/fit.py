@@ -40,7 +40,7 @@ def fit_by_simulation(
 ) -> Fit:
     """Fit all values of an explanation by simulating it, and weigh it.
 
-    One that is still beyond a chi-square of ``enough`` when it was fitted once is left at that.
+    One that is still beyond a chi-square of ``enough`` when it was linearised again once is left at that.
     """
     best = _descend(problem, path_under(problem, explanation, start), rounds)
     if not rounds:
@@ -48,8 +48,11 @@ def fit_by_simulation(
     searched = search_thresholds(problem, best)
     if searched is not best:
         best = _descend(problem, searched.path, rounds)
-    for _ in range(RELINEARISED if problem.layout.moves_unseen else 0):  # a tilt that nobody measured bends the windows
-        if best.nothing_left or not np.isfinite(best.chi2) or best.chi2 > enough:
+    is_bent = (
+        problem.layout.moves_unseen or problem.layout.by_specific_force.any()
+    )  # by a tilt or a speed that nobody measured
+    for turn in range(RELINEARISED if is_bent else 0):
+        if best.nothing_left or not np.isfinite(best.chi2) or (turn and best.chi2 > enough):
             break
         again = _descend(problem, path_under(problem, best.explanation, best.path), rounds)
         if not again.chi2 < best.chi2:

@@ -83,6 +83,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
         self._problem, self._follow, self._progress = problem, follow, progress
         self._tried: dict[Key, list[float]] = {}  # log posteriors of the fits of each explanation
         self._field = Field.of(problem, follow)
+        self._is_noise_measured = False
 
     def run(self, begin: Sequence[Explanation], further: bool) -> Found:
         """From no effect, or the best of those to begin with, to the best explanation."""
@@ -97,7 +98,12 @@ class _EffectSearch(Search[Neighbour, Fit]):
         if further and best.explanation.effects and leaves_much(self._problem, best):
             alone = self.better(Way.LARGER, self.fits[0])
             best = max(best, alone or best, key=self.posterior)
-        self._name_plainly(self.climb(self.settle(best)))
+        best = self.climb(self.settle(best))
+        if not best.explanation.effects and not best.explanation.nuisance:  # nothing else kept what it promised
+            fitted = fit_by_simulation(self._problem, Explanation(), self._follow)
+            self.exchange(best, fitted := rescued(self._problem, fitted, self._follow))
+            best = self.climb(self.settle(fitted))
+        self._name_plainly(best)
         best = self._without_small(self.ranked[0])
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
@@ -142,26 +148,33 @@ class _EffectSearch(Search[Neighbour, Fit]):
         return [effect for effect, is_small in zip(effects, small, strict=True) if is_small]
 
     def _without_small(self, best: Fit) -> Fit:
-        """Without what healthy flights differ by among themselves: beside a fault, too, that is no finding."""
-        known = self._problem.known
-        if known is None or known.of_itself or not (small := self._small(best)):
-            return best
+        """Without what does less than nuisance parameters do, where they do without: beside a fault that is no finding.
+
+        Healthy flights differ by as much among themselves: then it is none whatever is left without it.
+        """
+        small = self._small(best)
         rest = tuple(term for term in best.explanation.terms if term.effect not in small)
-        if not rest:
+        if not small or not rest:
             return best
-        self.exchange(best, best, Outcome.SMALL)
-        less = Neighbour(replace(best.explanation, terms=rest), best.path)
-        return self.note(self._fitted(less), f"without {words(' and '.join(small))}")
+        less = self._fitted(Neighbour(replace(best.explanation, terms=rest), best.path))
+        known = self._problem.known
+        is_sound = (known is not None and not known.of_itself) or nuisance_does(self._problem, less)
+        if is_sound:
+            self.exchange(best, best, Outcome.SMALL)
+        self.note(less, f"without {words(' and '.join(small))}", Outcome.STEP if is_sound else Outcome.NEEDED)
+        return less if is_sound else best
 
     def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
 
-        The noise is measured again under an explanation that leaves little.
+        The noise is measured again under the first explanation that leaves little, and not again under every further
+        one: whoever explains more would have less noise to explain.
         """
         if leaves_much(self._problem, best):
             return best
         fitted = fitted_on(self._problem, best)
-        anew = measure_noise(self._problem, fitted)
+        anew = measure_noise(self._problem, fitted) if not self._is_noise_measured else self._problem
+        self._is_noise_measured = True
         return fitted if anew is self._problem else self._under_other_noise(anew, best, fitted)
 
     def _without_effects(self) -> Fit:
