@@ -44,6 +44,8 @@ NOTICED_TURN = 0.05  # rad/s, likewise
 # Of the variance of what a file has wrong about each thruster, the part that all share: volts and the scale of commands
 # make 0.35, the wake on the frame 0.2 for each by itself.
 SHARED_BY_THRUSTERS = 0.75
+DIFFER_BY = 0.15  # of the mean of the others, standard deviation: by what sound thrusters of one vehicle differ
+FEWEST_ALIKE = 3  # members of a family of which one can be told from the others
 # Chi-square per number that half of the windows of healthy flights leave where these are fitted as one: trims of 0.5 N
 # and currents of 5 cm/s that differ make 2 to 8, files that are wrong by 30 % make 30 to 200.
 BEYOND_TRIM = 10.0

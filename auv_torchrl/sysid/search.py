@@ -139,11 +139,10 @@ class Search(ABC, Generic[What, Fitted]):
         self.records[self._rows[place]] = self.record(new, before.proposed, outcome or before.outcome)
 
     @property
-    def ranked(self) -> list[Fitted]:
-        """The fits that were not dropped as small, the one with the highest posterior on record first."""
-        noted = [(one, self.records[row]) for one, row in zip(self.fits, self._rows, strict=True)]
-        counted = [pair for pair in noted if pair[1].outcome is not Outcome.SMALL]
-        return [one for one, _ in sorted(counted, key=lambda pair: -pair[1].log_posterior)]
+    def counted(self) -> list[Fitted]:
+        """The fits that were not dropped as small."""
+        rows = zip(self.fits, self._rows, strict=True)
+        return [one for one, row in rows if self.records[row].outcome is not Outcome.SMALL]
 
     def _place(self, fitted: Fitted) -> int:
         """Where a fit stands among all; fits hold arrays, which do not compare."""

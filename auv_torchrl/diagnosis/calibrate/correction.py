@@ -26,6 +26,7 @@ from auv_torchrl.diagnosis.calibrate.output_error import (
     thin_out,
 )
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, VehicleEstimate
+from auv_torchrl.diagnosis.calibrate.standing_out import Outlier, standing_out
 from auv_torchrl.diagnosis.identify.attitude import held_level, hold_attitude
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
@@ -49,6 +50,7 @@ from auv_torchrl.diagnosis.thresholds import (
 )
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.advice import which
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.quantities import counted, percent, quantity
@@ -313,7 +315,25 @@ def _list_effects(
         seen = sentences.get(EFFECTS[name].shows, ())
         own = (*seen, *_describe_coefficients(held, name, moved, parameters)) if moved or not seen else seen
         found.append(FoundEffect(name, probability, parameters, (), share, "; ".join(own), calibrates=True))
+    outliers = standing_out(coefficients, fitted.values, fitted.covariance)
+    found = [_with_faults(effect, [one for one in outliers if one.effect == effect.name]) for effect in found]
     return tuple(sorted(found, key=lambda effect: -(effect.gap_closed or 0.0)))
+
+
+def _with_faults(correction: FoundEffect, outliers: Sequence[Outlier]) -> FoundEffect:
+    """A correction as a fault of those thrusters that depart from the others; as it is where none does."""
+    if not outliers:
+        return correction
+    effect = EFFECTS[correction.name]
+    ratios = {one.member: one.ratio for one in outliers}
+    return replace(
+        correction,
+        probability=min(correction.probability, *(one.probability for one in outliers)),
+        thrusters=tuple(sorted(int(which(member)) for member in ratios)),
+        sentence="; ".join(f"thruster {which(m)} gives {r:z.2f} times what the others give" for m, r in ratios.items()),
+        advice=effect.advice(ratios, {}) if effect.advice else (),
+        calibrates=False,
+    )
 
 
 def _describe_coefficients(

@@ -101,12 +101,12 @@ def shared_covariance(members: Sequence[tuple[str, str]], width: Floats) -> Floa
     file wrong of all thrusters. Without a shared error a fit bends the curve of thrust instead of paying once for each
     thruster. A bent curve is wrong at commands larger than those of the log.
     """
-    families = [_shared_family(*member) for member in members]
+    families = [shared_family(*member) for member in members]
     same = np.array([[one is not None and one == other for other in families] for one in families])
     return np.outer(width, width) * np.where(np.eye(len(width), dtype=bool), 1.0, SHARED_BY_THRUSTERS * same)
 
 
-def _shared_family(effect: str, member: str) -> tuple[str, str] | None:
+def shared_family(effect: str, member: str) -> tuple[str, str] | None:
     """The effect and the family whose members differ together from flight to flight; None for a lone parameter."""
     for p in get_effect(effect).parameters:
         if p.varies and p.over is not None and member.startswith(f"{p.name}_"):

@@ -103,12 +103,11 @@ class _EffectSearch(Search[Neighbour, Fit]):
             fitted = fit_by_simulation(self._problem, Explanation(), self._follow)
             self.exchange(best, fitted := rescued(self._problem, fitted, self._follow))
             best = self.climb(self.settle(fitted))
-        self._name_plainly(best)
-        best = self._without_small(self.ranked[0])
+        best = self._without_small(self._named_plainly(best))
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
         self._problem.freedoms.clear()
-        ranked = sorted(self.ranked, key=lambda one: -one.evidence)
+        ranked = sorted(self.counted, key=lambda one: -one.evidence)
         fits = tuple(one if one is best or one is none else one.set_aside() for one in ranked)
         return Found(self._problem, self._follow, none, best, fits, self._field, trace)
 
@@ -209,8 +208,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
                 self.exchange(one, reassess(problem, one))
         return again
 
-    def _name_plainly(self, best: Fit) -> None:
-        """Exchange what is the same vehicle by a plainer effect's name, as a thrust limit of 0 is a gain of 0."""
+    def _named_plainly(self, best: Fit) -> Fit:
+        """The same vehicle by plainer names, as a thrust limit of 0 is a gain of 0, less what these make needless."""
         tried = {candidate.effect for candidate in self._problem.candidates}
 
         def plainer(term: Term) -> Term:
@@ -222,5 +221,10 @@ class _EffectSearch(Search[Neighbour, Fit]):
             return Term(known[0][0], tuple(member for _, member, _ in known), known[0][2])
 
         terms = tuple(plainer(term) for term in best.explanation.terms)
-        if terms != best.explanation.terms:
-            self.exchange(best, fit_by_simulation(self._problem, replace(best.explanation, terms=terms), best.path))
+        if terms == best.explanation.terms:
+            return best
+        renamed = fit_by_simulation(self._problem, replace(best.explanation, terms=terms), best.path)
+        self.exchange(best, renamed)
+        self._tried.clear()  # what is smaller was tried beside other names
+        self.ways = (Way.SMALLER,)
+        return self.climb(renamed)
