@@ -74,7 +74,7 @@ def fault(values: Values, onset_s: float | None = None) -> Truth:
 
 def unknown() -> Truth:
     """What to say of a vehicle with an effect that the library lacks."""
-    return Truth(frozenset(("partly_explained", "unexplained")))
+    return Truth(frozenset(("partly_explained", "unexplained", "cannot_tell")))
 
 
 def score_diagnosis(diagnosis: Mapping[str, Any], truth: Truth, vehicle: Vehicle, likely: float = LIKELY) -> Score:

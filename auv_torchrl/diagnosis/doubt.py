@@ -1,9 +1,17 @@
-"""Findings are evidence: while the log itself is in doubt, no cause in the vehicle is more likely than not."""
+"""What may be otherwise is not said as a fact.
+
+Findings are evidence: while the log itself is in doubt, no cause in the vehicle is more likely than not. Coefficients
+that are corrected on the log are many, and take up a part of any fault: the file is off only where that closes the gap.
+"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from auv_torchrl.diagnosis.identify.posterior import NONE, UNKNOWN
-from auv_torchrl.diagnosis.verdict import Verdict
+from auv_torchrl.diagnosis.thresholds import CLOSED_IF_EXPLAINED, STILL_FAR
+from auv_torchrl.diagnosis.verdict import Errors, FoundEffect, Gap, Verdict
 from auv_torchrl.flightlog import Finding
 
 BELIEVED = 0.5  # of the probability of a cause, where it may as well be what the finding says about the log
@@ -35,3 +43,25 @@ def said_first(summary: str, verdict: Verdict, doubted: Sequence[Finding]) -> st
     return (
         f"The log itself is in doubt: {'; '.join(finding.sentence for finding in doubted)}. If it is right: {summary}"
     )
+
+
+def closes_everywhere(gap: Gap) -> bool:
+    """Whether what predicts held-out flight afterwards closes the gap in each degree of freedom that has one."""
+    return all(_closes(errors) for errors in gap.dof.values())
+
+
+def _closes(errors: Errors) -> bool:
+    """Whether errors end near their floors, or as near to them as what explains a gap must."""
+    before, after, floor = (np.array(row) for row in (errors.before, errors.after, errors.floor))
+    seen = np.isfinite(floor) & (floor > 0)
+    if not seen.any():
+        return True
+    first, last = (float(np.sqrt(np.mean((row[seen] / floor[seen]) ** 2))) for row in (before, after))
+    if not np.isfinite(first):  # the simulator of the file diverges
+        return bool(np.isfinite(last))
+    return last < STILL_FAR or first - last > CLOSED_IF_EXPLAINED * (first - 1.0)
+
+
+def hedged(corrections: Sequence[FoundEffect]) -> tuple[FoundEffect, ...]:
+    """Corrections of the file that leave some of the gap open: something else may be what they take up."""
+    return tuple(replace(effect, probability=min(effect.probability, BELIEVED)) for effect in corrections)

@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
 from auv_torchrl.diagnosis.configured import configured, said_too
 from auv_torchrl.diagnosis.decision import decide
-from auv_torchrl.diagnosis.doubt import bounded, doubts, limited, said_first
+from auv_torchrl.diagnosis.doubt import bounded, closes_everywhere, doubts, hedged, limited, said_first
 from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.found import Found
@@ -30,6 +30,7 @@ from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
 from auv_torchrl.diagnosis.summary import summarise
+from auv_torchrl.diagnosis.unanswered.both_readings import weigh_readings
 from auv_torchrl.diagnosis.validate.confirm import confirm
 from auv_torchrl.diagnosis.validate.predict import (
     Predictions,
@@ -51,7 +52,6 @@ from auv_torchrl.vehicle import Vehicle
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
 
 
-# long: the stages of a diagnosis in their order, each a call, to be read in one place
 @threadpool_limits.wrap(limits=1)  # the arrays are small: a second thread only waits
 def diagnose(
     log: FlightLog,
@@ -86,19 +86,43 @@ def diagnose(
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
     log, healthy = stretches_of(followable(log)), [stretches_of(check_healthy_flight(sound)) for sound in healthy]
-    test = [stretches_of(restricted(followable(unseen_log), log.axes)) for unseen_log in test]
+    test = [stretches_of(followable(unseen_log)) for unseen_log in test]
+
+    def once(answering: FlightLog, begin: float, end: float) -> tuple[Diagnosis, Found]:
+        unseen = [restricted(unseen_log, answering.axes) for unseen_log in test]
+        given = Given(vehicle, tuple(healthy), settings, tuple(uncertainty), kept)
+        return diagnose_answering(
+            answering, unseen, given, lambda step, share: report(step, begin + (end - begin) * share), vehicle_name
+        )
+
+    found = weigh_readings(log, vehicle, settings, once)
+    report("done", 1.0)
+    return found
+
+
+# long: the stages of a diagnosis in their order, each a call, to be read in one place
+def diagnose_answering(
+    log: FlightLog, test: Sequence[FlightLog], given: "Given", report: Progress, vehicle_name: str
+) -> tuple[Diagnosis, Found]:
+    """The diagnosis of a log whose channels all follow the vehicle, and what was found by its search.
+
+    Raises:
+        FlightLogError: if the log is too short for the settings.
+    """
+    vehicle, settings, healthy = given.vehicle, given.settings, given.healthy
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
-    corrected = correct_file(training, vehicle, () if healthy or kept else uncertainty, settings)
-    given = Given(training, testing, vehicle, tuple(healthy), settings, tuple(uncertainty), kept)
-    explained = explain(given, corrected, report)
+    corrected = correct_file(training, vehicle, () if healthy or given.kept else given.uncertainty, settings)
+    explained = explain(training, testing, given, corrected, report)
     if corrected.effects and (quantities := worse(explained.predictions, 0, 1)):
         corrected = Correction(vehicle, findings=(calibration_vetoed(quantities),))
-        explained = explain(given, corrected, report)
+        explained = explain(training, testing, given, corrected, report)
     looked, found, problem = explained.looked, explained.found, explained.found.problem
     predictions, vetoed = explained.predictions, explained.vetoed
     verdict = judge(found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
+    gap = measure_gap(predictions, numbers, closed)
+    hedge = bool(corrected.effects) and not closes_everywhere(gap)
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
     noise = (*quiet_findings(problem), *outlier_findings(problem), *steep_stretches(log), noise_finding(problem))
     findings = (
@@ -111,21 +135,22 @@ def diagnose(
         *noise,
     )
     doubted = doubts((*log.findings, *findings))
-    outcome = Verdict.PARTLY_EXPLAINED if short else verdict  # where the log is right
+    partly = verdict is Verdict.EXPLAINED and (short or hedge)
+    outcome = Verdict.PARTLY_EXPLAINED if partly else verdict  # where the log is right
     verdict = limited(outcome, doubted)
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
-    probability = bounded(effect_probabilities(found, 1.0 if vetoed or short else unknown), doubted)
+    probability = bounded(effect_probabilities(found, 1.0 if vetoed or partly else unknown), doubted)
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
-    effects = tuple(effect for effect in (*corrected.effects, *effects) if effect.departs)
+    corrections = hedged(corrected.effects) if hedge else corrected.effects
+    effects = tuple(effect for effect in (*corrections, *effects) if effect.departs)
     findings = (*configured(log, healthy, verdict, effects), *findings)
     same, hidden = indistinguishable(problem, found), hidden_members(problem, found)
     report("confirming in MuJoCo", 0.95)
     confirmed = confirm(predictions, explained.vehicles) if effects else None
-    gap = replace(measure_gap(predictions, numbers, closed), confirmed=confirmed)
+    gap = replace(gap, confirmed=confirmed)
     where = locate(problem, found, effects, verdict, looked.onset)
     summary = summarise(outcome, effects, where, gap, corrected.sentences, examined(problem))
-    report("done", 1.0)
-    return Diagnosis(
+    diagnosis = Diagnosis(
         log=printable(log.name),
         vehicle=printable(vehicle_name),
         verdict=verdict,
@@ -144,14 +169,13 @@ def diagnose(
         decision=decide(found, refuted=bool(vetoed)),
         windows=held_out_windows(predictions, testing),
     )
+    return diagnosis, found
 
 
 @dataclass(frozen=True)
 class Given:
-    """What a log is explained from."""
+    """What a log is explained by."""
 
-    training: FlightLog
-    testing: FlightLog  # held out
     vehicle: Vehicle  # as its file says, empty batch
     healthy: tuple[FlightLog, ...]
     settings: Settings
@@ -170,7 +194,9 @@ class Explained:
     vetoed: tuple[str, ...]  # what the effects that were taken back predict worse
 
 
-def explain(given: Given, corrected: Correction, report: Progress) -> Explained:
+def explain(
+    training: FlightLog, testing: FlightLog, given: Given, corrected: Correction, report: Progress
+) -> Explained:
     """Look for effects on top of a calibration, and take them back where they predict held-out flight worse.
 
     Whether the calibration stands is not fit before: where it has taken up some of a fault, it predicts badly
@@ -178,7 +204,7 @@ def explain(given: Given, corrected: Correction, report: Progress) -> Explained:
     """
     searched = corrected.settings(given.settings)
     looked = look_both_ways(
-        given.training, corrected.vehicle, given.healthy, searched, report, given.uncertainty, given.kept,
+        training, corrected.vehicle, given.healthy, searched, report, given.uncertainty, given.kept,
         corrected.prior,
     )  # fmt: skip
     found, own = looked.found, looked.found.problem.vehicle
@@ -189,7 +215,7 @@ def explain(given: Given, corrected: Correction, report: Progress) -> Explained:
     unseen = unforeseen(given.healthy, looked.sound, given.settings)
 
     def predicted(vehicles: list[Vehicle]) -> Predictions:
-        return widened(predict_by(found.problem, given.testing, vehicles, given.settings), unseen)
+        return widened(predict_by(found.problem, testing, vehicles, given.settings), unseen)
 
     predictions = predicted([before, base, after])
     vetoed = worse(predictions, 1, 2) if found.best.explanation.effects else ()

@@ -8,6 +8,7 @@ MAINLY = 0.5  # share of the gap
 SUSPECT = 0.3  # share of the gap, from which a thruster is worth a look
 SOUND = "No gap: the simulator predicts this vehicle as well as its sensors allow."
 SLACK = "No fault: this vehicle differs from the simulator by no more than the few per cent that every vehicle does."
+MAY_BE_OFF = "the vehicle's file may be off, and something unknown acts"
 GOES_WITH = {
     Origin.BODY: "its acceleration",
     Origin.FLOW: "its speed through the water",
@@ -25,7 +26,8 @@ def summarise(
 ) -> str:
     """What was found, how sure that is and how much of the gap; where to look for what was not found.
 
-    Where no cause is likelier than not, what is sure stands first: that something unknown acts.
+    Where no cause is likelier than not, what is sure stands first: that something unknown acts. Corrections of the file
+    that are no likelier than not are not told one by one: they may have taken up anything.
 
     ``corrected`` is what the coefficients that were wrong mean to a pilot, what matters most first: one is said here.
     ``examined`` are the degrees of freedom that the log measures, where the vehicle moves in others too.
@@ -37,7 +39,10 @@ def summarise(
         "; ".join(effect.told for effect in effects if not effect.calibrates and effect.is_likely is likely)
         for likely in (True, False)
     )
-    if any(effect.calibrates for effect in effects):
+    corrections = [effect for effect in effects if effect.calibrates]
+    if corrections and not any(effect.is_likely for effect in corrections):
+        return _begun(f"{_joined(named, perhaps, MAY_BE_OFF)}{mainly(where)}")
+    if corrections:
         file = "; above all, ".join(("the vehicle's file is off in many coefficients at once", *corrected[:1]))
         named = f"{named}; besides, {file}" if named else file
     if verdict is Verdict.UNEXPLAINED:

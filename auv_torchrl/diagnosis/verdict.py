@@ -37,6 +37,9 @@ class Verdict(Enum):
         "The effects named below, each as sure as it says, explain a part of the gap; something acts that is not known."
     )
     UNEXPLAINED = "The simulator misses this vehicle, and none of the known effects explains it."
+    CANNOT_TELL = (
+        "Something that was measured does not follow the vehicle: whether all of it is in order, nobody can tell."
+    )
 
     @property
     def key(self) -> str:

@@ -12,7 +12,7 @@ from benchmarks.blind.strangers import as_flown, with_changes
 from benchmarks.blind.thrusters import declared_groups, same_class, thrusters_right
 from benchmarks.scoring import Score, fault, score_diagnosis, sound, unknown
 
-NOT_EXPLAINED = ("partly_explained", "unexplained")
+NOT_EXPLAINED = ("partly_explained", "unexplained", "cannot_tell")
 NO_MARK = " would leave no mark on this log"  # the end of a sentence under cannot_tell
 STANDS_FOR = {  # with the effect left out of the library, these say the same about any log
     "command_delay": {"pose_delay"},

@@ -79,7 +79,7 @@ def _score(label: Mapping[str, Any], diagnosis: Mapping[str, Any], vehicle: Vehi
     if limited:
         verdicts = {"partly_explained"} if values else {"no_gap", "partly_explained", "unexplained", "refused"}
     else:
-        verdicts = {"explained"} if values else {"no_gap", "explained", "refused"}
+        verdicts = {"explained"} if values else {"no_gap", "explained", "cannot_tell", "refused"}
     truth = scoring.Truth(frozenset(verdicts), values, label["onset_s"])
     given = scoring.score_diagnosis(rest, truth, vehicle, likely=0.0 if limited else scoring.LIKELY)
     return scoring.Score.HALF if given is scoring.Score.WRONG and not values else given

@@ -16,8 +16,8 @@ def covariance(own, number=6):
     return np.eye(number) * own**2
 
 
-@pytest.mark.parametrize(("gain", "others"), [(0.07, 0.5), (-0.9, 1.1), (0.0, 1.0), (0.2, 0.6)])
-def test_a_dead_reversed_or_weak_thruster_stands_out(gain, others):
+@pytest.mark.parametrize(("gain", "others"), [(0.07, 0.5), (-0.9, 1.1), (0.0, 1.0), (0.1, 0.6)])
+def test_a_dead_or_reversed_thruster_stands_out(gain, others):
     """Whatever all of them lose together, which may be wholly unsure."""
     values = np.full(6, others)
     values[4] = gain

@@ -14,6 +14,7 @@ from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shar
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, next_best, sentence, shown
 from auv_torchrl.diagnosis.summary import suspects
+from auv_torchrl.diagnosis.unanswered.wording import not_answering
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.files import say_not_kept
@@ -40,7 +41,10 @@ LOOKS_LIKE = {
 }
 _FIRST_CANDIDATES = 8
 _CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are marked where no thruster is at fault
-_GLYPH = {Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○"}
+_GLYPH = {
+    Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○",
+    Verdict.CANNOT_TELL: "?",
+}  # fmt: skip
 
 
 def templates(folder: Path) -> jinja2.Environment:
@@ -112,6 +116,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         style=Markup(STYLE.read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
+        unanswered=not_answering(diagnosis.findings),
         set_wrong=set_wrong(diagnosis.findings, diagnosis.effects),
         to_change=to_change(diagnosis),
         leads=_leads(diagnosis),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from auv_torchrl.diagnosis.configured import set_wrong
+from auv_torchrl.diagnosis.unanswered.wording import not_answering
 from auv_torchrl.diagnosis.verdict import Confirmation, Decision, Diagnosis, Errors, Estimate, Gap
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import between, estimated, number, percent, scale, with_unit, words
@@ -94,9 +95,10 @@ def next_best(decision: Decision) -> str:
 
 
 def to_do(diagnosis: Diagnosis) -> list[str]:
-    """What to fly first, where explanations are left open, what to set, and what to do about each effect."""
+    """What to look at, what to fly where explanations are left open, what to set, and what to do about each effect."""
+    look = [finding.remedy for finding in not_answering(diagnosis.findings)]
     experiment = diagnosis.next_experiment
     first = [f"fly {experiment.commands}: {experiment.why}"] if experiment else []
     set_back = (finding.remedy for finding in set_wrong(diagnosis.findings, diagnosis.effects))
     advised = (advice.do for effect in diagnosis.effects for advice in effect.advice)
-    return [sentence(line) for line in (*first, *set_back, *advised)]
+    return [sentence(line) for line in (*look, *first, *set_back, *advised)]

@@ -1,0 +1,9 @@
+"""Channels of a log that do not follow the vehicle: a stuck gauge, a frozen source, a vehicle that is held.
+
+Read the modules in this order:
+
+1. ``stillness``: the stretches in which a channel stands still while the commands would have moved it.
+2. ``leave_out``: the log without what stands still.
+3. ``weigh``: whether the vehicle or the sensor stands still, by what all other channels say.
+4. ``wording``: the sentences about it.
+"""

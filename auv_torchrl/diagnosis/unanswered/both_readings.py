@@ -1,0 +1,146 @@
+"""The two readings of a log in which a channel stands still: the channel does not answer, or the vehicle is faulty.
+
+All other channels are explained by themselves. Where the vehicle that they show moves the channel, it does not answer.
+A fault that makes a vehicle stand as still then is the other reading, which that channel alone testifies.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from auv_torchrl.diagnosis.doubt import BELIEVED
+from auv_torchrl.diagnosis.identify.attitude import hold_attitude
+from auv_torchrl.diagnosis.identify.found import Found
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
+from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
+from auv_torchrl.diagnosis.unanswered.leave_out import without
+from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
+from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by
+from auv_torchrl.diagnosis.unanswered.wording import named, tell
+from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Errors, FoundEffect, Gap, Verdict
+from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
+from auv_torchrl.vehicle import Vehicle
+
+Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, and the shares of the work it begins
+# and ends at
+
+
+def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: Once) -> Diagnosis:
+    """The diagnosis of a log, with what does not answer to commands said first.
+
+    Args:
+        log: as it can be followed.
+        vehicle: as its file says, empty batch.
+        settings: of the diagnosis.
+        once: explains a log as if all of its channels followed the vehicle.
+    """
+    still = find_stillness(log, vehicle, settings)
+    still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
+    if not still:
+        return once(log, 0.0, 1.0)[0]
+    rest, whole = None, _is_all(log, vehicle, settings, still)
+    if not whole:
+        rest, still = _explain_others(log, settings, still, once)
+    logged, found = once(log, 0.5, 1.0)
+    if not still or logged.verdict is Verdict.NO_GAP or explained_better(found.problem, found.best.path, still):
+        return logged
+    told = tell(still, whole, len(log.episodes))
+    return _beside(rest, logged, told) if rest else _alone(logged, told)
+
+
+def _is_all(log: FlightLog, vehicle: Vehicle, settings: Settings, still: Sequence[Stillness]) -> bool:
+    """Whether nothing moves all along."""
+    return set(log.axes) <= {entry.channel for entry in still if entry.episode is None} | standing(
+        log, vehicle, settings
+    )
+
+
+def _explain_others(
+    log: FlightLog, settings: Settings, still: tuple[Stillness, ...], once: Once
+) -> tuple[Diagnosis | None, tuple[Stillness, ...]]:
+    """What all other channels say, None where they say nothing, and what stands still beside the vehicle they show."""
+    while still and (others := without(log, still)) is not None:
+        try:
+            rest, found = once(others, 0.0, 0.5)
+        except FlightLogError:  # too little is left to explain
+            break
+        own = found.problem.vehicle
+        shown = apply_values(own, found.best.explanation.values(own))
+        kept = unexplained_by(shown, log, still, settings)
+        if kept == still:
+            return rest, still
+        still = kept
+    return None, still
+
+
+def _beside(rest: Diagnosis, logged: Diagnosis, told: tuple[Finding, ...]) -> Diagnosis:
+    """What all other channels say, behind what does not answer; a fault that this alone shows is the other reading."""
+    there = {effect.name for effect in rest.effects}
+    fits = logged.verdict is Verdict.EXPLAINED
+    others = [e for e in logged.effects if fits and e.is_likely and e.name not in there and not e.calibrates]
+    limited = Verdict.CANNOT_TELL if rest.verdict is Verdict.NO_GAP else rest.verdict
+    verdict = Verdict.PARTLY_EXPLAINED if limited is Verdict.EXPLAINED else limited
+    sentences = (*(_sentence(finding.sentence) for finding in told), *_instead(others, told), rest.summary)
+    return replace(
+        rest,
+        verdict=verdict,
+        summary=" ".join(sentences),
+        candidates=_halved(rest.candidates, {effect.name: effect.probability for effect in others}),
+        indistinguishable=(*rest.indistinguishable, *((_noun(told), effect.name) for effect in others)),
+        findings=(*told, *rest.findings),
+    )
+
+
+def _alone(logged: Diagnosis, told: tuple[Finding, ...]) -> Diagnosis:
+    """Nothing that could be explained is left: what does not answer is all that is said."""
+    seen = {one.name: one.probability for one in logged.candidates}
+    return replace(
+        logged,
+        verdict=Verdict.CANNOT_TELL,
+        summary=" ".join(_sentence(finding.sentence) for finding in told),
+        effects=(),
+        candidates=_halved((), seen),
+        indistinguishable=(),
+        next_experiment=None,
+        gap=_as_before(logged.gap),
+        findings=(*told, *logged.findings),
+        windows=tuple(replace(window, after=window.before) for window in logged.windows),
+    )
+
+
+def _instead(effects: Sequence[FoundEffect], told: Sequence[Finding]) -> tuple[str, ...]:
+    """The other reading."""
+    clauses = [f"{e.sentence.rstrip('.')} ({100 * BELIEVED * e.probability:.0f} %)" for e in effects]
+    if not clauses:
+        return ()
+    return (f"Or else, as {_noun(told)} alone would testify: {'; '.join(clauses)}.",)
+
+
+def _noun(told: Sequence[Finding]) -> str:
+    return named({column for finding in told for column in finding.columns})
+
+
+def _sentence(clause: str) -> str:
+    return f"{clause[:1].upper()}{clause[1:]}."
+
+
+def _halved(candidates: Sequence[EffectProbability], others: dict[str, float]) -> tuple[EffectProbability, ...]:
+    """Candidates with those of the other reading, each as probable as that reading leaves it."""
+    found = {one.name: one for one in candidates}
+    for name, probability in others.items():
+        most = max(BELIEVED * probability, found[name].probability if name in found else 0.0)
+        found[name] = EffectProbability(name, most)
+    if others:
+        unknown = found.get(UNKNOWN, EffectProbability(UNKNOWN, 0.0))
+        found[UNKNOWN] = replace(unknown, probability=max(unknown.probability, 1 - BELIEVED))
+    return tuple(sorted(found.values(), key=lambda one: -one.probability))
+
+
+def _as_before(gap: Gap) -> Gap:
+    """A gap of which nothing is closed."""
+
+    def same(errors: Errors | None) -> Errors | None:
+        return errors and replace(errors, after=errors.before)
+
+    dof = {name: replace(errors, after=errors.before) for name, errors in gap.dof.items()}
+    kinds = {kind: same(getattr(gap, kind)) for kind in ("position_m", "yaw_rad", "velocity")}
+    return replace(gap, **kinds, dof=dof, closed=None, confirmed=None)

@@ -1,0 +1,96 @@
+"""What is said of channels that do not answer to commands."""
+
+from collections.abc import Iterable, Sequence
+
+from auv_torchrl.diagnosis.unanswered.stillness import Stillness
+from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.sensors import CHANNELS
+
+CODE = "does_not_answer"
+NOTHING_MOVES = "nothing_moves"
+TOGETHER = 0.5  # of the shorter of two stretches, from which they are told as one
+NAMES = {
+    ("x", "y"): "position", ("x",): "north position", ("y",): "east position", ("z",): "depth",
+    ("roll", "pitch", "yaw"): "attitude", ("roll",): "roll", ("pitch",): "pitch", ("yaw",): "heading",
+    ("u", "v", "w"): "velocity", ("u",): "surge speed", ("v",): "sway speed", ("w",): "heave speed",
+    ("p", "q", "r"): "turning rate", ("p",): "roll rate", ("q",): "pitch rate", ("r",): "yaw rate",
+    ("ax", "ay", "az"): "specific force", ("ax",): "surge specific force", ("ay",): "sway specific force",
+    ("az",): "heave specific force",
+}  # fmt: skip
+FLOATS = {"z"}, {"z", "w"}  # channels that stand still at the surface and on the bottom
+FREE = "whether the vehicle is in the water and free to move"
+
+
+def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Finding, ...]:
+    """A finding for each stretch in which channels stand still.
+
+    Args:
+        still: what stands still.
+        whole: whether nothing else moves in these stretches.
+        episodes: of the log: of one, its number is not told.
+    """
+    return tuple(_finding(group, whole, episodes) for group in _groups(still))
+
+
+def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """The findings about what does not answer to commands."""
+    return tuple(finding for finding in findings if finding.code in (CODE, NOTHING_MOVES))
+
+
+def named(channels: Iterable[str]) -> str:
+    """Channels in words, those that belong together as one."""
+    left, words = sorted(channels, key=CHANNELS.index), []
+    for members, name in NAMES.items():
+        if set(members) <= set(left):
+            words.append((CHANNELS.index(members[0]), name))
+            left = [channel for channel in left if channel not in members]
+    *first, last = (name for _, name in sorted(words))
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _groups(still: Sequence[Stillness]) -> list[list[Stillness]]:
+    """What stands still at the same time, together."""
+    groups: list[list[Stillness]] = []
+    for entry in sorted(still, key=lambda one: (one.episode is not None, one.episode or 0, one.first_s)):
+        alike = (group for group in groups if _at_once(group[0], entry))
+        group = next(alike, None)
+        if group is None:
+            groups.append([entry])
+        else:
+            group.append(entry)
+    return groups
+
+
+def _at_once(one: Stillness, other: Stillness) -> bool:
+    if one.episode != other.episode or one.channel == other.channel:
+        return False
+    shared = min(one.last_s, other.last_s) - max(one.first_s, other.first_s)
+    return one.episode is None or shared > TOGETHER * min(one.last_s - one.first_s, other.last_s - other.first_s)
+
+
+def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
+    channels = tuple(sorted({entry.channel for entry in group}, key=CHANNELS.index))
+    when = _when(group, episodes)
+    if whole:
+        sentence = (
+            f"{when}the vehicle does not move at all, whatever is commanded: it is on deck or held, its thrusters have "
+            "no power, or the source of the log stands still"
+        )
+        remedy = f"Look {FREE}, whether its thrusters have power, and whether the source of {', '.join(channels)} runs"
+        return Finding(Severity.WARNING, NOTHING_MOVES, sentence, remedy, channels)
+    name = named(channels)
+    verb = "do" if " and " in name else "does"
+    floats = set(channels) in FLOATS
+    stands = "the vehicle floats or stands" if floats else "the vehicle is held"
+    sentence = f"{when}{name} {verb} not answer to any command: look at the sensor, or {stands}"
+    free = "whether the vehicle floats at the surface or stands on the bottom" if floats else FREE
+    remedy = f"Look at the source of {', '.join(channels)}, and {free}"
+    return Finding(Severity.WARNING, CODE, sentence, remedy, channels)
+
+
+def _when(group: Sequence[Stillness], episodes: int) -> str:
+    if group[0].episode is None:
+        return ""
+    first, last = max(entry.first_s for entry in group), min(entry.last_s for entry in group)
+    where = f" of episode {group[0].episode}" if episodes > 1 else ""
+    return f"from {first:.0f} s to {last:.0f} s{where} "

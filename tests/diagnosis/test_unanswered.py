@@ -1,0 +1,165 @@
+"""Channels that do not answer to commands: told before any fault of the vehicle, and never where they do answer."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.report.table import summary_table
+from auv_torchrl.diagnosis.unanswered.leave_out import without
+from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness
+from auv_torchrl.diagnosis.unanswered.wording import CODE, NOTHING_MOVES, named, tell
+from auv_torchrl.flightlog import read_flightlog
+from auv_torchrl.vehicle import load_vehicle
+from tests.diagnosis.flown_logs import fly, hold
+from tests.diagnosis.stuck_channels import GROUPS, stuck
+from tests.flightlog.shared_data import shared
+
+SETTINGS = load_settings()
+VEHICLES = ("paper", "bluerov2", "bluerov2_heavy")
+FAULT = {"thruster_gain": {"gain_1": 0.5}}
+COLUMNS = {"floats_s": ("z",), "n_xy": ("x", "y"), "n_yaw": ("yaw",), "deck_s": ("x", "y", "z", "yaw")}
+
+
+@cache
+def flown(name, fault="sound", seed=1):
+    """A flight with positions and heading, of a vehicle that is sound or has a weak thruster."""
+    return fly(load_vehicle(name), FAULT if fault == "weak" else {}, seed=seed, episodes=4, seconds=24.0)
+
+
+def told(diagnosis):
+    """Columns of the findings about what does not answer."""
+    return [finding.columns for finding in diagnosis.findings if finding.code in (CODE, NOTHING_MOVES)]
+
+
+def likely(diagnosis):
+    """Effects that are said to be likelier than not."""
+    return [effect for effect in diagnosis.effects if effect.is_likely]
+
+
+@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("fault", ("sound", "weak"))
+@pytest.mark.parametrize("name", VEHICLES)
+def test_what_stands_still_all_along_is_found_and_nothing_else(name, fault, group):
+    """With a third of the usual noise and with three times as much, beside a sound and beside a weak thruster."""
+    log = flown(name, fault)
+    wanted = {channel for channel in GROUPS[group] if channel in log.axes}
+    for size in (0.3, 1.0, 3.0):
+        found = find_stillness(stuck(log, tuple(wanted), size), load_vehicle(name), SETTINGS)
+        assert {entry.channel for entry in found} == wanted
+        assert all(entry.episode is None for entry in found)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_stretch_is_found_to_the_second(name):
+    """Depth that stands still from 8 s to 20 s of episodes in which the vehicle is driven."""
+    log = stuck(flown(name), ("z",), stretch=(8.0, 20.0))
+    found = [entry for entry in find_stillness(log, load_vehicle(name), SETTINGS) if entry.episode in (1, 3)]
+    assert {entry.channel for entry in found} == {"z"} and {entry.episode for entry in found} == {1, 3}
+    for entry in found:
+        assert entry.first_s == pytest.approx(8.0, abs=1.0) and entry.last_s == pytest.approx(20.0, abs=1.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("fault", ("sound", "weak"))
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_vehicle_that_holds_its_place_answers(name, fault, seed):
+    """Half of the episodes hold a position within centimetres while the commands go on."""
+    assert not find_stillness(flown(name, fault, seed), load_vehicle(name), SETTINGS)
+
+
+def test_what_is_left_out_is_not_trusted():
+    """A channel that stands still all along is gone; of another one, the stretch weighs nothing."""
+    log = flown("paper")
+    rest = without(log, [Stillness("z"), Stillness("yaw", 1, 5.0, 9.0)])
+    assert rest is not None and rest.axes == ("x", "y", "yaw")
+    masks = [episode.filled for episode in rest.episodes]
+    assert [mask is None for mask in masks] == [True, False, True, True]
+    mask = np.asarray(masks[1])
+    assert mask[:, 5].sum() == pytest.approx(4.0 / 0.05, abs=2)
+    assert not np.delete(mask, 5, axis=1).any()
+    assert without(log, [Stillness(axis) for axis in log.axes]) is None
+
+
+def test_channels_are_named_as_people_name_them():
+    """Those that belong together are one word, in the order of the log."""
+    assert named(["yaw", "z", "y", "x"]) == "position, depth and heading"
+    assert named(["x"]) == "north position"
+    (finding,) = tell([Stillness("z", 2, 8.2, 19.9)], False, 4)
+    assert finding.sentence.startswith("from 8 s to 20 s of episode 2 depth does not answer to any command")
+
+
+def test_a_stuck_depth_gauge_is_told_before_the_fault_that_would_look_the_same():
+    """A thruster that pushes against its partner is the other reading, at no more than one half, and is not advised."""
+    paper = hold(load_vehicle("paper"))
+    diagnosis = diagnose(stuck(fly(paper, {}, seed=1, episodes=3, seconds=20.0), ("z",)), paper)
+    assert diagnosis.verdict is Verdict.CANNOT_TELL and told(diagnosis) == [("z",)] and not likely(diagnosis)
+    begins = "Depth does not answer to any command: look at the sensor, or the vehicle floats or stands. Or else, "
+    assert diagnosis.summary.startswith(begins)
+    assert max(one.probability for one in diagnosis.candidates if one.name == "thruster_gain") <= 0.5
+    console = summary_table(diagnosis)
+    assert console.startswith(f"cannot tell: {begins}")
+    assert "Look at the source of z" in console and "exchange two" not in console
+
+
+def test_a_vehicle_that_stands_on_deck_is_told_so():
+    """Nothing moves: no thruster is named."""
+    paper = hold(load_vehicle("paper"))
+    log = stuck(fly(paper, {}, seed=2, episodes=3, seconds=14.0), ("x", "y", "z", "yaw"))
+    diagnosis = diagnose(log, paper)
+    assert diagnosis.summary.startswith("The vehicle does not move at all, whatever is commanded: ")
+    assert diagnosis.verdict is Verdict.CANNOT_TELL and not diagnosis.effects and diagnosis.gap.closed is None
+
+
+@pytest.mark.slow
+def test_a_fault_that_other_channels_show_is_named_beside_what_does_not_answer():
+    """A weak thruster shows in position and heading; the depth gauge is stuck all the same."""
+    paper = hold(load_vehicle("paper"))
+    diagnosis = diagnose(stuck(fly(paper, FAULT, seed=3, episodes=3, seconds=20.0), ("z",)), paper)
+    assert told(diagnosis) == [("z",)] and diagnosis.verdict is Verdict.PARTLY_EXPLAINED
+    assert [(effect.name, effect.thrusters) for effect in likely(diagnosis)] == [("thruster_gain", (1,))]
+
+
+@pytest.mark.slow
+def test_dead_thrusters_that_other_channels_show_are_no_stuck_sensor():
+    """The attitude shows that both vertical thrusters are dead, so that depth stands still: it answers."""
+    blue = load_vehicle("bluerov2")
+    axes = ("x", "y", "z", "roll", "pitch", "yaw")
+    dead = {"thruster_gain": {"gain_5": 0.0, "gain_6": 0.0}}
+    diagnosis = diagnose(fly(blue, dead, seed=3, episodes=3, seconds=20.0, axes=axes), blue)
+    assert not told(diagnosis)
+    assert {i for effect in likely(diagnosis) for i in effect.thrusters} == {5, 6}
+
+
+@pytest.mark.slow
+def test_beside_a_healthy_flight_a_stuck_depth_gauge_is_told_too():
+    """The healthy flight measures depth, and the log to explain does not follow it."""
+    paper = hold(load_vehicle("paper"))
+    healthy = fly(paper, {}, seed=5, episodes=3, seconds=20.0)
+    diagnosis = diagnose(stuck(fly(paper, {}, seed=1, episodes=3, seconds=20.0), ("z",)), paper, [healthy])
+    assert told(diagnosis) == [("z",)] and not likely(diagnosis)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", COLUMNS)
+def test_field_files_that_stand_still_are_told(name):
+    """Each of them names its columns, and no fault of the vehicle."""
+    paper = load_vehicle("paper")
+    diagnosis = diagnose(read_flightlog(shared(f"field/{name}.csv"), paper), paper)
+    assert told(diagnosis) == [COLUMNS[name]] and not likely(diagnosis)
+    assert diagnosis.verdict is Verdict.CANNOT_TELL
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("size", (0.3, 3.0))
+@pytest.mark.parametrize("name", VEHICLES)
+def test_no_size_of_noise_makes_a_fault_of_what_stands_still(name, size, group):
+    """Each group of channels, on each vehicle held level: told with its columns, and no fault beside it."""
+    vehicle = hold(load_vehicle(name))
+    log = fly(vehicle, {}, seed=7, episodes=4, seconds=20.0)
+    columns = tuple(channel for channel in log.axes if channel in GROUPS[group])
+    diagnosis = diagnose(stuck(log, columns, size), vehicle)
+    assert told(diagnosis) == [columns] and not likely(diagnosis)
