@@ -50,7 +50,7 @@ class Field:
     mistaken: Mapping[str, Factor] = field(default_factory=dict)  # units, and their factors to SI
     note: str = ""  # behind the unit, where a file is written
     brief: bool = False  # a written file leaves the entry out where it is 0
-    later: bool = False  # so do the contents of hashes under which results are kept, so that older ones are found
+    later: bool = False  # hashes under which results are kept leave out the default, so that older ones are found
     copied: bool = True  # into the coefficients of the equations of motion and sensors; else worked into others
     true: float | None = None  # of a sensor: the value at which it reports the motion as it is
 
@@ -182,6 +182,9 @@ VEHICLE_FIELDS: dict[str, Field] = {  # in the order of the class, which hashes 
     ),
     "limit": Field(_EACH, "N", "largest thrust", "thrusters", given=_POSITIVE, mistaken=_FORCE),
     "gain": Field(_EACH, "", "on the thrust, after the limit", default=1.0),
+    "forward_gain": Field(_EACH, "", "likewise, of thrust forwards alone", default=1.0, later=True),
+    "reverse_gain": Field(_EACH, "", "likewise, of thrust backwards alone", default=1.0, later=True),
+    "neutral_offset": Field(_EACH, "", "command at which a thruster gives nothing", default=0.0, later=True),
     "lag": Field(
         _EACH, "s", "time constant of first order", "thrusters", given=_WAIT, usual=In("[0, 2]", "s"), mistaken=_TIME
     ),

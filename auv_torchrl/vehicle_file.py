@@ -1,6 +1,7 @@
 """A vehicle that effects have changed as the text of a vehicle file: the effects become coefficients of its own."""
 
 from collections.abc import Mapping, Sequence
+from types import EllipsisType
 from typing import Any
 
 import torch
@@ -76,10 +77,17 @@ def _is_zero(value: Tensor) -> bool:
     return not bool((value != 0).any())
 
 
+def _is_default(name: str, value: Tensor) -> bool:
+    default = VEHICLE_FIELDS[name].default
+    return not isinstance(default, EllipsisType) and _is_zero(value - default)
+
+
 def described(vehicle: Vehicle) -> dict[str, Any]:
     """Every parameter as plain values, as what is kept under hashes has them."""
     return {
-        name: value.tolist() for name, value in vehicle.items() if not VEHICLE_FIELDS[name].later or not _is_zero(value)
+        name: value.tolist()
+        for name, value in vehicle.items()
+        if not VEHICLE_FIELDS[name].later or not _is_default(name, value)
     }
 
 

@@ -171,8 +171,12 @@ def test_a_parameter_is_left_out_of_hashes_only_where_it_is_nothing_without_an_e
     """Results that are kept under a hash are found again by vehicles which do not have it."""
     vehicle = load_vehicle("paper")
     later = {name for name, kind in VEHICLE_FIELDS.items() if kind.later}
-    assert all(VEHICLE_FIELDS[name].default == 0.0 for name in later)
+    assert all(VEHICLE_FIELDS[name].default is not ... for name in later)
     assert set(described(vehicle)) == set(VEHICLE_FIELDS) - later
+    for name in later:
+        other = vehicle.clone()
+        other.set(name, vehicle.get(name) + 0.1)
+        assert set(described(other)) - set(described(vehicle)) == {name}
 
 
 def test_a_new_parameter_is_one_entry_of_the_table():

@@ -23,7 +23,7 @@ from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler, quaternion_product, rotation_matrix
 from auv_torchrl.physics.kinematics import wrap_angle as wrap
 from auv_torchrl.physics.step import push
-from auv_torchrl.physics.thrusters import body_wrench, thrust_after, thrust_target
+from auv_torchrl.physics.thrusters import CURVE_FIELDS, body_wrench, thrust_after, thrust_target
 from auv_torchrl.sensors import MOTION, Inverse, ages
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.arrays import with_rows
@@ -92,8 +92,8 @@ class KnownVehicle(ThrusterTransform):
         self._source_level, self._known_level = Model.of(level(source)), Model.of(level(known))
         c, dt = self._known.c, task.control_dt
         self._receiver = c.routing.argmax(0)  # (n,) the thruster that a command reaches
-        curve = ("full_thrust", "exponent", "asymmetry", "dead_band", "limit")
-        self.actuation = Actuation(changed(source, **{name: getattr(known, name)[self._receiver] for name in curve}))
+        curve = {name: getattr(known, name)[self._receiver] for name in CURVE_FIELDS}
+        self.actuation = Actuation(changed(source, **curve))
         self._curve = self.actuation.coefficients.numpy()
         self._limits = [array(limit) for limit in self.actuation.share_limits]
         start = np.zeros(1)

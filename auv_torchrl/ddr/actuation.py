@@ -62,7 +62,8 @@ class Actuation(nn.Module):
         """Least and largest thrust of each thruster (n,), as shares of its full thrust."""
         c = self.coefficients
         limit = c.limit / c.full_thrust
-        return -torch.minimum(limit, 1 - c.asymmetry), limit.clamp(max=1.0)
+        forward, reverse = (gain.clamp(min=0.0) for gain in (c.forward_gain, c.reverse_gain))
+        return -torch.minimum(limit, 1 - c.asymmetry) * reverse, limit.clamp(max=1.0) * forward
 
     def delivered(self, command: Tensor) -> Tensor:
         """Thrust for thruster commands (..., n), cut to [-1, 1], as shares of full thrust."""
@@ -85,12 +86,14 @@ class Actuation(nn.Module):
         c = self.coefficients
         low, high = self.share_limits
         share = torch.maximum(torch.minimum(share, high), low)
-        size = share.abs()
+        gain = torch.where(share < 0, c.reverse_gain, c.forward_gain)
+        size = share.abs() / torch.where(gain > 0, gain, 1.0)  # where the gain is none, so is the share
         if skip_dead_band:
             edge = c.dead_band / c.full_thrust
             size = torch.where(size < edge / 2, 0.0, torch.maximum(size, torch.where(edge > 0, edge + EDGE, 0.0)))
         reach = torch.where(share < 0, 1 - c.asymmetry, 1.0)
-        return share.sign() * (size / reach).clamp(max=1.0) ** (1 / c.exponent)
+        command = share.sign() * (size / reach).clamp(max=1.0) ** (1 / c.exponent)
+        return (command + c.neutral_offset).clamp(-1.0, 1.0)
 
     def realised(self, action: Tensor) -> Tensor:
         """What channels (..., 4) really give after mixer, limits and dead band, in channels (..., 4)."""

@@ -88,6 +88,7 @@ def _found_effect(
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(problem.vehicle), effect.nominal(problem.vehicle)
     values = explanation.values(problem.vehicle, nuisance=False)[name]  # where two terms move a member, both count
+    values = {member: values[member] for member in declared if member in values}  # in the order of the thrusters
     parameters: dict[str, Estimate] = {}
     thrusters: set[int] = set()
     sentences = []
@@ -105,4 +106,6 @@ def _found_effect(
         (members,) = term_members
         if len(members) > 1:
             sentences = [declared[members[0]].said_of_all(parameters[members[0]].value)]
+    if effect.sentence is not None:
+        sentences = [effect.sentence({member: value for member, value in values.items() if value != nominal[member]})]
     return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))

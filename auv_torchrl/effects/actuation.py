@@ -67,6 +67,13 @@ def _read_swap(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
     return settings
 
 
+def _said_of_plugs(values: Mapping[str, float]) -> str:
+    """Pairs that are exchanged in one clause, then each thruster of a longer ring."""
+    pairs, others = advice.exchanged(values)
+    clauses = [f"the plugs of thrusters {advice.listed(pairs)} are exchanged"] if pairs else []
+    return "; ".join([*clauses, *(f"thruster {to} gets the command of thruster {by}" for to, by in others)])
+
+
 thruster_swap = Effect(
     name="thruster_swap",
     origin=Origin.ACTUATION,
@@ -87,6 +94,7 @@ thruster_swap = Effect(
     ),
     change=_swap,
     shorthand=_read_swap,
+    sentence=_said_of_plugs,
     advice=advice.thruster_swap,
 )
 

@@ -5,7 +5,7 @@ tells them. An effect of one's own declares such a function as its ``advice``.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from auv_torchrl.autopilot import function_of, is_function
@@ -18,6 +18,7 @@ LEAD = 1.1  # kg of lead for each kg in water: 11,340 kg/m^3 against 1,025 kg/m^
 DEAD = 0.1  # of the thrust, below which a thruster is said to give nothing
 REVERSED = -0.5  # times the thrust, beyond which it is the direction alone that is wrong
 SOUND = 1.0
+NEUTRAL, PULSE = 1500.0, 400.0  # us, at command 0 and between that and full command: what ArduSub sends to a thruster
 
 
 @dataclass(frozen=True)
@@ -57,23 +58,34 @@ def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
 
 def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     """Of thrusters that get each other's commands."""
-    giver = {which(member): f"{command:.0f}" for member, command in values.items()}
-    pairs = sorted({tuple(sorted((to, by), key=int)) for to, by in giver.items() if giver.get(by) == to})
-    paired = {thruster for pair in pairs for thruster in pair}
+    pairs, others = exchanged(values)
     found: list[Advice] = []
-    for a, b in pairs:
-        there = {**_function(a, b, autopilot), **_function(b, a, autopilot)}
-        either = ", or set " + " and ".join(f"{n} to {v:g}" for n, v in there.items()) if len(there) == 2 else (
-            f", or SERVO{a}_FUNCTION and SERVO{b}_FUNCTION"
+    if pairs:
+        there = {n: v for a, b in pairs for to, by in ((a, b), (b, a)) for n, v in _function(to, by, autopilot).items()}
+        known = len(there) == 2 * len(pairs)
+        either = "or set " + " and ".join(f"{n} to {v:g}" for n, v in there.items()) if known else (
+            "or " + " and ".join(f"SERVO{number}_FUNCTION" for pair in pairs for number in pair)
         )  # fmt: skip
-        found.append(Advice(f"exchange the plugs of motors {a} and {b}{either}", there if len(there) == 2 else {}))
-    for to, by in giver.items():
-        if to not in paired:
-            there = _function(to, by, autopilot)
-            either = "".join(f", or set {name} to {value:g}" for name, value in there.items())
-            lost = f"thruster {to} is plugged in where thruster {by} belongs: put it on its own output{either}"
-            found.append(Advice(lost, there))
+        found.append(Advice(f"exchange the plugs of motors {listed(pairs)}, {either}", there if known else {}))
+    for to, by in others:
+        there = _function(to, by, autopilot)
+        either = "".join(f", or set {name} to {value:g}" for name, value in there.items())
+        lost = f"thruster {to} is plugged in where thruster {by} belongs: put it on its own output{either}"
+        found.append(Advice(lost, there))
     return tuple(found)
+
+
+def exchanged(values: Values) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Pairs of thrusters that get each other's commands; then of all others each, and whose command it gets."""
+    giver = {which(member): f"{command:.0f}" for member, command in values.items()}
+    pairs = sorted((to, by) for to, by in giver.items() if giver.get(by) == to and int(to) < int(by))
+    paired = {thruster for pair in pairs for thruster in pair}
+    return pairs, [(to, by) for to, by in giver.items() if to not in paired]
+
+
+def listed(pairs: Sequence[tuple[str, str]]) -> str:
+    """Pairs in words: ``1 and 2, and 3 and 4``."""
+    return ", and ".join(f"{a} and {b}" for a, b in pairs)
 
 
 def _function(to: str, by: str, autopilot: Values) -> dict[str, float]:
@@ -90,6 +102,38 @@ def thruster_misalignment(values: Values, autopilot: Values) -> tuple[Advice, ..
             "positive, and look at its bracket"
         )
         for member, angle in values.items()
+    )
+
+
+def one_way_gain(way: str, values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of thrusters that push otherwise ``forwards`` or ``backwards`` than the other way."""
+    return tuple(_one_way(which(member), way, gain) for member, gain in values.items())
+
+
+def _one_way(thruster: str, way: str, gain: float) -> Advice:
+    if gain < -DEAD:
+        does = f"thruster {thruster} pushes the other way when it is told to push {way}"
+    elif gain < DEAD:
+        does = f"thruster {thruster} gives nothing {way}"
+    else:
+        does = f"thruster {thruster} gives {percent(gain)} of its thrust {way} and all of it the other way"
+    return Advice(
+        f"{does}: set its speed controller to both ways (bidirectional) and calibrate it with neutral at "
+        f"{NEUTRAL:.0f} µs; if that does not help, exchange the controller with that of a neighbour"
+    )
+
+
+def neutral_offset(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of thrusters that push at rest."""
+    return tuple(_neutral(which(member), offset, autopilot) for member, offset in values.items())
+
+
+def _neutral(thruster: str, offset: float, autopilot: Values) -> Advice:
+    direction, off = autopilot.get(f"MOT_{thruster}_DIRECTION", 0.0), PULSE * offset
+    stands = f"{NEUTRAL + direction * off:.0f} µs" if abs(direction) == 1 else f"{abs(off):.0f} µs beside {NEUTRAL:.0f}"
+    return Advice(
+        f"thruster {thruster} stands still at {stands}: set the trim of its output (SERVOn_TRIM) to {NEUTRAL:.0f}, and "
+        f"calibrate its speed controller with neutral at {NEUTRAL:.0f} µs, which ArduSub sends at rest"
     )
 
 

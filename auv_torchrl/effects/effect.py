@@ -127,6 +127,7 @@ class Effect:
     change: Callable[..., Vehicle]
     shorthand: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]] | None = None
     odds: float = 1.0  # prior probability against that of other effects: how rare it is where a log cannot tell
+    sentence: Callable[[Mapping[str, float]], str] | None = None  # of all that departs; else one for each parameter
     same_as: Callable[[Vehicle, str, float], Same | None] | None = None  # what a value of a parameter is better called
     valley: Valley | None = None
     covers: tuple[str, ...] = ()  # effects that change what it sets, and are not looked for where it was fitted

@@ -1,5 +1,7 @@
 """Effects on how a thruster answers its command: its curve, and when."""
 
+from functools import partial
+
 import torch
 from torch import Tensor
 
@@ -111,6 +113,60 @@ thrust_curve = Effect(
 )
 
 
+def _one_way(field: str, way: str, meaning: str) -> Effect:
+    """Gain of thrust one way alone."""
+    return Effect(
+        name=field,
+        origin=Origin.ACTUATION,
+        meaning=meaning,
+        source="bidirectional speed controllers switch between two senses of turning, and some do not switch back",
+        parameters=(
+            Parameter(
+                "gain",
+                "1",
+                own(field),
+                -1.0,  # it pushes the same way whatever it is told
+                2.0,
+                f"thruster {{which}} gives {{share}} of its nominal thrust {way}",
+                "thruster",
+            ),
+        ),
+        change=lambda vehicle, gain: changed(vehicle, **{field: gain}),
+        wears={"gain": -1},
+        advice=partial(advice.one_way_gain, way),
+        scans={"gain": Scan((0.0,), linear=True)},
+    )
+
+
+forward_gain = _one_way(
+    "forward_gain", "forwards", "thrust of thruster i forwards times this gain; 0 pushes backwards only"
+)
+reverse_gain = _one_way(
+    "reverse_gain", "backwards", "thrust of thruster i backwards times this gain; 0 pushes forwards only"
+)
+
+neutral_offset = Effect(
+    name="neutral_offset",
+    origin=Origin.ACTUATION,
+    meaning="command at which thruster i gives nothing, as a share of the full one; at command 0 it pushes",
+    source="a speed controller takes the middle of its calibrated pulses for neutral",
+    parameters=(
+        Parameter(
+            "offset",
+            "1",
+            own("neutral_offset"),
+            -0.5,
+            0.5,
+            "thruster {which} pushes at command 0: its neutral lies at {value:+.2f} of the full command",
+            "thruster",
+        ),
+    ),
+    change=sets(offset="neutral_offset"),
+    advice=advice.neutral_offset,
+    scans={"offset": Scan((-0.25, -0.1, -0.04, 0.04, 0.1, 0.25), all=True)},
+)
+
+
 def _lag(vehicle: Vehicle, time_constant: Tensor) -> Vehicle:
     return changed(vehicle, lag=in_proportion(vehicle.lag, time_constant))
 
@@ -178,4 +234,6 @@ battery_sag = Effect(
     scans={"rate": Scan((0.3,), linear=True)},
 )
 
-EFFECTS = (dead_band, thrust_curve, thruster_lag, command_delay, battery_sag)
+EFFECTS = (
+    dead_band, thrust_curve, forward_gain, reverse_gain, neutral_offset, thruster_lag, command_delay, battery_sag,
+)  # fmt: skip

@@ -22,6 +22,8 @@ _WORKED_OUT = {  # of several parameters of a vehicle; shapes behind the batch
     "hull_height": "() that of a cube where the vehicle has none",
 }
 _COPIED = tuple(name for name, kind in VEHICLE_FIELDS.items() if kind.copied)
+# Values at which a thruster follows its command in proportion, but for limit and dead band.
+_LINEAR = {"exponent": 1.0, "asymmetry": 0.0, "forward_gain": 1.0, "reverse_gain": 1.0, "neutral_offset": 0.0}
 _TRUE = {name: kind.true for name, kind in VEHICLE_FIELDS.items() if kind.true is not None}
 
 
@@ -82,7 +84,7 @@ class ActiveTerms(NamedTuple):
             tether=bool((c.tether_stiffness != 0).any()),
             surface=bool((c.air != 0).any()),
             routing=bool((c.routing != identity).any()),
-            curve=bool((c.exponent != 1).any() or (c.asymmetry != 0).any()),
+            curve=any(bool((getattr(c, name) != plain).any()) for name, plain in _LINEAR.items()),
             lag=bool((c.lag > 0).any()),
             battery_sag=bool((c.battery_sag != 0).any()),
             coupled_drag=bool((c.linear_drag * off_diagonal != 0).any()),

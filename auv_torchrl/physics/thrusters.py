@@ -9,7 +9,9 @@ from auv_torchrl.physics.kinematics import matvec
 
 Array = Any
 # What thrust targets depend on: vehicles that are equal in these have the same.
-CURVE_FIELDS = ("exponent", "asymmetry", "full_thrust", "limit", "dead_band")  # what one command makes of a thruster
+SENSE_FIELDS = ("forward_gain", "reverse_gain", "neutral_offset")  # what differs by the way in which it pushes
+# What one command makes of a thruster.
+CURVE_FIELDS = ("exponent", "asymmetry", "full_thrust", "limit", "dead_band", *SENSE_FIELDS)
 TARGET_FIELDS = ("delay", "routing", *CURVE_FIELDS, "volts")
 # Of thrust at one command, by volts: a T200 gives 3.71 kgf at 12 V, 5.25 at 16 V and 6.7 at 20 V (Blue Robotics,
 # specification of the T200), which is a power of 1.2 between the first two, as a battery of four cells goes.
@@ -32,15 +34,20 @@ def delayed(memory: Array, delay: Array, control_dt: float) -> Array:
 
 
 def thrust_target(c: Coefficients, terms: ActiveTerms, command: Array) -> Array:
-    """Thrust in N that commands in [-1, 1] call for, (..., n): routing, curve, limit and dead band; no lag, no gain."""
+    """Thrust in N that commands in [-1, 1] call for, (..., n): routing, curve, limit and dead band; no lag.
+
+    Gains of one way are in it; the gain of both ways is not.
+    """
     xp = array_namespace(command)
     command = xp.clip(command, -1.0, 1.0)
     if terms.routing:
         command = matvec(c.routing, command)
     if terms.curve:
+        command = xp.clip(command - c.neutral_offset, -1.0, 1.0)
         size = xp.abs(command) ** c.exponent
         reverse = xp.where(command < 0, 1.0 - c.asymmetry, xp.ones_like(c.asymmetry))
-        return _within(c.full_thrust * reverse * xp.sign(command) * size, c.limit, c.dead_band)
+        force = _within(c.full_thrust * reverse * xp.sign(command) * size, c.limit, c.dead_band)
+        return xp.where(command < 0, c.reverse_gain, c.forward_gain) * force
     return _within(c.full_thrust * command, c.limit, c.dead_band)
 
 

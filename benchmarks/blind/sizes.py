@@ -15,8 +15,11 @@ HORIZONTAL = (1, 2, 3, 4)  # thrusters of the vehicle `paper`
 NOT_A_GAP = ("sensor_noise", "depth_bias")  # change what is measured, not where the simulator goes wrong
 NOT_TOLD = ("depth_scale",)  # a log of poses shows it as vertical thrust; the family of damaged logs flies z up
 # The vehicle of these logs turns little by its propellers, its heading comes from cameras, it is a box,
-# and it stays in deep water.
-NOT_MET = ("reaction_torque", "compass_interference", "drag_asymmetry", "free_surface")
+# it stays in deep water, and its speed controllers turn both ways and rest at neutral.
+NOT_MET = (
+    "reaction_torque", "compass_interference", "drag_asymmetry", "free_surface", "forward_gain", "reverse_gain",
+    "neutral_offset",
+)  # fmt: skip
 NOT_LOGGED = (  # of what only damage or a set of sensors logs
     "velocity_scale", "gyro_bias", "accelerometer_bias", "dvl_misalignment", "dvl_lever_arm",
 )  # fmt: skip

@@ -1,12 +1,13 @@
 """How well an explanation pays for its freedom: Laplace evidence on the reduced quadratic."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import comb, log, pi
+from math import comb, e, factorial, log, pi
 
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, RANGE_CAP, SECOND_EFFECT
 from auv_torchrl.effects import EFFECTS, Parameter
@@ -37,12 +38,38 @@ class Prior:
             members = len(declared(effect, self.vehicle).parameters)
             terms = [term for term in explanation.terms if term.effect == effect]
             if terms[0].discrete:
-                total -= log(comb(members, min(len(terms), members)) * max(1, len(terms) - 1))
+                moved = min(len(terms), members)
+                total += (exchanges(giver_of(terms)) - 1) * log(ONE_MORE_VALUE)
+                total -= log(comb(members, moved) * max(1, derangements(moved)))
                 continue
             total += (len(terms) - 1) * log(ONE_MORE_VALUE)
             if members > 1:
                 total -= log(members) + log(comb(members, min(len(terms), members)))  # how many, then which
         return total
+
+
+def giver_of(terms: Sequence[Term]) -> dict[int, int]:
+    """By number of a thruster, whose command it gets under discrete terms."""
+    return {int(term.members[0].rsplit("_", 1)[1]): round(term.value) for term in terms}
+
+
+def exchanges(giver: Mapping[int, int]) -> int:
+    """How many exchanges of two plugs make a permutation: one less than its length for each ring."""
+    return sum(len(ring) - 1 for ring in rings(giver))
+
+
+def rings(giver: Mapping[int, int]) -> list[tuple[int, ...]]:
+    """The rings along which commands are passed on; what no ring closes hangs together all the same."""
+    found: list[set[int]] = []
+    for receiver, its in giver.items():
+        meets = [ring for ring in found if ring & {receiver, its}]
+        found = [ring for ring in found if ring not in meets] + [{receiver, its}.union(*meets)]
+    return [tuple(sorted(ring)) for ring in found]
+
+
+def derangements(count: int) -> int:
+    """In how many ways so many plugs can all sit elsewhere."""
+    return round(factorial(count) / e)
 
 
 def plausible_range(p: Parameter) -> float:

@@ -48,9 +48,8 @@ def fit_by_simulation(
     searched = search_thresholds(problem, best)
     if searched is not best:
         best = _descend(problem, searched.path, rounds)
-    is_bent = (
-        problem.layout.moves_unseen or problem.layout.by_specific_force.any()
-    )  # by a tilt or a speed that nobody measured
+    # By a tilt or a speed that nobody measured, or by a motion that no force could follow.
+    is_bent = problem.layout.moves_unseen or problem.layout.by_specific_force.any() or problem.hardly_followed
     for turn in range(RELINEARISED if is_bent else 0):
         if best.nothing_left or not np.isfinite(best.chi2) or (turn and best.chi2 > enough):
             break

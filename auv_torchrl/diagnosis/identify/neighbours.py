@@ -4,16 +4,18 @@ A neighbour has one effect, or some values of an effect, more; some values or an
 or another effect in place of one.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.evidence import giver_of, rings
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.identify.screen import Field, moves_all
 from auv_torchrl.diagnosis.identify.steps import bounded_step, change_of_chi2, take_step
 from auv_torchrl.diagnosis.thresholds import (
@@ -83,6 +85,9 @@ class Neighbourhood:
                     continue
                 if what.key not in promised or promise(proposal) > promise(promised[what.key]):
                     promised[what.key] = proposal
+        for proposal in self._plugged(fields[-1][0]):
+            if not self.is_known(proposal):
+                promised[proposal.what.key] = proposal
         ranked = sorted(promised.values(), key=promise, reverse=True)
         least = self.here - self.doubt
         likely = [one for one in ranked if promise(one) > least]
@@ -91,6 +96,19 @@ class Neighbourhood:
         chosen = [one.what.key for one in likely[:SIMULATED]]
         rest = [one for one in ranked if one.what.key not in chosen]
         return [*likely[:SIMULATED], *(replace(one, simulate=False) for one in rest)]
+
+    def _plugged(self, field: Field) -> list[Proposal[Neighbour]]:
+        """With all plugs where the measured motion has them; none where the best fit leaves little."""
+        if not leaves_much(self.problem, self.best):
+            return []
+        one = propose_routing(self.problem, self.follow, self.best.explanation)
+        if (
+            one is None
+            or Neighbour(one.explanation, self.follow).key == Neighbour(self.best.explanation, self.follow).key
+        ):
+            return []
+        gain = one.evidence - field.none().evidence
+        return [self._proposal(Neighbour(one.explanation, self.follow), gain, one.chi2, "with the plugs as they act")]
 
     def _looked_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
         """Proposals with their values fitted along the measured motion, the likeliest first."""
@@ -104,7 +122,7 @@ class Neighbourhood:
     def smaller(self) -> list[Proposal[Neighbour]]:
         """Without one value or one effect, unless the quadratic of the best fit excludes that."""
         terms, here = self.best.explanation.terms, self.here
-        parts: set[tuple[int, ...]] = {(place,) for place in range(len(terms))}
+        parts = {tuple(places) for places in _inseparable(terms)}
         effects = self.best.explanation.effects
         parts |= {tuple(p for p, term in enumerate(terms) if term.effect == name) for name in effects}
         found: dict[tuple[int, ...], Proposal[Neighbour]] = {one: self._without(one) for one in sorted(parts)}
@@ -174,6 +192,15 @@ class Neighbourhood:
         numbers, evidence = self.field.quadratic.numbers, self.best.evidence + gain
         record = weighed(self.problem, what.explanation, evidence, chi2 / numbers, numbers, how, Outcome.PREDICTED)
         return Proposal(what, record)
+
+
+def _inseparable(terms: Sequence[Term]) -> Iterator[list[int]]:
+    """Places of values that can go alone: each by itself, those of exchanged plugs with their ring."""
+    yield from ([place] for place, term in enumerate(terms) if not term.discrete)
+    for effect in {term.effect for term in terms if term.discrete}:
+        giver = giver_of([term for term in terms if term.effect == effect])
+        places = {n: place for place, term in enumerate(terms) if term.effect == effect for n in giver_of([term])}
+        yield from ([places[number] for number in ring if number in places] for ring in rings(giver))
 
 
 def weighed(

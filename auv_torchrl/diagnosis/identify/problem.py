@@ -21,7 +21,15 @@ from auv_torchrl.diagnosis.motion.noise import first_noise
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import FELT_ALONE, LONG_STEP, NOISIER, NUISANCE_LIMIT, NUISANCE_STEP, WIDE_SHARE
+from auv_torchrl.diagnosis.thresholds import (
+    FELT_ALONE,
+    LONG_STEP,
+    MOSTLY_LOST,
+    NOISIER,
+    NUISANCE_LIMIT,
+    NUISANCE_STEP,
+    WIDE_SHARE,
+)
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import Vehicle
@@ -133,6 +141,11 @@ class Problem:
             followed=np.ones(len(windows), bool),
             seen_start=windows.guess,
         )
+
+    @property
+    def hardly_followed(self) -> bool:
+        """Whether most windows move as no force could make the vehicle move, as where it tumbles."""
+        return bool(self.followed.mean() < MOSTLY_LOST)
 
     @property
     def even(self) -> np.ndarray:

@@ -169,8 +169,9 @@ class _EffectSearch(Search[Neighbour, Fit]):
         The noise is measured again under the first explanation that leaves little, and not again under every further
         one: whoever explains more would have less noise to explain.
         """
-        if leaves_much(self._problem, best):
-            return best
+        if leaves_much(self._problem, best):  # windows that tumble find their starts one after the other
+            tumbles = self._problem.hardly_followed and bool(best.explanation.effects)
+            return fitted_on(self._problem, best) if tumbles else best
         fitted = fitted_on(self._problem, best)
         anew = measure_noise(self._problem, fitted) if not self._is_noise_measured else self._problem
         self._is_noise_measured = True

@@ -1,0 +1,113 @@
+"""Plugs on other outputs: one proposal for all of them, one cause with one sentence, and what it costs."""
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.identify.evidence import derangements, exchanges, rings
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.routing import propose_routing
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.flightlog import read_flightlog
+from auv_torchrl.physics import prepare
+from auv_torchrl.vehicle import load_vehicle
+from tests.flightlog.shared_data import shared
+
+PAPER = load_vehicle("paper")
+SETTINGS = load_settings()
+USED = [0, 1, 2, 5]  # degrees of freedom that the pilot of these logs uses: vertical thrusters get one command
+
+
+def wrench(values):
+    """The wrench per demand of the pilot of a level vehicle with some effects."""
+    vehicle = PAPER
+    for name, row in values.items():
+        vehicle = EFFECTS[name].apply(vehicle, row)
+    c = prepare(vehicle).numpy()
+    return (c.allocation[USED] * c.full_thrust) @ c.routing @ PAPER.mixer[:, USED].numpy()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_any_plugs_are_proposed_at_once(seed):
+    """Exchanged, cycled and reversed ones together, as far as the commands of the log tell them apart."""
+    rng = np.random.default_rng(seed)
+    giver, sign = rng.permutation(6), rng.choice((-1.0, 1.0), 6, p=(0.3, 0.7))
+    swapped = {f"command_{i + 1}": float(j + 1) for i, j in enumerate(giver)}
+    gains = {f"gain_{i + 1}": float(s) for i, s in enumerate(sign)}
+    vehicle = hold(PAPER)
+    truth = {"thruster_swap": swapped, "thruster_gain": gains}
+    flown = fly(vehicle, truth, seed=seed, episodes=2, seconds=20.0)
+    problem = Problem.of(cut_windows(flown, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+    problem, follow = follow_windows(problem)
+    proposed = propose_routing(problem, follow, Explanation())
+    assert proposed is not None
+    np.testing.assert_allclose(wrench(proposed.explanation.values(PAPER)), wrench(truth), atol=1e-9)
+
+
+def test_plugs_that_are_where_they_belong_are_not_proposed():
+    """Whatever else is wrong."""
+    vehicle = hold(PAPER)
+    flown = fly(vehicle, {"buoyancy": {"force": 8.0}}, seed=1, episodes=2, seconds=20.0)
+    problem = Problem.of(cut_windows(flown, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+    problem, follow = follow_windows(problem)
+    assert propose_routing(problem, follow, Explanation((Term("buoyancy", ("force",), 8.0),))) is None
+
+
+def test_two_exchanged_pairs_are_one_cause():
+    """One sentence and one piece of advice for both, from a log of another simulator."""
+    diagnosis = diagnose(read_flightlog(shared("field/p_doubleswap.csv"), PAPER), PAPER)
+    assert diagnosis.verdict is Verdict.EXPLAINED
+    (effect,) = diagnosis.effects
+    assert effect.name == "thruster_swap" and effect.thrusters == (1, 2, 3, 4) and effect.probability > 0.9
+    assert effect.sentence == "the plugs of thrusters 1 and 2, and 3 and 4 are exchanged"
+    (advice,) = effect.advice
+    assert advice.do.startswith("exchange the plugs of motors 1 and 2, and 3 and 4")
+
+
+@given(st.permutations(range(8)))
+def test_rings_take_one_exchange_less_than_they_are_long(order):
+    """So that sorting by exchanges ends with as many; a plug that sits right is a ring of one."""
+    left, count = list(order), 0
+    for place in range(8):
+        while left[place] != place:
+            other = left[place]
+            left[place], left[other] = left[other], left[place]
+            count += 1
+    giver = dict(enumerate(order))
+    assert exchanges(giver) == count
+    assert sorted(number for ring in rings(giver) for number in ring) == list(range(8))
+
+
+@pytest.mark.parametrize(("count", "ways"), [(2, 1), (3, 2), (4, 9), (5, 44), (6, 265), (8, 14833)])
+def test_ways_in_which_all_plugs_sit_elsewhere(count, ways):
+    """Permutations without a fixed point, as counted in any book on combinatorics."""
+    assert derangements(count) == ways
+
+
+def test_a_permutation_costs_its_plugs():
+    """One more exchange is as unlikely as one more value, and each set of plugs of one size is as likely as another."""
+    prior = Problem.of(
+        cut_windows(fly(PAPER, {}, episodes=2, seconds=20.0), 2.0, 1.5, 0.2), PAPER, replace(SETTINGS, ignored=())
+    ).prior
+
+    def cost(*rings_of):
+        terms = (
+            Term("thruster_swap", (f"command_{to}",), float(by), True)
+            for ring in rings_of
+            for by, to in zip(ring, ring[1:] + ring[:1], strict=True)
+        )
+        return prior.structure(Explanation(tuple(terms)))
+
+    assert cost((1, 2)) - cost((1, 2), (3, 4)) == pytest.approx(log(15 * 9 / 15) - log(ONE_MORE_VALUE))
+    assert cost((1, 2, 3)) == cost((4, 6, 5))
