@@ -36,7 +36,7 @@ $(READY): pyproject.toml constraints.txt $(STALE)
 	@$(PYTHON) -c pass || { echo "$(PYTHON) does not run: Python 3.11 or 3.12 is needed, make PYTHON=/path/to/python3.12 env" >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; (3, 11) <= sys.version_info[:2] <= (3, 12) or sys.exit(f"Python 3.11 or 3.12 is needed, $(PYTHON) is {sys.version.split()[0]}: make PYTHON=python3.12 env")'
 	$(PYTHON) -m venv $(if $(STALE),--clear) $(VENV)
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev,logs,export,fly]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev,logs,export,fly,page]'
 	touch $@
 
 train: $(READY) ## train, break and adapt: SCENARIO=reversed VEHICLE=paper

@@ -15,9 +15,9 @@ from auv_torchrl.importing import importing
 from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
-TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM, EXPORT = (
+TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM, EXPORT, PAGE = (
     f"auv_torchrl.{part}.command"
-    for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export")
+    for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export", "page")
 )
 CALL = """
 import json, sys
@@ -46,6 +46,8 @@ LINES = [  # program, arguments, exit code; training last, for its settings stay
     (EXPORT, ["--help"], 0),
     (EXPORT, ["polcy=outputs/policies/x"], 2),
     (LOG, ["--help"], 0),
+    (PAGE, ["--help"], 0),
+    (PAGE, ["--host", "0.0.0.0"], 2),
     (LOG, ["--version"], 0),
     (LOG, ["inform", "flight.csv"], 2),
     (TRAIN, ["--help"], 0),

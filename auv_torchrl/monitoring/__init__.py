@@ -8,7 +8,7 @@ Read the modules in this order. Dives over time:
 4. ``dive_history``: the content of ``dives.json``, and its sentences.
 5. ``dive_page``: ``dives.html``.
 6. ``dive_work``: following dives in parallel, with a store from which a killed run goes on.
-7. ``dive_job``: which logs are dives, and what the command does with them.
+7. ``dive_job``: which logs are dives, and what the command does with them; ``dive_date`` reads dates off their names.
 
 Repeated runs of one manoeuvre:
 

@@ -1,8 +1,6 @@
 """What ``diagnose.py`` does with many dives once its command line is read: choose, follow, compare, write."""
 
 import logging
-import re
-from datetime import datetime
 from os.path import realpath
 from pathlib import Path
 
@@ -19,6 +17,7 @@ from auv_torchrl.files import write_text
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.monitoring.changes import ChangeRecord, find_changes
+from auv_torchrl.monitoring.dive_date import begun
 from auv_torchrl.monitoring.dive_history import DiveHistory, console, make_history
 from auv_torchrl.monitoring.dive_page import dives_page
 from auv_torchrl.monitoring.dive_record import Dive
@@ -39,9 +38,6 @@ _SHAPING = (
     "mapping",
     "trust_log",
 )  # keys that shape a result
-_DATE = re.compile(
-    r"(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)(?:[-_. T]?([0-2]\d)[-_.:h]?([0-5]\d)(?:[-_.:]?([0-5]\d))?)?", re.ASCII
-)
 
 
 def answer_dives(config: DictConfig) -> None:
@@ -94,19 +90,6 @@ def plan_dives(config: DictConfig) -> DivePlan:
             "fewer as reference=1"
         )
     return DivePlan(paths, tuple(begun(path) for path in paths), reference, no_logs(config))
-
-
-def begun(path: Path) -> str:
-    """When a dive began, as the name of its file says; empty where the name has no date."""
-    found = _DATE.search(path.name)
-    if found is None:
-        return ""
-    numbers = [int(part) for part in found.groups() if part is not None]
-    try:
-        moment = datetime(*numbers)  # pyright: ignore[reportArgumentType]  # three to six numbers
-    except ValueError:
-        return ""
-    return moment.isoformat(sep=" ", timespec="minutes") if len(numbers) > 3 else moment.date().isoformat()
 
 
 def to_diagnose(each: str, dives: list[Dive], record: ChangeRecord, excess: float) -> list[int]:
