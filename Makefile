@@ -11,6 +11,8 @@ STRANGERS ?= null
 JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
+BASE := $(VENV)/.base
+TRAIN := $(VENV)/.train
 READY := $(VENV)/.ready
 export MPLBACKEND := Agg
 # Where it is set, each process would compile the libraries anew, for 8 s.
@@ -25,21 +27,31 @@ env: $(READY) ## set up .venv with the locked versions
 
 # .venv is made anew where its Python does not run, as after an upgrade of the system, and where PYTHON=... names another.
 VERSION := -c 'import sys; print(*sys.version_info[:2], sep=".")'
-FOUND := $(if $(wildcard $(READY)),$(shell $(BIN)/python $(VERSION) 2>/dev/null || echo broken))
+FOUND := $(if $(wildcard $(BASE)),$(shell $(BIN)/python $(VERSION) 2>/dev/null || echo broken))
 GIVEN := $(if $(filter-out file default,$(origin PYTHON)),$(shell $(PYTHON) $(VERSION) 2>/dev/null || echo missing))
 STALE := $(if $(FOUND),$(if $(filter-out $(or $(GIVEN),3.11 3.12),$(FOUND)),stale))
 .PHONY: stale
 stale: ;
 
-# Modules are compiled when they are first imported: pip would compile all there are, for as long as it installs.
-$(READY): pyproject.toml constraints.txt $(STALE)
+# What diagnoses comes first, what trains and what develops are added to it. Modules are compiled when they are first
+# imported: pip would compile all there are, for as long as it installs.
+INSTALL = $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable
+$(BASE): pyproject.toml constraints.txt $(STALE)
 	@$(PYTHON) -c pass || { echo "$(PYTHON) does not run: Python 3.11 or 3.12 is needed, make PYTHON=/path/to/python3.12 env" >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; (3, 11) <= sys.version_info[:2] <= (3, 12) or sys.exit(f"Python 3.11 or 3.12 is needed, $(PYTHON) is {sys.version.split()[0]}: make PYTHON=python3.12 env")'
 	$(PYTHON) -m venv $(if $(STALE),--clear) $(VENV)
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev,logs,export,fly,page]'
+	$(INSTALL) .
 	touch $@
 
-train: $(READY) ## train, break and adapt: SCENARIO=reversed VEHICLE=paper
+$(TRAIN): $(BASE)
+	$(INSTALL) '.[train]'
+	touch $@
+
+$(READY): $(BASE)
+	$(INSTALL) '.[dev,export,fly,page]'
+	touch $(TRAIN) $@
+
+train: $(TRAIN) ## train, break and adapt: SCENARIO=reversed VEHICLE=paper
 	$(BIN)/python train.py +scenario=$(SCENARIO) vehicle=$(VEHICLE)
 
 # The shell puts the names in, not make: spaces, quotes and commas in them survive.
@@ -47,10 +59,10 @@ diagnose: export LOG := $(LOG)
 diagnose: export VEHICLE := $(VEHICLE)
 diagnose: export HEALTHY := $(HEALTHY)
 diagnose: export PARAMS := $(PARAMS)
-diagnose: $(READY) ## what is wrong with a vehicle: LOG= VEHICLE= HEALTHY= PARAMS=
+diagnose: $(BASE) ## what is wrong with a vehicle: LOG= VEHICLE= HEALTHY= PARAMS=
 	$(BIN)/python diagnose.py "log=$$LOG" "vehicle=$$VEHICLE" $(if $(HEALTHY),"healthy=$$HEALTHY") $(if $(PARAMS),"params=$$PARAMS")
 
-sweep: $(READY) ## all scenarios x seeds, one table and one picture
+sweep: $(TRAIN) ## all scenarios x seeds, one table and one picture
 	$(BIN)/python train.py -m +experiment=sweep
 
 test: check $(READY) ## lint, types and tests: JOBS=2

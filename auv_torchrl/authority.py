@@ -8,16 +8,18 @@ the controlled wrench is singular, no map of the four channels can bring back th
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import host, joined, like
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, DEGREES_OF_FREEDOM, Vehicle
 
+Array = Any
 RANK_TOLERANCE = 1e-3  # on singular values relative to the largest: a thruster below 0.1 % of its thrust is dead
 EXACT = 1e-6  # of a push by itself, that may come with it in the other degrees of freedom: rounding
 
@@ -67,27 +69,29 @@ class Authority:
 def pushed(vehicle: Vehicle, axes: Sequence[str], by_channels: bool) -> tuple[str, ...]:
     """Those of some degrees of freedom that a sound vehicle pushes both ways without pushing the others of them.
 
-    Its weight in water counts as a push that needs no thruster. Faults do not count: gains and routing are left out.
+    Its weight in water counts as a push that needs no thruster. Faults do not count: gains, neutrals and routing are left out.
 
     Args:
         vehicle: one vehicle (empty batch).
         axes: degrees of freedom that are to be controlled together; what happens in others does not matter.
         by_channels: whether commands are the four channels of the mixer, or those of the thrusters one by one.
     """
-    eye = torch.eye(vehicle.thrusters).to(vehicle.gain)
-    sound = changed(vehicle, gain=torch.ones_like(vehicle.gain), routing=eye)
+    xp = array_namespace(vehicle.gain)
+    eye = xp.eye(vehicle.thrusters, **like(vehicle.gain))
+    whole, none = xp.ones_like(vehicle.gain), xp.zeros_like(vehicle.gain)
+    sound = changed(vehicle, gain=whole, forward_gain=whole, reverse_gain=whole, neutral_offset=none, routing=eye)
     c = prepare(sound)
     commands = vehicle.mixer[:, list(CONTROLLED_INDEX)].mT if by_channels else eye
     index = [DEGREES_OF_FREEDOM.index(axis) for axis in axes]
 
-    def wrenches(alone: Tensor) -> Tensor:
-        thrust = thrust_target(c, ActiveTerms.of(c), torch.cat((alone, -alone)))
-        return (c.allocation @ thrust.mT)[index]  # (a, pushes)
+    def wrenches(alone: Array) -> np.ndarray:
+        thrust = thrust_target(c, ActiveTerms.of(c), xp.concat((alone, -alone)))
+        return host(c.allocation @ thrust.mT)[index]  # (a, pushes)
 
-    unit = wrenches(eye).abs().sum(-1, keepdim=True)
-    unit = unit.where(unit > EXACT * unit.max(), torch.inf)  # where nothing pushes but rounding
-    weight = torch.cat((c.restoring[:3, 2], torch.zeros(3).to(c.gain)))[index]  # level: along heave alone
-    pushes = (torch.cat((wrenches(commands), weight[:, None]), dim=-1) / unit).double().numpy()
+    unit = np.abs(wrenches(eye)).sum(-1, keepdims=True)
+    unit = np.where(unit > EXACT * unit.max(), unit, np.inf)  # where nothing pushes but rounding
+    weight = np.append(host(c.restoring)[:3, 2], np.zeros(3))[index]  # level: along heave alone
+    pushes = (joined(wrenches(commands), weight[:, None]) / unit).astype(np.float64)
     ways = zip(axes, np.eye(len(axes)), strict=True)
     return tuple(axis for axis, way in ways if _within(pushes, way) and _within(pushes, -way))
 
@@ -146,16 +150,16 @@ def authority(vehicle: Vehicle, nominal: Vehicle, name: str = "vehicle") -> Auth
     """
     if vehicle.batch_size or nominal.batch_size:
         raise ValueError(f"authority: got a batch of shape {tuple(vehicle.batch_size)}: give one vehicle at a time")
-    unit = controlled_allocation(nominal).abs().sum(-1, keepdim=True)
+    unit = np.abs(host(controlled_allocation(nominal))).sum(-1, keepdims=True)
     if not (unit > 0).all():
         dead = [dof for dof, u in zip(CONTROLLED, unit, strict=True) if not u > 0]
         raise ValueError(f"authority: the nominal vehicle has no thruster for {_listed(dead)}: check its allocation")
-    return authority_of(controlled_allocation(vehicle) / unit, vehicle.mixer[:, list(CONTROLLED_INDEX)], name)
+    return authority_of(
+        host(controlled_allocation(vehicle)) / unit, host(vehicle.mixer)[:, list(CONTROLLED_INDEX)], name
+    )
 
 
-def authority_of(
-    thrusters: Tensor, mixer: Tensor, name: str = "vehicle", tolerance: float = RANK_TOLERANCE
-) -> Authority:
+def authority_of(thrusters: Array, mixer: Array, name: str = "vehicle", tolerance: float = RANK_TOLERANCE) -> Authority:
     """Ranks of a wrench per thruster command, known or estimated.
 
     Args:
@@ -164,6 +168,7 @@ def authority_of(
         name: what the text calls it.
         tolerance: singular values below this share of the largest count as none; an estimate needs its own error.
     """
+    thrusters, mixer = host(thrusters), host(mixer)
     channels = thrusters @ mixer
     reach = _range(thrusters, tolerance)
     share = (reach @ reach.mT).diagonal()  # of each degree of freedom's unit wrench that can be produced: 1 is all
@@ -178,16 +183,16 @@ def authority_of(
     )
 
 
-def controlled_allocation(vehicle: Vehicle) -> Tensor:
+def controlled_allocation(vehicle: Vehicle) -> Array:
     """Controlled wrench (4, n) in N and N m per unit thruster command, routing and gains included."""
     c = prepare(vehicle)
     return ((c.allocation * c.full_thrust) @ c.routing)[list(CONTROLLED_INDEX)]
 
 
-def _range(matrix: Tensor, tolerance: float) -> Tensor:
+def _range(matrix: np.ndarray, tolerance: float) -> np.ndarray:
     """Orthonormal basis (4, rank) of what the columns span."""
-    basis, size, _ = torch.linalg.svd(matrix, full_matrices=False)
-    return basis[:, size > tolerance * size.amax().clamp_min(torch.finfo(size.dtype).tiny)]
+    basis, size, _ = np.linalg.svd(matrix, full_matrices=False)
+    return basis[:, size > tolerance * max(size.max(), np.finfo(size.dtype).tiny)]
 
 
 def _listed(names: tuple[str, ...] | list[str]) -> str:

@@ -21,4 +21,19 @@ def library(module: str, clause: str, extra: str, error: type[ValueError] = Miss
         return import_module(module)
     except ImportError as cause:
         name = module.partition(".")[0]
-        raise error(f"{clause} {name}, which is not installed: pip install 'auv_torchrl[{extra}]'") from cause
+        raise error(f"{clause} {name}, which is not installed: {command(extra)}") from cause
+
+
+def is_installed(*modules: str) -> bool:
+    """Whether optional libraries are there, all of them; they are imported."""
+    try:
+        for module in modules:
+            import_module(module)
+    except ImportError:
+        return False
+    return True
+
+
+def command(extra: str) -> str:
+    """What brings the libraries of an extra of this package."""
+    return f"pip install 'auv_torchrl[{extra}]'"

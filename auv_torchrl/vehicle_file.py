@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from types import EllipsisType
 from typing import Any
 
-import torch
+import numpy as np
 import yaml
-from torch import Tensor
 
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from auv_torchrl.vehicle_fields import COMMENTS, VEHICLE_FIELDS, Field
@@ -24,28 +23,25 @@ def fold(vehicle: Vehicle) -> Vehicle:
     Raises:
         ValueError: for a thruster that gives nothing, or a trim of more than its buoyancy.
     """
-    dead = (vehicle.gain == 0).nonzero()[:, 0].tolist()
+    dead = np.flatnonzero(vehicle.gain == 0).tolist()
     if dead:
         numbers = ", ".join(str(i + 1) for i in dead)
         raise ValueError(f"thruster {numbers} gives nothing: that is a fault, and no coefficient of a sound vehicle")
-    gain, buoyancy = vehicle.gain.abs(), vehicle.buoyancy - vehicle.vertical_force
+    gain, buoyancy = np.abs(vehicle.gain), vehicle.buoyancy - vehicle.vertical_force
     if not buoyancy > 0:
         raise ValueError(f"trim of {float(vehicle.vertical_force):.3g} N is more than the buoyancy of the vehicle")
-    copy = vehicle.clone()
-    for key, value in dict(
-        gain=torch.ones_like(gain),
-        thruster_direction=vehicle.thruster_direction * vehicle.gain.sign()[:, None],
+    return vehicle.replace(
+        gain=np.ones_like(gain),
+        thruster_direction=vehicle.thruster_direction * np.sign(vehicle.gain)[:, None],
         full_thrust=vehicle.full_thrust * gain,
         limit=vehicle.limit * gain,
         dead_band=vehicle.dead_band * gain,
         buoyancy=buoyancy,
-        vertical_force=torch.zeros_like(buoyancy),
+        vertical_force=np.zeros_like(buoyancy),
         centre_of_buoyancy=vehicle.centre_of_buoyancy * vehicle.buoyancy / buoyancy,  # it rights as before
-        current=torch.zeros_like(vehicle.current),
-        free=torch.ones_like(vehicle.free),
-    ).items():
-        copy.set(key, value)
-    return copy
+        current=np.zeros_like(vehicle.current),
+        free=np.ones_like(vehicle.free),
+    )
 
 
 def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
@@ -64,20 +60,20 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
     return content
 
 
-def _entry(kind: Field, value: Tensor) -> Any:
+def _entry(kind: Field, value: np.ndarray) -> Any:
     """Plain numbers: one for all thrusters where they are equal, the diagonal where nothing is beside it."""
     if kind.each and bool((value == value.flatten()[0]).all()):
         return numbers(value.flatten()[0])
-    if kind.square and bool((value == value.diagonal().diag()).all()):
+    if kind.square and bool((value == np.diag(value.diagonal())).all()):
         return numbers(value.diagonal())
     return numbers(value)
 
 
-def _is_zero(value: Tensor) -> bool:
+def _is_zero(value: np.ndarray) -> bool:
     return not bool((value != 0).any())
 
 
-def _is_default(name: str, value: Tensor) -> bool:
+def _is_default(name: str, value: np.ndarray) -> bool:
     default = VEHICLE_FIELDS[name].default
     return not isinstance(default, EllipsisType) and _is_zero(value - default)
 
@@ -91,8 +87,8 @@ def described(vehicle: Vehicle) -> dict[str, Any]:
     }
 
 
-def numbers(values: Tensor) -> Any:
-    """Plain numbers, in lists as the tensor has them; whole ones as they are written by hand."""
+def numbers(values: np.ndarray) -> Any:
+    """Plain numbers, in lists as the array has them; whole ones as they are written by hand."""
     return _rounded(values.tolist())
 
 
@@ -105,7 +101,7 @@ def _refuse_what_is_lost(vehicle: Vehicle, content: Mapping[str, Any]) -> None:
     lost = [
         key
         for key, value in vehicle.items()
-        if not torch.allclose(read.get(key), value, rtol=SAME, atol=SAME * max(1e-3, float(value.abs().max())))
+        if not np.allclose(read.get(key), value, rtol=SAME, atol=SAME * max(1e-3, float(np.abs(value).max())))
     ]
     if lost:
         raise ValueError(f"a vehicle file cannot say {', '.join(lost)}: calibrate without effects that change it")

@@ -22,7 +22,6 @@ from auv_torchrl.command.errors import CANNOT_WRITE, CannotWrite, writing
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.diagnosis import request
 from auv_torchrl.diagnosis import schema as diagnose_schema
-from auv_torchrl.diagnosis.report import files as report_files
 from auv_torchrl.diagnosis.report import write_files
 from auv_torchrl.experiment.run import STORE
 from auv_torchrl.flightlog import FlightLog
@@ -182,7 +181,7 @@ def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatc
     log.write_text("t\n")
     monkeypatch.setattr(sys, "argv", ["diagnose.py", f"log={log}", f"output={tmp_path / 'out'}", *QUIET])
     with monkeypatch.context() as patched:
-        patched.setattr(report_files.pyarrow.parquet, "write_table", full)
+        patched.setattr("pyarrow.parquet.write_table", full)
         with pytest.raises(SystemExit) as ended:
             diagnose.main()
     error = capsys.readouterr().err

@@ -96,7 +96,9 @@ def test_flying_begins_at_the_starts_and_reports_every_control_step(pd_policy):
     flight = fly(fleet, pd_policy, starts, steps=400)
     torch.testing.assert_close(flight.position[:, 0], starts["position"])
     torch.testing.assert_close(flight.time[2], DT * torch.arange(401, dtype=torch.float64))
-    mixed = (flight.action[:, 1:] @ load_vehicle("paper").mixer[:, [0, 1, 2, 5]].float().T).clamp(-1, 1)
+    mixed = (flight.action[:, 1:] @ torch.from_numpy(load_vehicle("paper").mixer[:, [0, 1, 2, 5]]).float().T).clamp(
+        -1, 1
+    )
     torch.testing.assert_close(flight.command[:, 1:].float(), mixed)
     assert (steady_errors(flight) < 0.2).all()
 

@@ -87,7 +87,7 @@ def test_help_and_a_mistaken_command_line_are_answered_without_what_takes_long_t
     assert not modules & HEAVY
 
 
-def test_a_log_that_there_is_not_is_refused_before_torch_is_imported(answers):
+def test_a_log_that_there_is_not_is_refused_before_work_begins(answers):
     """Also a file that is another than its name says."""
     for ended, modules in answers[-len(LOGS) :]:
         assert ended == 2
@@ -108,32 +108,74 @@ def test_imports_without_collections_leave_the_collector_as_it_was(enabled):
         (gc.enable if before else gc.disable)()
 
 
-def test_a_diagnosis_imports_neither_torchrl_nor_an_environment_nor_a_compiler():
-    """Of torch it needs the vehicle and the gradient of the physics."""
+WITHOUT = """
+import json, sys
+from importlib import import_module
+
+names, missing, program, arguments = json.load(sys.stdin)
+
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in missing:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+sys.meta_path.insert(0, Missing())
+for name in names:
+    import_module(name)
+if program:
+    sys.argv = [program, *arguments]
+    import_module(program).main()
+print()
+print(json.dumps(sorted(sys.modules)))
+"""
+OF_TRAINING = (
+    "torch", "tensordict", "torchrl", "gymnasium", "mujoco", "dm_control", "rerun", "pandas", "pyarrow", "matplotlib",
+    "tensorboard", "safetensors",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["monitoring.command", "monitoring.dive_job", "monitoring.repeated_runs", "diagnosis.job", "link.job",
+     "diagnosis.calibrate.job", "flightlog.job", "sensors", "simulator", "authority", "scenario", "sysid"],
+)  # fmt: skip
+def test_what_only_training_needs_need_not_be_installed(module):
+    """Diagnosis, calibration, monitoring, logs and the physics behind ArduSub are imported without it."""
+    printed(WITHOUT, [[f"auv_torchrl.{module}"], OF_TRAINING, None, []])
+
+
+def test_a_log_is_diagnosed_where_only_the_diagnosis_is_installed(tmp_path):
+    """The verdict is there; the confirmation in MuJoCo and what other libraries write are left out."""
+    given = [f"log={PROJECT / 'examples' / 'flight.csv'}", "vehicle=paper", f"output={tmp_path / 'out'}"]
+    modules = printed(WITHOUT, [[], OF_TRAINING, DIAGNOSE, given])
+    assert "auv_torchrl.diagnosis.pipeline" in modules and not {*OF_TRAINING} & set(modules)
+    found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert found["verdict"] == "explained" and found["gap"]["confirmed"] is None
+    assert "not_confirmed" in [finding["code"] for finding in found["findings"]]
+    assert (tmp_path / "out" / "report.html").is_file() and not (tmp_path / "out" / "diagnosis.rrd").exists()
+
+
+def test_a_diagnosis_imports_nothing_of_training_where_it_is_installed():
+    """Not even what is there: the gradient of the physics is compiled, and vehicles are numpy's."""
     code = """
 import json, sys
-from auv_torchrl.importing import importing_without_compiler
-with importing_without_compiler():
-    import auv_torchrl.diagnosis.job
+import auv_torchrl.diagnosis.job
 print(json.dumps(sorted(sys.modules)))
 """
     modules = set(printed(code))
     assert "auv_torchrl.diagnosis.pipeline" in modules
-    assert not modules & {"torchrl", "torch._dynamo", "gymnasium", "pandas", "scipy.stats", "matplotlib", "OpenGL"}
-    assert "scipy.ndimage" not in modules
+    assert not modules & {*OF_TRAINING, "scipy.stats", "scipy.ndimage", "OpenGL"}
 
 
-def test_a_dive_that_is_diagnosed_by_itself_brings_no_window_system():
-    """It loads MuJoCo late, which then looks for a display unless it is told to draw nothing."""
+def test_a_confirmation_brings_no_window_system():
+    """It loads MuJoCo, which then looks for a display unless it is told to draw nothing."""
     code = """
 import json, sys
-from auv_torchrl.importing import importing_without_compiler
-with importing_without_compiler():
-    from auv_torchrl.monitoring.dive_work import _diagnose_one
-try:
-    _diagnose_one(())
-except ValueError:  # no dive
-    print(json.dumps(sorted(sys.modules)))
+from auv_torchrl.diagnosis.validate.confirm import is_possible
+assert is_possible()
+print(json.dumps(sorted(sys.modules)))
 """
     modules = set(printed(code))
     assert "mujoco" in modules and not modules & {"glfw", "OpenGL"}
@@ -173,34 +215,3 @@ print(json.dumps(sys.stdout.getvalue()), file=out)
     settings["handlers"] = {"console": settings["handlers"]["console"]}  # no file
     settings["root"]["handlers"] = ["console"]
     assert printed(code, settings) == ""
-
-
-def test_lists_become_columns_and_chi_squares_are_looked_up_without_pandas_and_fortran():
-    """Left alone, pyarrow and scipy load them, for nothing that a recording or a diagnosis asks for."""
-    code = """
-import json, sys
-from auv_torchrl.importing import importing, spare_pandas
-with importing():
-    import array_api_compat, scipy.special
-    import numpy
-    array_api_compat.array_namespace(numpy.zeros(1))
-assert "f2py" in dir(numpy) and "f2py" in numpy.__all__
-spare_pandas()
-import pyarrow
-pyarrow.array(["a", "b"])
-print(json.dumps(sorted(sys.modules)))
-"""
-    modules = set(printed(code))
-    assert {"pyarrow", "scipy.special"} <= modules
-    assert not modules & {"pandas", "numpy.f2py"}
-
-
-def test_pyarrow_gives_data_frames_after_it_did_without_pandas():
-    """A table of text, which needs them, is read in a process that has recorded something."""
-    code = """
-from auv_torchrl.importing import spare_pandas
-spare_pandas()
-import json, pyarrow
-print(json.dumps(pyarrow.array(["a", None, "b"]).to_pandas().isna().tolist()))
-"""
-    assert printed(code) == [False, True, False]

@@ -30,7 +30,8 @@ def checkout(tmp_path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(PYTHON.replace("VERSION", str(version)))
         path.chmod(0o755)
-    (tmp_path / ".venv" / ".ready").touch()
+    for stamp in (".base", ".train", ".ready"):
+        (tmp_path / ".venv" / stamp).touch()
     return tmp_path
 
 

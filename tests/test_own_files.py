@@ -31,6 +31,7 @@ from auv_torchrl.scenario import read_scenario
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
 from tests.diagnosis.flown_logs import fly, hold
 from tests.own_python import BELOW, BOW_GAUGE, FOULING, SEMICOLONS
 
@@ -88,7 +89,7 @@ def test_an_effect_of_ones_own_is_flown_and_drawn(lab):
     assert 0 < speed["fouled"] < 0.8 * speed["clean"]
     ranges = yaml.safe_load((lab / "randomization" / "mine.yaml").read_text())
     drawn = RandomizeVehicle(vehicle, ranges).draw(50, torch.Generator().manual_seed(0))
-    share = drawn.quadratic_drag / vehicle.quadratic_drag
+    share = drawn.quadratic_drag / tensors(vehicle).quadratic_drag
     assert share.min() > 1 and share.max() < 3 and share.std() > 0.1
 
 

@@ -1,7 +1,7 @@
 """Scenarios: when effects act, how they compose, and that mistakes are named."""
 
+import numpy as np
 import pytest
-import torch
 
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import load_vehicle
@@ -21,7 +21,7 @@ def test_an_empty_scenario_is_the_nominal_vehicle():
         read_scenario("none", {"effects": None}, PAPER),
     ):
         vehicle = empty.vehicle_at(PAPER, 3.0)
-        assert all(torch.equal(vehicle.get(key), value) for key, value in PAPER.items())
+        assert all(np.array_equal(vehicle.get(key), value) for key, value in PAPER.items())
         assert empty.switching_times() == []
 
 

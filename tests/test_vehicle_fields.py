@@ -5,8 +5,8 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
-import torch
 import yaml
 
 from auv_torchrl.paths import PROJECT, config_names, config_path
@@ -76,7 +76,7 @@ def other_value(name):
     value = load_vehicle("paper").get(name)
     kind = VEHICLE_FIELDS[name]
     # A tenth down keeps an air of 1 and a dead band below the thrust; nothing moves up or down from zero.
-    changed = torch.where(value == 0, torch.full_like(value, 0.01), 0.9 * value)
+    changed = np.where(value == 0, 0.01, 0.9 * value)
     if kind.square:
         return changed.diagonal().tolist()
     return changed.flatten()[0].item() if kind.each else changed.tolist()
@@ -97,15 +97,15 @@ def test_what_a_file_says_is_read_into_its_parameter_and_written_back(entry):
     name, before = FIELD_OF[entry], load_vehicle("paper")
     value = other_value(name)
     after = load_vehicle(with_entry(paper(), entry.split("."), value))
-    assert {key for key, was in before.items() if not torch.equal(was, after.get(key))} <= {name}
+    assert {key for key, was in before.items() if not np.array_equal(was, after.get(key))} <= {name}
     written = entries(fold(after), "mine")
     for part in entry.split("."):
         written = written[part]
     read = load_vehicle(with_entry(paper(), entry.split("."), written))
-    torch.testing.assert_close(read.get(name), after.get(name), rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(read.get(name), after.get(name), rtol=1e-7, atol=1e-12)
     if name != "thruster_direction":  # only its direction counts
-        assert not torch.equal(before.get(name), after.get(name))
-        torch.testing.assert_close(after.get(name).flatten()[0], torch.tensor(value).double().flatten()[0])
+        assert not np.array_equal(before.get(name), after.get(name))
+        assert after.get(name).flat[0] == pytest.approx(np.ravel(value)[0], rel=1e-7)
 
 
 @pytest.mark.parametrize("entry", [entry for entry, kind in BY_LABEL.items() if -1e9 not in kind.given])
@@ -139,24 +139,22 @@ def test_what_no_file_says_is_nominal():
         if kind.section is None:
             value = vehicle.get(name)
             assert kind.default is not ..., name
-            due = torch.eye(len(value)).double() if kind.square else kind.default
+            due = np.eye(len(value)) if kind.square else kind.default
             assert (value == due).all(), name
 
 
 @pytest.mark.parametrize("name", VEHICLE_FIELDS)
 def test_every_parameter_reaches_the_coefficients(name):
     """As it is where the table says so; else another value changes what is worked out of several."""
-    vehicle = load_vehicle("paper").expand(2).clone()
-    vehicle.set("payload_mass", torch.ones(2).double())  # so that its place counts
-    vehicle.set("payload_weight", torch.ones(2).double())
+    loaded = {"payload_mass": np.ones(2), "payload_weight": np.ones(2)}  # so that its place counts
+    vehicle = load_vehicle("paper").expand(2).replace(**loaded)
     before = prepare(vehicle)
     if VEHICLE_FIELDS[name].copied:
-        assert torch.equal(getattr(before, name), vehicle.get(name))
+        assert np.array_equal(getattr(before, name), vehicle.get(name))
         return
     value = vehicle.get(name)
-    vehicle.set(name, torch.where(value == 0, torch.full_like(value, 0.1), 0.9 * value))
-    after = prepare(vehicle)
-    differs = any(not torch.equal(one, other) for one, other in zip(before, after, strict=True))
+    after = prepare(vehicle.replace(**{name: np.where(value == 0, 0.1, 0.9 * value)}))
+    differs = any(not np.array_equal(one, other) for one, other in zip(before, after, strict=True))
     assert differs is (name not in NOT_IN_A_WRENCH)
 
 
@@ -174,8 +172,7 @@ def test_a_parameter_is_left_out_of_hashes_only_where_it_is_nothing_without_an_e
     assert all(VEHICLE_FIELDS[name].default is not ... for name in later)
     assert set(described(vehicle)) == set(VEHICLE_FIELDS) - later
     for name in later:
-        other = vehicle.clone()
-        other.set(name, vehicle.get(name) + 0.1)
+        other = vehicle.replace(**{name: vehicle.get(name) + 0.1})
         assert set(described(other)) - set(described(vehicle)) == {name}
 
 

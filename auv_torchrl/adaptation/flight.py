@@ -13,6 +13,7 @@ from torchrl.envs import EnvBase
 from auv_torchrl.adaptation.adapter import ALARM, MAP, PHASE, STATISTIC, InFlightAdapter
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.learner import PHASES, Phase
+from auv_torchrl.array_api import Array
 from auv_torchrl.evaluation import Policy, flight_of, roll_out, task_of
 from auv_torchrl.flight import Flight
 from auv_torchrl.tasks import StationKeeping
@@ -61,7 +62,7 @@ def fly_adapting(fleet: EnvBase, policy: Policy, starts: TensorDict, steps: int)
     )
 
 
-def gains(effectiveness: Tensor, nominal: Tensor) -> Tensor:
+def gains(effectiveness: Tensor, nominal: Array) -> Tensor:
     """What each thruster does of what it should do, (..., n): 1 healthy, 0 dead, -1 reversed.
 
     The effect of a thruster (a column of the effectiveness) is projected onto its nominal effect, with forces and
@@ -71,7 +72,7 @@ def gains(effectiveness: Tensor, nominal: Tensor) -> Tensor:
         effectiveness: (..., 4, n) wrench per share of full thrust.
         nominal: (4, n) that of the healthy vehicle.
     """
-    nominal = nominal.to(effectiveness)
+    nominal = torch.as_tensor(nominal, dtype=effectiveness.dtype, device=effectiveness.device)
     weight = 1.0 / nominal.abs().sum(-1, keepdim=True) ** 2
     return (weight * nominal * effectiveness).sum(-2) / (weight * nominal**2).sum(-2)
 

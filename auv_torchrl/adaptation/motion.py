@@ -41,7 +41,7 @@ class SourceMotion:
     def __init__(self, vehicle: Vehicle, control_dt: float):
         if vehicle.batch_size:
             raise ValueError(f"motion: got vehicles of batch {tuple(vehicle.batch_size)}: give one source vehicle")
-        self._coefficients = prepare(vehicle.double()).numpy()
+        self._coefficients = prepare(vehicle)
         self._terms = ActiveTerms.of(self._coefficients)
         self._controlled = list(CONTROLLED_INDEX)
         self.control_dt = control_dt

@@ -16,6 +16,7 @@ from auv_torchrl.flight import Flight
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 BACK_M = 0.05  # a vehicle has recovered once it stays closer than this to the target
 FELT_N = 1.0  # a change is felt once a thruster gives this much more or less than it would have before
@@ -110,7 +111,7 @@ def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s:
 
 def altered_thrust(flight: Flight, before: Vehicle) -> Tensor:
     """What each thruster gives beyond what it would have given before the change, N, (N, T + 1, n) float64."""
-    c = prepare(before.double())
+    c = prepare(tensors(before))
     terms = ActiveTerms.of(c)
     expected = applied_thrust(c, terms, thrust_target(c, terms, flight.command.double()), flight.time.double())
     return flight.thrust.double() - expected

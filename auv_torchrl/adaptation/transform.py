@@ -30,8 +30,8 @@ class ThrusterTransform(CommandMap):
     def __init__(self, vehicle: Vehicle):
         super().__init__()
         self.actuation = Actuation(vehicle)
-        c = prepare(vehicle.double())
-        self._terms, self._coefficients = ActiveTerms.of(c), c.numpy()
+        c = prepare(vehicle)
+        self._terms, self._coefficients = ActiveTerms.of(c), c
         self._mixer = array(self.actuation.mixer)
 
     @property

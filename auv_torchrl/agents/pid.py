@@ -15,6 +15,7 @@ from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import heading_of, matvec, rotation_matrix, wrap_angle
 from auv_torchrl.tasks import Reference, Task
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 PROPORTIONAL = (10.0, 10.0, 10.0, 1.0)  # 1/m, 1/rad: `paper` leaves its dead band at 0.01 m; 3 is 5 times less precise
 DERIVATIVE = (1.0, 1.0, 1.0, 0.1)  # s/m, s/rad
@@ -109,11 +110,11 @@ class FeedForward:
 
     def __init__(self, vehicle: Vehicle, task: Task):
         self.task = task
-        self.c = prepare(vehicle.double())
+        self.c = prepare(tensors(vehicle))
         self.terms = ActiveTerms.of(self.c)
         reach = (self.c.allocation * self.c.full_thrust) @ self.c.routing
         self._thrusts = torch.linalg.pinv(reach[_C])  # (n, 4) shares of full thrust, per N and N m
-        self._channels = torch.linalg.pinv(vehicle.mixer[:, _C].double())  # (4, n)
+        self._channels = torch.linalg.pinv(tensors(vehicle).mixer[:, _C])  # (4, n)
 
     def __call__(self, along: Tensor) -> Tensor:
         """For vehicles that are ``along`` (N,) s along the task."""

@@ -69,8 +69,8 @@ class TrueMap(ThrusterTransform):
 
     def __init__(self, source: Vehicle, target: Vehicle):
         super().__init__(source)
-        self._nominal = array(controlled_allocation(source))
-        self._true = array(controlled_allocation(target))[None]
+        self._nominal = controlled_allocation(source)
+        self._true = controlled_allocation(target)[None]
         limits = map(array, self.actuation.share_limits)
         self._allocation = Allocation(1.0 / np.square(np.abs(self._nominal).sum(-1)), *limits)
 

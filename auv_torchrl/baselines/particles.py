@@ -16,6 +16,7 @@ from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flight import Flight
 from auv_torchrl.physics import ActiveTerms, State, control_step, prepare
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 SPEED_NOISE = 0.02  # m/s and rad/s, standard deviation of what a particle's prediction of one step may miss
 WIDTH = 2.0  # standard deviations of the weighted particles, to each side
@@ -68,7 +69,7 @@ def weigh_particles(
     limits = torch.tensor([pair for _, parameters in drawn for pair in parameters.values()], dtype=torch.float64)
     draws = torch.rand(count, len(names), generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     values = limits[:, 0] + (limits[:, 1] - limits[:, 0]) * draws
-    vehicle = nominal.double().expand(count)
+    vehicle = tensors(nominal).expand(count)
     for effect in dict.fromkeys(effect for effect, _ in names):
         given = {name: values[:, i] for i, (of, name) in enumerate(names) if of == effect}
         vehicle = get_effect(effect).apply(vehicle, given)

@@ -10,7 +10,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,9 @@ from auv_torchrl.command.errors import BadInput
 from auv_torchrl.files import write_text
 
 RUN, CONFIG, LOCK = "run.json", "config.yaml", ".lock"
-RECORDED_PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "numpy", "rerun-sdk")
+RECORDED_PACKAGES = (
+    "torch", "torchrl", "tensordict", "mujoco", "dm-control", "numpy", "scipy", "llvmlite", "rerun-sdk",
+)  # fmt: skip
 _SHOWN = 3  # files or settings that a message quotes
 _NOT_OURS_TO_FIX = {
     errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST, errno.ENOENT, errno.ENOSPC, errno.EDQUOT,
@@ -189,7 +191,7 @@ def _about(command: str, overrides: list[str], before: Mapping[str, Any] | None)
         "started": before["started"] if before else _now(),
         "finished": None,
         "python": platform.python_version(),
-        "packages": {name: version(name) for name in RECORDED_PACKAGES},
+        "packages": _versions(),
     }
     return {**about, "continued": [*before.get("continued", []), _now()]} if before else about
 
@@ -226,3 +228,14 @@ def _cannot_write(folder: Path, error: OSError) -> str:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _versions() -> dict[str, str]:
+    """Those of the packages that matter to results and are installed."""
+    found = {}
+    for name in RECORDED_PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:  # of an extra
+            continue
+    return found

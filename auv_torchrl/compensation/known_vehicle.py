@@ -6,7 +6,6 @@ Dynamic inversion with the simulator's own equations on both sides, and predicti
 from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
-import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import Composite, TensorSpec
@@ -45,10 +44,10 @@ class Model(NamedTuple):
     @classmethod
     def of(cls, vehicle: Vehicle) -> Self:
         """Of one vehicle (empty batch)."""
-        c = prepare(vehicle.double())
-        one = c.numpy().rows(None)
+        c = prepare(vehicle)
+        one = c.rows(None)
         age = float(ages(one, MOTION[:6]).max())
-        return cls(c.numpy(), ActiveTerms.of(c), Inverse.of(one, MOTION[6:]), age)
+        return cls(c, ActiveTerms.of(c), Inverse.of(one, MOTION[6:]), age)
 
     def rate(self, state: State, thrust: Array) -> Array:
         """Acceleration (N, 4) in the controlled degrees of freedom under thrusts (N, n) in N, before gains."""
@@ -65,7 +64,7 @@ class Model(NamedTuple):
 
 def level(vehicle: Vehicle) -> Vehicle:
     """The vehicle with roll and pitch held: to invert its tilt as well would leave it swinging."""
-    held = torch.zeros_like(vehicle.free)
+    held = np.zeros_like(vehicle.free)
     held[_C] = 1.0
     return changed(vehicle, free=held * vehicle.free)
 

@@ -14,6 +14,7 @@ from auv_torchrl.ddr.allocation import Allocation, shrunk
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 EDGE = 1e-4  # share of full thrust kept clear of the dead band's edge, so that rounding does not fall into it
 
@@ -33,10 +34,10 @@ class Actuation(nn.Module):
 
     def __init__(self, vehicle: Vehicle):
         super().__init__()
-        c = prepare(vehicle.double())
+        c = prepare(tensors(vehicle))
         self.terms = ActiveTerms.of(c)
         controlled = list(CONTROLLED_INDEX)
-        mixer = vehicle.mixer[:, controlled].double()
+        mixer = tensors(vehicle).mixer[:, controlled]
         per_share = (c.allocation * c.full_thrust)[controlled]
         full = per_share @ mixer
         if torch.linalg.matrix_rank(full) < len(CONTROLLED):

@@ -13,6 +13,7 @@ from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 log = logging.getLogger(__name__)
 
@@ -51,10 +52,10 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
     def uniform(*shape: int) -> Tensor:
         return 2 * torch.rand(count, *shape, generator=generator, dtype=torch.float64) - 1
 
-    strong = vehicle.double().clone()
-    strong.gain = strong.gain * config.overdrive
+    sound = tensors(vehicle)
+    strong = sound.replace(gain=sound.gain * config.overdrive)
     c = prepare(strong.expand(count).clone())
-    command = (uniform(4) @ vehicle.mixer[:, list(CONTROLLED_INDEX)].double().mT).clamp(-1, 1)
+    command = (uniform(4) @ sound.mixer[:, list(CONTROLLED_INDEX)].mT).clamp(-1, 1)
     mixed = torch.ones(count, dtype=torch.bool)
     if task.tilt:  # single thrusters tilt the vehicle, which R must not take for one of the channels
         mixed = torch.rand(count, generator=generator) < 0.5

@@ -43,7 +43,7 @@ def restricted(log: FlightLog, axes: tuple[str, ...]) -> FlightLog:
 
 def hidden_freedoms(problem: Problem) -> list[str]:
     """The degrees of freedom in which the vehicle moves and that the log does not measure."""
-    moves = np.flatnonzero(problem.vehicle.free.numpy() > 0)
+    moves = np.flatnonzero(problem.vehicle.free > 0)
     return [DEGREES_OF_FREEDOM[d] for d in moves if d not in problem.layout.dof]
 
 

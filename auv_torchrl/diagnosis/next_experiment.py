@@ -1,9 +1,6 @@
 """What to fly next: of some safe manoeuvres the one that best separates what the log leaves open."""
 
-from typing import cast
-
 import numpy as np
-import torch
 
 from auv_torchrl.diagnosis.identify.equivalence import alternatives
 from auv_torchrl.diagnosis.identify.explanation import Explanation
@@ -33,7 +30,7 @@ def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
     found = {}
     for i in range(vehicle.thrusters):
         found[f"pulse thruster {i + 1} alone"] = pulse[:, None] * np.eye(vehicle.thrusters)[i]
-    mixer = vehicle.mixer.numpy()[:, list(CONTROLLED_INDEX)]
+    mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)]
     chirp = SIZE * np.sin(2 * np.pi * (0.1 + 0.06 * t) * t)
     stairs = SIZE * np.sign(np.sin(2 * np.pi * t / 6)) * np.where(t < 6, 0.5, 1.0)
     for column, name in enumerate(CONTROLLED):
@@ -110,6 +107,6 @@ def _planned(why: str, commands: Floats) -> NextExperiment:
 def _fly(vehicles: Vehicle, plans: Floats) -> Floats:
     """Measured poses (T, P, 2, 6) of two vehicles from rest, under each of the commands (P, T, n)."""
     number, steps = plans.shape[:2]
-    rows = cast(Vehicle, vehicles[torch.arange(2).repeat(number)])
+    rows = vehicles[np.tile(np.arange(2), number)]
     reported = simulate(rows, np.repeat(plans, 2, axis=0), CONTROL_DT * np.arange(steps + 1)).reported
     return reported.pose[:, 1:].swapaxes(0, 1).reshape(steps, number, 2, 6)

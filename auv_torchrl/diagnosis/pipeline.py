@@ -31,7 +31,7 @@ from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.unanswered.both_readings import weigh_readings
-from auv_torchrl.diagnosis.validate.confirm import confirm
+from auv_torchrl.diagnosis.validate.confirm import confirm, is_possible, not_confirmed
 from auv_torchrl.diagnosis.validate.predict import (
     Predictions,
     closed_share,
@@ -146,7 +146,9 @@ def diagnose_answering(
     findings = (*configured(log, healthy, verdict, effects), *findings)
     same, hidden = indistinguishable(problem, found), hidden_members(problem, found)
     report("confirming in MuJoCo", 0.95)
-    confirmed = confirm(predictions, explained.vehicles) if effects else None
+    confirmed = confirm(predictions, explained.vehicles) if effects and is_possible() else None
+    if effects and confirmed is None:
+        findings = (*findings, not_confirmed())
     gap = replace(gap, confirmed=confirmed)
     where = locate(problem, found, effects, verdict, looked.onset)
     summary = summarise(outcome, effects, where, gap, corrected.sentences, examined(problem))

@@ -3,16 +3,17 @@
 from collections.abc import Mapping
 from typing import Any
 
-import torch
-from torch import Tensor
+import numpy as np
+from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import host, like, vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, Same, changed, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Same, changed, own, sets
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.vehicle import Vehicle
 
 
-def _gain(vehicle: Vehicle, gain: Tensor) -> Vehicle:
+def _gain(vehicle: Vehicle, gain: Array) -> Vehicle:
     return changed(vehicle, gain=vehicle.gain * gain)
 
 
@@ -42,9 +43,10 @@ thruster_gain = Effect(
 )
 
 
-def _swap(vehicle: Vehicle, command: Tensor) -> Vehicle:
-    order = command.round().long().clamp(1, vehicle.thrusters) - 1
-    permutation = torch.nn.functional.one_hot(order, vehicle.thrusters).to(vehicle.routing.dtype)
+def _swap(vehicle: Vehicle, command: Array) -> Vehicle:
+    xp, number = array_namespace(command), like(command)
+    giver = xp.clip(xp.round(command), 1.0, float(vehicle.thrusters))[..., None]
+    permutation = xp.astype(giver == xp.arange(1, vehicle.thrusters + 1, **number), command.dtype)
     return changed(vehicle, routing=permutation @ vehicle.routing)
 
 
@@ -99,10 +101,11 @@ thruster_swap = Effect(
 )
 
 
-def _misalignment(vehicle: Vehicle, angle: Tensor) -> Vehicle:
-    x, y, z = vehicle.thruster_direction.unbind(-1)
-    c, s = angle.cos(), angle.sin()
-    return changed(vehicle, thruster_direction=torch.stack((c * x - s * y, s * x + c * y, z), dim=-1))
+def _misalignment(vehicle: Vehicle, angle: Array) -> Vehicle:
+    xp, direction = array_namespace(angle), vehicle.thruster_direction
+    x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
+    c, s = xp.cos(angle), xp.sin(angle)
+    return changed(vehicle, thruster_direction=vector(c * x - s * y, s * x + c * y, z))
 
 
 thruster_misalignment = Effect(
@@ -150,13 +153,13 @@ thrust_limit = Effect(
 )
 
 
-def _place(vehicle: Vehicle, x: Tensor, y: Tensor, z: Tensor) -> Vehicle:
-    return changed(vehicle, thruster_position=vehicle.thruster_position + torch.stack((x, y, z), dim=-1))
+def _place(vehicle: Vehicle, x: Array, y: Array, z: Array) -> Vehicle:
+    return changed(vehicle, thruster_position=vehicle.thruster_position + vector(x, y, z))
 
 
 def _guessed_place(vehicle: Vehicle, member: str) -> float:
     """Drawings and what is built differ by a third of the size of the ring of thrusters."""
-    return 0.3 * float(vehicle.thruster_position.norm(dim=-1).mean())
+    return 0.3 * float(np.linalg.norm(host(vehicle.thruster_position), axis=-1).mean())
 
 
 thruster_place = Effect(
@@ -186,7 +189,7 @@ thruster_place = Effect(
 
 def _guessed_arm(vehicle: Vehicle, member: str) -> float:
     """A third of what the file says; nothing where it leaves it out."""
-    return 0.3 * abs(own("reaction")(vehicle)[int(member.rsplit("_", 1)[1]) - 1].item())
+    return 0.3 * abs(float(own("reaction")(vehicle)[int(member.rsplit("_", 1)[1]) - 1]))
 
 
 reaction_torque = Effect(

@@ -1,22 +1,22 @@
 """Effects of what the vehicle is made of and carries."""
 
-import torch
-from torch import Tensor
+from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, adds, changed
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, adds, changed
 from auv_torchrl.effects.scan import Scan
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, DEGREES_OF_FREEDOM, Vehicle
 
 
-def per_dof(scale: Tensor) -> Tensor:
+def per_dof(scale: Array) -> Array:
     """Spread factors of the four controlled degrees of freedom (..., 4) over all six."""
-    full = torch.ones((*scale.shape[:-1], 6), dtype=scale.dtype, device=scale.device)
-    full[..., list(CONTROLLED_INDEX)] = scale
-    return full
+    one = array_namespace(scale).ones_like(scale[..., 0])
+    among = {index: place for place, index in enumerate(CONTROLLED_INDEX)}
+    return vector(*(scale[..., among[index]] if index in among else one for index in range(len(DEGREES_OF_FREEDOM))))
 
 
-def _added_mass(vehicle: Vehicle, scale: Tensor) -> Vehicle:
+def _added_mass(vehicle: Vehicle, scale: Array) -> Vehicle:
     return changed(vehicle, mass_scale=vehicle.mass_scale * per_dof(scale))
 
 
@@ -47,8 +47,8 @@ added_mass = Effect(
 )
 
 
-def _payload(vehicle: Vehicle, mass: Tensor, weight: Tensor, x: Tensor, y: Tensor, z: Tensor) -> Vehicle:
-    return changed(vehicle, payload_mass=mass, payload_weight=weight, payload_position=torch.stack((x, y, z), dim=-1))
+def _payload(vehicle: Vehicle, mass: Array, weight: Array, x: Array, y: Array, z: Array) -> Vehicle:
+    return changed(vehicle, payload_mass=mass, payload_weight=weight, payload_position=vector(x, y, z))
 
 
 payload = Effect(
@@ -100,8 +100,8 @@ buoyancy = Effect(
 )
 
 
-def _mass_offset(vehicle: Vehicle, x: Tensor, y: Tensor) -> Vehicle:
-    offset = torch.stack((x, y, torch.zeros_like(x)), dim=-1)
+def _mass_offset(vehicle: Vehicle, x: Array, y: Array) -> Vehicle:
+    offset = vector(x, y, 0 * x)
     return changed(vehicle, centre_of_mass=vehicle.centre_of_mass + offset)
 
 

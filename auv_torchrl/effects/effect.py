@@ -6,17 +6,17 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import converted
 from auv_torchrl.effects.advice import Advice
-from auv_torchrl.effects.changing import Changing
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.quantities import percent, quantity, with_unit, words
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import Vehicle
 
-Values = Mapping[str, float | Tensor]
+Array = Any
+Values = Mapping[str, float | Array]
 _DIGITS = 2  # of a quantity in a sentence; the table beside it has more
 
 
@@ -36,7 +36,7 @@ class Parameter:
 
     name: str
     unit: str
-    nominal: float | Callable[[Vehicle], float | Tensor]
+    nominal: float | Callable[[Vehicle], float | Array]
     low: float
     high: float
     sentence: (
@@ -64,8 +64,8 @@ class Parameter:
         """The value at which the effect does nothing."""
         if self.discrete:
             return float(member.rsplit("_", 1)[1])
-        value = self.nominal(vehicle) if callable(self.nominal) else self.nominal
-        if isinstance(value, Tensor) and value.ndim:  # one per thruster
+        value: Any = self.nominal(vehicle) if callable(self.nominal) else self.nominal
+        if getattr(value, "ndim", 0):  # one per thruster
             value = mean(value) if self.over is None else value[self.members(vehicle).index(member)]
         return float(value)
 
@@ -116,7 +116,7 @@ class Valley:
 class Effect:
     """A named change of a vehicle.
 
-    ``change(vehicle, values)`` gets one tensor per parameter, families stacked behind the batch.
+    ``change(vehicle, values)`` gets one array per parameter, families stacked behind the batch.
     """
 
     name: str
@@ -215,38 +215,34 @@ class Effect:
         known = [member for p in self.parameters for member in p.members(vehicle)]
         if unknown := set(values).difference(known):
             raise KeyError(f"effect {self.name}: no parameters {sorted(unknown)}: there are {', '.join(known)}")
-        like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
-        given = {name: torch.as_tensor(value, **like) for name, value in values.items()}
-        batch = np.broadcast_shapes(vehicle.batch_size, *(value.shape for value in given.values()))
+        xp, mass = array_namespace(vehicle.mass), vehicle.mass
+        given = {name: converted(value, mass) for name, value in values.items()}
+        batch = np.broadcast_shapes(vehicle.batch_size, *(tuple(value.shape) for value in given.values()))
         if vehicle.batch_size != batch:
-            vehicle = vehicle.expand(batch)
+            vehicle = vehicle.expand(*batch)
         arguments = {}
         for p in self.parameters:
             members = p.members(vehicle)
-            missing = {m: torch.as_tensor(p.nominal_value(vehicle, m), **like) for m in members if m not in given}
-            columns = [(given[m] if m in given else missing[m]).expand(batch) for m in members]
-            arguments[p.name] = torch.stack(columns, dim=-1) if p.over is not None else columns[0]
+            nominal = {m: converted(p.nominal_value(vehicle, m), mass) for m in members if m not in given}
+            columns = [xp.broadcast_to(given[m] if m in given else nominal[m], batch) for m in members]
+            arguments[p.name] = xp.stack(columns, axis=-1) if p.over is not None else columns[0]
         return self.change(vehicle, **arguments)
 
 
-def own(field: str) -> Callable[[Vehicle], Tensor]:
+def own(field: str) -> Callable[[Vehicle], Array]:
     """Nominal value of a field: its number, or one per thruster, of which a single parameter takes the mean."""
     return lambda vehicle: getattr(vehicle, field)[(0,) * vehicle.batch_dims]
 
 
-def mean(values: Tensor) -> Tensor:
+def mean(values: Array) -> Array:
     """The mean over the thrusters (..., n), to the last bit where all are alike."""
-    first = values[..., 0]
-    return first + (values - first[..., None]).mean(-1)
+    xp, first = array_namespace(values), values[..., 0]
+    return first + xp.mean(values - first[..., None], axis=-1)
 
 
-def changed(vehicle: Vehicle, **fields: Tensor) -> Vehicle:
-    """A copy of the vehicle with some fields replaced; the others are shared. A :class:`Changing` is its own copy."""
-    on_its_way = isinstance(vehicle, Changing)
-    copy, precision = vehicle.whole if on_its_way else vehicle.clone(recurse=False), vehicle.mass.dtype
-    for name, value in fields.items():
-        copy.set(name, value.to(precision))
-    return vehicle if on_its_way else copy
+def changed(vehicle: Vehicle, **fields: Array) -> Vehicle:
+    """The vehicle with some fields replaced, in its own precision; it shares the others."""
+    return vehicle.replace(**{name: converted(value, vehicle.mass) for name, value in fields.items()})
 
 
 def sets(**fields: str) -> Callable[..., Vehicle]:

@@ -1,15 +1,13 @@
 """Effects of what is tied to the vehicle, and of where its water ends."""
 
-import torch
-from torch import Tensor
-
+from auv_torchrl.array_api import vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.vehicle import Vehicle
 
 
-def _tether(vehicle: Vehicle, north: Tensor, east: Tensor, down: Tensor, stiffness: Tensor, slack: Tensor) -> Vehicle:
-    anchor = torch.stack((north, east, down), dim=-1)
+def _tether(vehicle: Vehicle, north: Array, east: Array, down: Array, stiffness: Array, slack: Array) -> Vehicle:
+    anchor = vector(north, east, down)
     return changed(vehicle, tether_anchor=anchor, tether_stiffness=stiffness, tether_slack=slack)
 
 

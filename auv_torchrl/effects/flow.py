@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-import torch
-from torch import Tensor
+from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import diagonal_matrix, joined, like, vector
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.body import per_dof
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle
 from auv_torchrl.vehicle_fields import GRAVITY
@@ -18,7 +18,7 @@ def _own(field: str, degree: int) -> Callable[[Vehicle], float]:
 
     def nominal(vehicle: Vehicle) -> float:
         values = getattr(vehicle, field)
-        values = torch.diagonal(values, dim1=-2, dim2=-1) if field == "linear_drag" else values
+        values = array_namespace(values).linalg.diagonal(values) if field == "linear_drag" else values
         return float(values.reshape(-1, 6)[0, degree])
 
     return nominal
@@ -38,19 +38,19 @@ def _hull_parameters() -> tuple[Parameter, ...]:
     return tuple(found)
 
 
-def _hull(vehicle: Vehicle, mass: Tensor, righting_arm: Tensor, **coefficients: Tensor) -> Vehicle:
+def _hull(vehicle: Vehicle, mass: Array, righting_arm: Array, **coefficients: Array) -> Vehicle:
     linear, quadratic, added = (
-        torch.stack([coefficients[f"{prefix}_{name}"] for name in DEGREES_OF_FREEDOM], dim=-1)
+        vector(*(coefficients[f"{prefix}_{name}"] for name in DEGREES_OF_FREEDOM))
         for prefix in ("linear", "quadratic", "added_mass")
     )
-    off_diagonal = 1 - torch.eye(6, dtype=vehicle.linear_drag.dtype, device=vehicle.linear_drag.device)
-    centre = torch.cat((vehicle.centre_of_buoyancy[..., :2], -righting_arm[..., None]), dim=-1)
+    off_diagonal = 1 - array_namespace(mass).eye(6, **like(vehicle.linear_drag))
+    centre = joined(vehicle.centre_of_buoyancy[..., :2], -righting_arm[..., None])
     return changed(
         vehicle,
         mass=mass,
         inertia=vehicle.inertia * (mass / vehicle.mass)[..., None],
         buoyancy=vehicle.buoyancy + GRAVITY * (mass - vehicle.mass),
-        linear_drag=vehicle.linear_drag * off_diagonal + torch.diag_embed(linear),
+        linear_drag=vehicle.linear_drag * off_diagonal + diagonal_matrix(linear),
         quadratic_drag=quadratic,
         added_mass=added,
         centre_of_buoyancy=centre,
@@ -72,7 +72,7 @@ hull = Effect(
             0.1,
             1000.0,
             "it weighs {value:.3g} kg, and displaces as much",
-            guessed=lambda vehicle, member: 0.1 * float(vehicle.mass),  # what one carries and the other does not
+            guessed=lambda vehicle, member: 0.1 * float(vehicle.mass.mean()),  # what one carries and the other does not
         ),
         Parameter(
             "righting_arm",
@@ -93,15 +93,15 @@ hull = Effect(
 _LOOK = "look for weed, line and what was put on or lost; if it is meant, enter the drag in the vehicle file"
 
 
-def _linear(vehicle: Vehicle, scale: Tensor) -> Vehicle:
+def _linear(vehicle: Vehicle, scale: Array) -> Vehicle:
     return changed(vehicle, linear_drag=per_dof(scale)[..., :, None] * vehicle.linear_drag)
 
 
-def _quadratic(vehicle: Vehicle, scale: Tensor) -> Vehicle:
+def _quadratic(vehicle: Vehicle, scale: Array) -> Vehicle:
     return changed(vehicle, quadratic_drag=per_dof(scale) * vehicle.quadratic_drag)
 
 
-def _drag(order: str, change: Callable[[Vehicle, Tensor], Vehicle]) -> Effect:
+def _drag(order: str, change: Callable[[Vehicle, Array], Vehicle]) -> Effect:
     """Drag that grows with the speed, or with its square, per degree of freedom."""
     told = f"the {order} drag in {{which}} is {{value:.2f}} times the nominal one"
     published = 0.4  # published drags of one vehicle differ by that
@@ -122,8 +122,8 @@ def _drag(order: str, change: Callable[[Vehicle, Tensor], Vehicle]) -> Effect:
 TRAVELLED = ("surge", "sway", "heave")
 
 
-def _uneven(vehicle: Vehicle, asymmetry: Tensor) -> Vehicle:
-    return changed(vehicle, drag_asymmetry=vehicle.drag_asymmetry + torch.cat((asymmetry, 0 * asymmetry), dim=-1))
+def _uneven(vehicle: Vehicle, asymmetry: Array) -> Vehicle:
+    return changed(vehicle, drag_asymmetry=vehicle.drag_asymmetry + joined(asymmetry, 0 * asymmetry))
 
 
 drag_asymmetry = Effect(
@@ -157,18 +157,18 @@ linear_drag, quadratic_drag = _drag("linear", _linear), _drag("quadratic", _quad
 COUPLINGS = tuple(f"{to}_from_{by}" for to in CONTROLLED for by in CONTROLLED if to != by)
 
 
-def _coupling(vehicle: Vehicle, drag: Tensor) -> Vehicle:
-    entries = torch.zeros((*drag.shape[:-1], 6, 6), dtype=drag.dtype, device=drag.device)
-    for column, name in enumerate(COUPLINGS):
-        to, by = name.split("_from_")
-        entries[..., DEGREES_OF_FREEDOM.index(to), DEGREES_OF_FREEDOM.index(by)] = drag[..., column]
+def _coupling(vehicle: Vehicle, drag: Array) -> Vehicle:
+    none = array_namespace(drag).zeros_like(drag[..., 0])
+    given = {name: drag[..., column] for column, name in enumerate(COUPLINGS)}
+    rows = (vector(*(given.get(f"{to}_from_{by}", none) for by in DEGREES_OF_FREEDOM)) for to in DEGREES_OF_FREEDOM)
+    entries = array_namespace(drag).stack(tuple(rows), axis=-2)
     return changed(vehicle, linear_drag=vehicle.linear_drag + entries)
 
 
 def _guessed_coupling(vehicle: Vehicle, member: str) -> float:
     """A tenth of the drags that it couples, at 1 m/s and 1 rad/s, in their mean: no hull is quite symmetric."""
     both = member.removeprefix("drag_").split("_from_")
-    linear = torch.diagonal(vehicle.linear_drag, dim1=-2, dim2=-1).reshape(-1, 6)[0]
+    linear = array_namespace(vehicle.mass).linalg.diagonal(vehicle.linear_drag).reshape(-1, 6)[0]
     drag = linear + vehicle.quadratic_drag.reshape(-1, 6)[0]
     one, other = (float(drag[DEGREES_OF_FREEDOM.index(name)]) for name in both)
     return 0.1 * (one * other) ** 0.5
@@ -213,8 +213,8 @@ coriolis = Effect(
 )
 
 
-def _current(vehicle: Vehicle, north: Tensor, east: Tensor, down: Tensor) -> Vehicle:
-    return changed(vehicle, current=vehicle.current + torch.stack((north, east, down), dim=-1))
+def _current(vehicle: Vehicle, north: Array, east: Array, down: Array) -> Vehicle:
+    return changed(vehicle, current=vehicle.current + vector(north, east, down))
 
 
 current = Effect(

@@ -2,34 +2,37 @@
 
 from functools import partial
 
-import torch
-from torch import Tensor
+import numpy as np
+from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import host
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Effect, Origin, Parameter, Valley, changed, mean, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Valley, changed, mean, own, sets
 from auv_torchrl.effects.scan import DELAYS, Scan
 from auv_torchrl.vehicle import Vehicle
 
 
-def in_proportion(values: Tensor, to: Tensor, zero: float = 0.0) -> Tensor:
+def in_proportion(values: Array, to: Array, zero: float = 0.0) -> Array:
     """One value per thruster (..., n) with the mean ``to`` (...), where thrusters differ as their ``values`` do.
 
     Their distances from ``zero`` are multiplied by one factor; all must lie on one side of it. Where all values are
     alike, all become ``to``.
     """
-    alike = (values == values[..., :1]).all(-1)
-    distance = torch.where(alike, 1.0, mean(values) - zero)
-    factor = torch.where(alike, 1.0, (to - zero) / distance)
-    return torch.where(alike[..., None], to[..., None], zero + (values - zero) * factor[..., None])
+    xp = array_namespace(values, to)
+    alike = xp.all(values == values[..., :1], axis=-1)
+    distance = mean(values) - zero
+    one = xp.ones_like(distance)
+    factor = (to - zero) / xp.where(alike, one, distance)
+    return xp.where(alike[..., None], to[..., None], zero + (values - zero) * factor[..., None])
 
 
-def _dead_band(vehicle: Vehicle, width: Tensor) -> Vehicle:
+def _dead_band(vehicle: Vehicle, width: Array) -> Vehicle:
     return changed(vehicle, dead_band=in_proportion(vehicle.dead_band, width))
 
 
 def _guessed_width(vehicle: Vehicle, member: str) -> float:
     """A dead band is known within 40 %, and one that a file leaves out is 1 % of the thrust at most."""
-    return float((0.4 * vehicle.dead_band).maximum(0.01 * vehicle.full_thrust).mean())
+    return float(np.maximum(0.4 * host(vehicle.dead_band), 0.01 * host(vehicle.full_thrust)).mean())
 
 
 dead_band = Effect(
@@ -59,7 +62,7 @@ dead_band = Effect(
 )
 
 
-def _curve(vehicle: Vehicle, exponent: Tensor, asymmetry: Tensor) -> Vehicle:
+def _curve(vehicle: Vehicle, exponent: Array, asymmetry: Array) -> Vehicle:
     return changed(
         vehicle,
         exponent=in_proportion(vehicle.exponent, exponent),
@@ -167,7 +170,7 @@ neutral_offset = Effect(
 )
 
 
-def _lag(vehicle: Vehicle, time_constant: Tensor) -> Vehicle:
+def _lag(vehicle: Vehicle, time_constant: Array) -> Vehicle:
     return changed(vehicle, lag=in_proportion(vehicle.lag, time_constant))
 
 

@@ -19,6 +19,7 @@ from auv_torchrl.simulator.scene import SIZE, Scene
 from auv_torchrl.tasks import Task
 from auv_torchrl.tasks.judge import Judge
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors, vehicle_of
 
 Array = Any
 LARGEST = 1e6  # of an action, which is meant to be in [-1, 1]: what is squared in a reward stays finite
@@ -37,8 +38,8 @@ class FleetEnv(EnvBase):
 
     ``reset(td, set_state=True)`` starts from ``td["start"]`` with ``position``, ``quaternion`` and ``velocity``, and
     ``along`` where episodes do not begin at the beginning of the task;
-    every reset returns the starts of the running episodes under the same key. A ``vehicle`` entry (a batch of
-    :class:`Vehicle`, put there by a transform) replaces the vehicles. Both act only in the rows that are reset.
+    every reset returns the starts of the running episodes under the same key. A ``vehicle`` entry (parameters of
+    :class:`Vehicle` by name, put there by a transform) replaces the vehicles. Both act only in the rows that are reset.
 
     An action that is no finite number ends the episode of its vehicle as a state that diverges does: the vehicle is
     given 0 in its place, a warning names it, and what is reported and rewarded stays finite.
@@ -82,13 +83,13 @@ class FleetEnv(EnvBase):
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicles as they are now, batch [N], effects of the scenario included."""
-        return self.simulator.vehicles
+        """The vehicles as they are now, batch [N] of tensors on the CPU, effects of the scenario included."""
+        return tensors(self.simulator.vehicles)
 
     def render(self, row: int = 0, size: tuple[int, int] = SIZE) -> np.ndarray:
         """The vehicle of a row, with its own thrusters, as an RGB image (height, width, 3), uint8."""
         if self._scene is None or self._scene[0] != row:
-            self._scene = row, Scene(self.vehicle[row])  # type: ignore[arg-type]
+            self._scene = row, Scene(self.simulator.vehicles[row])
         parts = (*self._state[:2], self.task.reference(self._along).position)
         position, quaternion, target = (self._tensor(part[row], torch.float64).cpu().numpy() for part in parts)
         return self._scene[1].photograph(position, quaternion, size, target)
@@ -147,8 +148,8 @@ class FleetEnv(EnvBase):
         rows = torch.arange(self.num_envs) if mask is None else mask.reshape(self.num_envs).cpu().nonzero()[:, 0]
         *parts, along = read_start(given.get("start"), rows) if set_state else self._drawn(len(rows))
         self._begun = True
-        self.simulator.place(rows, *parts, vehicles=None if vehicle is None else vehicle[rows])
-        index = self.simulator.arrays.index(rows)
+        self.simulator.place(rows, *parts, vehicles=None if vehicle is None else vehicle_of(vehicle[rows]))
+        index = self.simulator.arrays.index(rows.numpy())
         self._ahead = with_rows(self._ahead, index, self.simulator.arrays.native(along[:, 0]))
         for key, placed in zip((*BODY, ALONG), (*self._state[:3], self._ahead[:, None]), strict=True):
             self._start[key] = with_rows(self._start[key], index, placed[index])

@@ -8,10 +8,12 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.envs.transforms import Transform
 
+from auv_torchrl.array_api import host
 from auv_torchrl.effects import Effect, get_effect
 from auv_torchrl.envs.fleet import FleetEnv
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_tensors import tensordict_of, tensors
 
 TOGETHER = "together"  # of ranges: rows of a lower triangle, by which their first numbers are drawn together
 Ranges = list[tuple[Effect, dict[str, tuple[float, float]]]]
@@ -36,16 +38,16 @@ class RandomizeVehicle(Transform):
 
     def __init__(self, nominal: Vehicle, ranges: Mapping[str, Any] | None, seed: int | None = None) -> None:
         super().__init__(in_keys=[], out_keys=[])
-        self._nominal = nominal.double()
+        self._nominal = nominal.map(host)
         self.ranges = read_ranges(nominal, ranges)
         self._mixed = _read_together(ranges, sum(len(parameters) for _, parameters in self.ranges))
         self._bounds = self._most() if self._mixed is not None else ()
         self._own = None if seed is None else torch.Generator().manual_seed(seed)
-        self._vehicles: Vehicle | None = None
+        self._vehicles: TensorDict | None = None
 
     def draw(self, count: int, generator: torch.Generator) -> Vehicle:
-        """``count`` vehicles, each drawn from the nominal one."""
-        vehicle: Vehicle = self._nominal.expand(count)
+        """``count`` vehicles, each drawn from the nominal one, on torch."""
+        vehicle = self._nominal.expand(count)
         members = [limits for _, parameters in self.ranges for limits in parameters.values()]
         low, high = torch.tensor(members, dtype=torch.float64).reshape(-1, 2).unbind(-1)
         share = torch.rand(count, len(members), generator=generator, dtype=torch.float64)
@@ -58,7 +60,7 @@ class RandomizeVehicle(Transform):
         columns = iter(values.unbind(-1))
         for effect, parameters in self.ranges:
             vehicle = effect.apply(vehicle, {member: next(columns) for member in parameters})
-        return vehicle
+        return tensors(vehicle)
 
     def _most(self) -> tuple[Tensor, Tensor]:
         """Least and most (k,) that effects allow."""
@@ -78,8 +80,8 @@ class RandomizeVehicle(Transform):
         rows = torch.arange(fleet.num_envs) if mask is None else mask.reshape(fleet.num_envs).cpu().nonzero()[:, 0]
         drawn = self.draw(len(rows), self._own or fleet.generator)
         if self._vehicles is None or self._vehicles.batch_size[0] != fleet.num_envs:
-            self._vehicles = self._nominal.expand(fleet.num_envs).clone()
-        self._vehicles[rows] = drawn
+            self._vehicles = tensordict_of(self._nominal.expand(fleet.num_envs).clone())
+        self._vehicles[rows] = tensordict_of(drawn)
         return tensordict.set("vehicle", self._vehicles)
 
     def _fleet(self) -> FleetEnv:

@@ -27,9 +27,9 @@ def vehicles_of(vehicle: Vehicle, num_envs: int, task: Task) -> Vehicle:
     """
     if num_envs < 1:
         raise ValueError(f"fleet: num_envs is {num_envs}: give 1 or more")
-    if vehicle.batch_size not in (torch.Size([]), torch.Size([num_envs])):
+    if vehicle.batch_size not in ((), (num_envs,)):
         raise ValueError(f"fleet: the vehicle has batch {list(vehicle.batch_size)}: give one vehicle or {num_envs}")
-    first: Vehicle = vehicle.reshape(-1)[0]  # type: ignore[assignment]  # the others are drawn around the same
+    first = vehicle.reshape(-1)[0]  # the others are drawn around the same
     check_control(first, task.name, task.needs, by_channels=not task.thruster_commands)
     return vehicle.expand(num_envs)
 

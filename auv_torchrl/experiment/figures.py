@@ -20,6 +20,7 @@ from auv_torchrl.physics.coefficients import allocation_matrix
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 SHOWN = 12  # starts whose trajectory is drawn
 REFERENCE_WIDTH = 4.0  # points, broad enough to be seen below the paths on it
@@ -168,10 +169,10 @@ def control_forces(flight: Flight, nominal: Vehicle, flown: Vehicle) -> tuple[np
     """
 
     def in_channels(vehicle: Vehicle, thrust: Tensor) -> np.ndarray:
-        wrench = thrust @ allocation_matrix(vehicle).to(thrust).T
+        wrench = thrust @ allocation_matrix(tensors(vehicle)).to(thrust).T
         return wrench[:, list(CONTROLLED_INDEX)].numpy()
 
-    intact = prepare(nominal)
+    intact = prepare(tensors(nominal))
     asked = thrust_target(intact, ActiveTerms.of(intact), flight.command.to(intact.limit))
     return in_channels(nominal, asked), in_channels(flown, flight.thrust.to(torch.float64))
 

@@ -56,7 +56,7 @@ class InFlight:
         changes = {change.what: float(change.at_s[start]) for change in self.schedule.changes}
         return moments(self.adapted, start, changes, self.recovered)
 
-    def gains_of(self, start: int, nominal: Tensor) -> tuple[Tensor, Tensor]:
+    def gains_of(self, start: int, nominal: Any) -> tuple[Tensor, Tensor]:
         """Estimated and true gains (T + 1, n) of the thrusters of one flight, 1 when healthy.
 
         Args:
@@ -64,11 +64,12 @@ class InFlight:
             nominal: (4, n) effectiveness of the healthy vehicle.
         """
         flown = self.adapted.of_start(start)
-        estimated = gains(flown.effectiveness.double(), nominal.double())
+        healthy = torch.as_tensor(nominal, dtype=torch.float64)
+        estimated = gains(flown.effectiveness.double(), healthy)
         true = torch.ones_like(estimated)
         for change in self.schedule.changes:
             since = flown.flight.time.double() > change.at_s[start]
-            true[since] = gains(controlled_allocation(change.after).double(), nominal.double())
+            true[since] = gains(torch.as_tensor(controlled_allocation(change.after)), healthy)
         return estimated, true
 
     def one_flight(self, vehicle: Vehicle) -> OneFlight:

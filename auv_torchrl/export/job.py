@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
@@ -28,7 +29,8 @@ from auv_torchrl.extras import library
 from auv_torchrl.settings import check
 from auv_torchrl.simulator.base import FARTHEST, FASTEST
 from auv_torchrl.tasks import Task, read_task
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle, load_vehicle
+from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle, without_entry
+from auv_torchrl.vehicle_fields import VEHICLE_FIELDS
 
 log = logging.getLogger("export")
 
@@ -105,14 +107,14 @@ def find_policy(given: Path) -> tuple[Path, Path | None]:
 
 
 def source_vehicle(told: Mapping[str, Any]) -> Vehicle:
-    """The vehicle that a policy was trained for, from what is kept with the policy; what that leaves out is 0."""
+    """The vehicle that a policy was trained for, from what is kept with the policy; the rest does nothing."""
     n = len(told["gain"])
-    template = load_vehicle("paper")
-    fields = {}
-    for name, value in template.items():
-        shape = [n if size == template.thrusters and name == "reaction" else size for size in value.shape]
-        fields[name] = torch.tensor(told[name], dtype=torch.float64) if name in told else torch.zeros(shape).double()
-    return Vehicle(**fields, batch_size=[])
+    return Vehicle(
+        **{
+            name: np.array(told[name], dtype=np.float64) if name in told else without_entry(kind, n)
+            for name, kind in VEHICLE_FIELDS.items()
+        }
+    )
 
 
 def described(asked: Asked) -> tuple[dict[str, bytes], dict[str, Any]]:

@@ -4,27 +4,27 @@ Numbers are written in ASCII digits. A date (ISO 8601, with or without a zone) b
 seconds since midnight.
 """
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute
 
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.text import printable
 
-pc: Any = pyarrow.compute  # its functions are made when it is imported, and have no types
 LARGEST = 1e19  # beyond nanoseconds since 1970 and any unit of length; its square still is a number
 _EXAMPLES = 3  # entries that a message quotes
 _QUOTED = 20  # characters of each
-_NUMBER = r"^[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?$"
-_NO_VALUE = r"^(?i)([-+]?(nan|inf)|)$"  # how programs write that there is none
-_DAY = r"(19[7-9]|20[0-9])[0-9]-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])"
-_CLOCK = r"([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9](\.[0-9]{1,9})?"
-_ZONE = r"(Z|[-+]([01][0-9]|2[0-3]):?[0-5][0-9])"
-_PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+_PLAIN = re.compile(r"[-+0-9.eE,]*")  # what numbers with commas between consist of, and nothing else that float() reads
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_NO_VALUE = re.compile(r"([-+]?(nan|inf)|)", re.IGNORECASE)  # how programs write that there is none
+_DAY = r"(?:19[7-9]|20[0-9])[0-9]-(?:0[1-9]|1[0-2])-(?:0[1-9]|[12][0-9]|3[01])"
+_TIME = r"(?:[01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9](?:\.[0-9]{1,9})?"
+_DATE = re.compile(f"{_DAY}[T ]{_TIME}")
+_ZONED = re.compile(f"({_DAY}[T ]{_TIME})(?:Z|([-+])([01][0-9]|2[0-3]):?([0-5][0-9]))")
+_CLOCK = re.compile(_TIME)
+_PER_SECOND = 10**9
 NUMBER, DATE, ZONED, CLOCK = "number", "date", "date with a zone", "clock"  # how the entries of a column are written
 
 
@@ -37,7 +37,7 @@ class Odd:
     first: int = 0
     last: int = 0
 
-    def add(self, texts: pa.Array, where: np.ndarray, offset: int) -> None:
+    def add(self, texts: Sequence[str | None], where: np.ndarray, offset: int) -> None:
         """Count the entries of a block at the indices ``where``, whose first row is ``offset``."""
         if not len(where):
             return
@@ -45,112 +45,83 @@ class Odd:
         self.last = offset + int(where[-1])
         self.count += len(where)
         for index in where[: _EXAMPLES - len(self.examples)].tolist():
-            self.examples.append(printable(str(texts[index].as_py()), _QUOTED))
+            self.examples.append(printable(str(texts[index]), _QUOTED))
 
 
-def is_flat(kind: pa.DataType) -> bool:
-    """Whether a column of this type has one value a row that may be a number."""
-    if pa.types.is_dictionary(kind):
-        return is_flat(kind.value_type)
-    return (
-        pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind) or _is_text(kind)
-        or pa.types.is_boolean(kind) or pa.types.is_null(kind) or pa.types.is_timestamp(kind)
-        or pa.types.is_duration(kind)
-    )  # fmt: skip
-
-
-def _is_text(kind: pa.DataType) -> bool:
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
-
-
-def read_cells(array: pa.Array, odd: Odd, offset: int) -> tuple[Floats, str]:
+def read_cells(texts: Sequence[str | None], odd: Odd, offset: int) -> tuple[Floats, str]:
     """Values of a block of one column, NaN where an entry is no number, and how they are written.
 
     Args:
-        array: the block.
+        texts: the entries; None where there is none.
         odd: collects the entries that are no number.
         offset: row of the table at which the block begins.
     """
-    kind = array.type
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        per_second = _PER_SECOND[kind.unit]
-        return _float64(array.cast(pa.int64())) / per_second, DATE if pa.types.is_timestamp(kind) else NUMBER
-    if pa.types.is_dictionary(kind):
-        return _of_dictionary(array, odd, offset)
-    if not _is_text(kind):
-        return _bounded(_float64(array.cast(pa.float64(), safe=False))), NUMBER
-    try:
-        return _bounded(_float64(array.cast(pa.float64()))), NUMBER  # arrow reads ASCII digits alone
-    except pa.ArrowInvalid:  # some entry is no number: find out which
-        values, written = _of_text(array, odd, offset)
-        return _bounded(values), written
-
-
-def _of_dictionary(array: pa.DictionaryArray, odd: Odd, offset: int) -> tuple[Floats, str]:
-    """Each distinct entry is read once, so that a long text that is repeated costs nothing."""
-    distinct = Odd()
-    by_code, written = read_cells(array.dictionary, distinct, 0)
-    codes = array.indices.fill_null(-1).to_numpy(zero_copy_only=False)
-    values = np.concatenate([by_code, [np.nan]])[codes]
-    if distinct.count:
-        known = np.isfinite(by_code) | _matches(array.dictionary, _NO_VALUE)
-        odd.add(array, np.flatnonzero(~np.append(known, True)[codes]), offset)
-    return values, written
-
-
-def _of_text(array: pa.Array, odd: Odd, offset: int) -> tuple[Floats, str]:
-    text = pc.utf8_trim_whitespace(array)
-    for written, pattern, convert in _WRITTEN:
-        fits = pc.match_substring_regex(text, pattern)
-        if not pc.any(fits).as_py():
-            continue
+    given = [text for text in texts if text is not None]
+    if _PLAIN.fullmatch(",".join(given)):
         try:
-            values = convert(pc.if_else(fits, text, None))
-        except pa.ArrowInvalid:  # the 30th of February
+            return bounded(_with_gaps(np.array(list(map(float, given))), texts)), NUMBER
+        except ValueError:  # some entry is no number: find out which
+            pass
+    trimmed = ["" if text is None else text.strip() for text in texts]
+    none = np.array([_NO_VALUE.fullmatch(text) is not None for text in trimmed], bool)
+    for written, pattern, convert in _WRITTEN:
+        fits = [pattern.fullmatch(text) is not None for text in trimmed]
+        found = np.flatnonzero(fits)
+        if not len(found):
             continue
-        odd.add(text, np.flatnonzero(~(_truth(fits) | _matches(text, _NO_VALUE))), offset)
-        return values, written
-    odd.add(text, np.flatnonzero(~_matches(text, _NO_VALUE)), offset)
-    return np.full(len(array), np.nan), NUMBER
+        values = np.full(len(trimmed), np.nan)
+        try:
+            values[found] = convert([trimmed[i] for i in found.tolist()])
+        except ValueError:  # the 30th of February
+            continue
+        odd.add(trimmed, np.flatnonzero(~(np.array(fits) | none)), offset)
+        return bounded(values), written
+    odd.add(trimmed, np.flatnonzero(~none), offset)
+    return np.full(len(trimmed), np.nan), NUMBER
 
 
-def _matches(text: pa.Array, *patterns: str) -> np.ndarray:
-    """(T,) whether an entry fits one of the patterns; an entry that is missing does."""
-    trimmed = pc.utf8_trim_whitespace(text)
-    return np.logical_or.reduce([_truth(pc.match_substring_regex(trimmed, pattern)) for pattern in patterns])
+def _with_gaps(values: Floats, texts: Sequence[str | None]) -> Floats:
+    """Values in the places of the entries that there are, NaN in those of the others."""
+    if len(values) == len(texts):
+        return values
+    whole = np.full(len(texts), np.nan)
+    whole[[text is not None for text in texts]] = values
+    return whole
 
 
-def _truth(mask: pa.BooleanArray) -> np.ndarray:
-    return mask.fill_null(True).to_numpy(zero_copy_only=False)
-
-
-def _numbers(text: pa.Array) -> Floats:
-    return _float64(text.cast(pa.float64()))
-
-
-def _dates(zone: str | None) -> Callable[[pa.Array], Floats]:
-    return lambda text: _float64(text.cast(pa.timestamp("ns", zone)).cast(pa.int64())) / _PER_SECOND["ns"]
-
-
-def _clock(text: pa.Array) -> Floats:
-    return _dates(None)(pc.binary_join_element_wise("1970-01-01T", text, ""))
-
-
-_WRITTEN = (
-    (NUMBER, _NUMBER, _numbers),
-    (DATE, f"^{_DAY}[T ]{_CLOCK}$", _dates(None)),
-    (ZONED, f"^{_DAY}[T ]{_CLOCK}{_ZONE}$", _dates("UTC")),
-    (CLOCK, f"^{_CLOCK}$", _clock),
-)
-
-
-def _float64(array: pa.Array) -> Floats:
-    """Values (T,); NaN where there is none. Arrow's own way to numpy loads pandas where there are gaps."""
-    if array.null_count:
-        array = array.cast(pa.float64(), safe=False).fill_null(np.nan)
-    return np.array(np.from_dlpack(array), dtype=np.float64) if len(array) else np.empty(0)
-
-
-def _bounded(values: Floats) -> Floats:
+def bounded(values: Floats) -> Floats:
+    """The values (T,), written over, NaN where one is too large to be any quantity."""
     values[~(np.abs(values) < LARGEST)] = np.nan
     return values
+
+
+def is_no_value(text: str) -> bool:
+    """Whether an entry says that there is none."""
+    return _NO_VALUE.fullmatch(text.strip()) is not None
+
+
+def _numbers(texts: list[str]) -> Floats:
+    return np.array(list(map(float, texts)))
+
+
+def _dates(texts: list[str]) -> Floats:
+    return np.array(texts, "datetime64[ns]").astype(np.int64) / _PER_SECOND
+
+
+def _zoned(texts: list[str]) -> Floats:
+    parts = [match.groups() for match in map(_ZONED.fullmatch, texts) if match]
+    minutes = np.array([int(f"{sign}1") * (60 * int(h) + int(m)) if sign else 0 for _, sign, h, m in parts])
+    local = np.array([day for day, *_ in parts], "datetime64[ns]").astype(np.int64)
+    return (local - 60 * _PER_SECOND * minutes) / _PER_SECOND
+
+
+def _clocks(texts: list[str]) -> Floats:
+    return _dates([f"1970-01-01T{text}" for text in texts])
+
+
+_WRITTEN: tuple[tuple[str, re.Pattern[str], Callable[[list[str]], Floats]], ...] = (
+    (NUMBER, _NUMBER, _numbers),
+    (DATE, _DATE, _dates),
+    (ZONED, _ZONED, _zoned),
+    (CLOCK, _CLOCK, _clocks),
+)

@@ -10,7 +10,6 @@ from auv_torchrl import __version__
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import READERS
 from auv_torchrl.flightlog.streams.options import read_options
-from auv_torchrl.importing import importing_without_compiler
 from auv_torchrl.text import printable
 
 _BAD_INPUT = 2  # exit code, as for a wrong command line
@@ -46,8 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         action, files, keys = _parsed(given)
         modes = [mode.strip() for mode in keys.get("modes", "").strip("[]").split(",") if mode.strip()]
         options = read_options(modes, keys.get("params"), keys.get("system"), keys.get("mapping"))
-        with importing_without_compiler():  # here, not above: --help and a mistaken command line need neither
-            from auv_torchrl.flightlog.job import convert, info
+        from auv_torchrl.flightlog.job import convert, info  # here, not above: --help needs nothing of it
 
         if action == "info":
             info(files, options, keys.get("healthy", ""), keys.get("vehicle", ""))

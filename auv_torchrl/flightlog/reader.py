@@ -47,7 +47,7 @@ def read_flightlog(
         FlightLogError: if nothing of the file can be used.
     """
     understood = understand(without(_table(path, vehicle, options), extra))
-    usable = find_usable(understood, vehicle.thrusters, vehicle.mixer.detach().cpu().double().numpy())
+    usable = find_usable(understood, vehicle.thrusters, vehicle.mixer)
     table, axes, stretches, checked, findings = usable
     numbers = [stretch.episode for stretch in stretches]
     if len(set(numbers)) < len(numbers):

@@ -5,15 +5,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 
+from auv_torchrl.extras import library
 from auv_torchrl.files import whole
+from auv_torchrl.flightlog.csv_text import csv_blocks
+from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.header import SAID
 from auv_torchrl.flightlog.log import AXES, FlightLog
 from auv_torchrl.flightlog.table import MEASURED, SAID_KEY, Table
-
-_DIGITS = 6  # micrometres and microradians
 
 
 def write_flightlog(log: FlightLog, path: str | os.PathLike[str], replace: bool = False) -> Path:
@@ -50,15 +49,21 @@ def write_columns(
     path = Path(path)
     if path.exists() and not replace:
         raise FileExistsError(f"{path} exists: remove it or choose another name")
-    table = pa.table(dict(columns))
+    if path.suffix.lower() in (".parquet", ".pq"):
+        return _write_parquet(columns, path, said)
     with whole(path) as partial, partial.open("wb") as file:
-        if path.suffix.lower() in (".parquet", ".pq"):
-            from pyarrow import parquet  # here, not above: few logs are
+        file.write(f"{SAID}{said}\n".encode() if said else b"")
+        file.writelines(csv_blocks(columns))
+    return path
 
-            parquet.write_table(table.replace_schema_metadata({SAID_KEY: said} if said else None), file)
-        else:
-            file.write(f"{SAID}{said}\n".encode() if said else b"")
-            pyarrow.csv.write_csv(_rounded({name: table[name].to_numpy() for name in table.column_names}), file)
+
+def _write_parquet(columns: Mapping[str, np.ndarray], path: Path, said: str) -> Path:
+    pa = library("pyarrow", "Parquet is written by", "logs", FlightLogError)
+    from pyarrow import parquet  # here, not above: few logs are
+
+    table = pa.table(dict(columns)).replace_schema_metadata({SAID_KEY: said} if said else None)
+    with whole(path) as partial, partial.open("wb") as file:
+        parquet.write_table(table, file)
     return path
 
 
@@ -78,20 +83,13 @@ class GrowingLog:
 
     def write(self, columns: Mapping[str, np.ndarray]) -> None:
         """Add rows: columns (T,) by name, the same ones each time."""
-        options = pyarrow.csv.WriteOptions(include_header=not self._begun)
+        self._file.writelines(csv_blocks(columns, header=not self._begun))
         self._begun = True
-        with pa.BufferOutputStream() as rows:
-            pyarrow.csv.write_csv(_rounded(columns), rows, options)
-            self._file.write(rows.getvalue())
         self._file.flush()
 
     def close(self) -> None:
         """Add no more."""
         self._file.close()
-
-
-def _rounded(columns: Mapping[str, np.ndarray]) -> pa.Table:
-    return pa.table({name: np.round(values, _DIGITS) for name, values in columns.items()})
 
 
 def raw_columns(log: FlightLog) -> dict[str, np.ndarray]:

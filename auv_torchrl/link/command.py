@@ -3,7 +3,6 @@
 from omegaconf import DictConfig
 
 from auv_torchrl.command import checking_input, command
-from auv_torchrl.importing import importing_without_compiler
 from auv_torchrl.link.address import parse_address
 from auv_torchrl.link.schema import register
 
@@ -15,8 +14,7 @@ def main(config: DictConfig) -> None:
     """Fly what ArduSub sends, once it is sure where to listen."""
     with checking_input():
         address = parse_address(config.bind, config.elsewhere)
-    with importing_without_compiler():  # here, not above: torch takes a second
-        from auv_torchrl.link.job import simulate_for_firmware
+    from auv_torchrl.link.job import simulate_for_firmware  # here, not above: --help needs nothing of it
 
     simulate_for_firmware(config, address)
 

@@ -15,12 +15,12 @@ from auv_torchrl.agents.interrupt import interruptible
 from auv_torchrl.command import BadInput, checking_input, claim_folder
 from auv_torchrl.command.chosen import scenario_name
 from auv_torchrl.command.folder import finish
+from auv_torchrl.extras import command, is_installed, library
 from auv_torchrl.link.keep import FLIGHT, Keeper
 from auv_torchrl.link.lockstep import Lockstep, Observer
 from auv_torchrl.link.plant import Plant, Start
 from auv_torchrl.link.schema import SimSchema, StartSchema
 from auv_torchrl.link.server import Pace, open_socket, serve
-from auv_torchrl.link.view import Viewer
 from auv_torchrl.progress import Progress
 from auv_torchrl.quantities import counted, duration
 from auv_torchrl.scenario import read_scenario
@@ -62,7 +62,8 @@ def simulate_for_firmware(config: DictConfig, address: tuple[str, int]) -> None:
     log.info("%s", summary(lockstep, tally))
     if asked.folder is not None:
         finish(asked.folder)
-        log.info("%s, truth.csv and run.rrd are in %s", FLIGHT, asked.folder)
+        kept = "truth.csv and run.rrd" if has_viewer() else "truth.csv"
+        log.info("%s, %s are in %s", FLIGHT, kept, asked.folder)
 
 
 def read_asked(config: DictConfig, scenario: str) -> Asked:
@@ -121,11 +122,21 @@ def open_observers(asked: Asked, stack: ExitStack) -> list[Observer]:
     observers: list[Observer] = []
     if asked.folder is not None:
         observers.append(stack.enter_context(closing(Keeper(asked.folder))))
-    if asked.show or asked.folder is not None:
+    if asked.show or (asked.folder is not None and has_viewer()):
         with checking_input():
+            library("rerun", "to show flights needs", "rerun")
+            from auv_torchrl.link.view import Viewer  # here, not above: rerun need not be installed
+
             viewer = Viewer(asked.plant.vehicle, asked.show, asked.folder)
         observers.append(stack.enter_context(closing(viewer)))
+    elif asked.folder is not None:
+        log.info("run.rrd is left out, rerun is not installed: %s", command("rerun"))
     return observers
+
+
+def has_viewer() -> bool:
+    """Whether rerun is installed, which then makes the recording."""
+    return is_installed("rerun")
 
 
 class Tally:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import torch
 
 from auv_torchrl.link.protocol import Reading
 from auv_torchrl.physics import CONTROL_DT, prepare
@@ -58,9 +57,8 @@ class Plant:
 
     def reset(self) -> None:
         """Place the vehicle anew, its time at 0 and the scenario at its start."""
-        batch: Vehicle = self.vehicle.expand(1).clone()  # type: ignore[assignment]
-        noise = torch.Generator().manual_seed(self.seed)
-        self.simulator = PlainSimulator(batch, LONGEST_STEP_S, scenario=self.scenario, generator=noise)
+        noise = np.random.default_rng(self.seed)
+        self.simulator = PlainSimulator(self.vehicle.expand(1), LONGEST_STEP_S, scenario=self.scenario, generator=noise)
         place = np.array([[self.start.north, self.start.east, self.start.down]])
         self.simulator.resume(at_rest(place, np.array([self.start.yaw]), self.vehicle.thrusters))
         self._past = _Past(self._longest_s, np.zeros(self.vehicle.thrusters), self._pose())

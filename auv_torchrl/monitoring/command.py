@@ -9,7 +9,6 @@ from auv_torchrl.command import checking_input, command
 from auv_torchrl.diagnosis.logs import find_logs, is_series
 from auv_torchrl.diagnosis.memory import keep_freed_memory
 from auv_torchrl.diagnosis.schema import register
-from auv_torchrl.importing import importing_without_compiler, spare_pandas
 
 register()
 
@@ -24,13 +23,12 @@ def main(config: DictConfig) -> None:
         if config.alike and not found["healthy"]:
             raise ValueError("alike=true holds runs against sound ones: give healthy=[...], logs of sound runs")
     keep_freed_memory()
-    with importing_without_compiler():  # here, not above: torch takes a second
-        if config.alike:
-            from auv_torchrl.monitoring.repeated_runs import answer_runs as answer
-        elif is_series(config):
-            from auv_torchrl.monitoring.dive_job import answer_dives as answer
-        else:
-            from auv_torchrl.diagnosis.job import answer
-        spare_pandas()
+    # here, not above: --help and a mistaken command line need neither physics nor scipy
+    if config.alike:
+        from auv_torchrl.monitoring.repeated_runs import answer_runs as answer
+    elif is_series(config):
+        from auv_torchrl.monitoring.dive_job import answer_dives as answer
+    else:
+        from auv_torchrl.diagnosis.job import answer
 
     answer(config)

@@ -25,7 +25,6 @@ from auv_torchrl.diagnosis.plain import from_plain, plain
 from auv_torchrl.files import say_not_kept, write_text, write_whole
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity, read_flightlog
 from auv_torchrl.flightlog.streams.stream import ReadOptions
-from auv_torchrl.importing import importing_without_compiler
 from auv_torchrl.monitoring.dive_history import DiveDiagnosis
 from auv_torchrl.monitoring.dive_record import Baseline, Dive, Reference, follow_dive, learn_reference
 from auv_torchrl.parallel import each
@@ -218,9 +217,8 @@ def _folder_name(name: str) -> str:
 
 def _diagnose_one(task: tuple[Work, DivePlan, int]) -> tuple[Path | None, str, str]:
     """The folder in the store that has the files of the diagnosis of a dive, its verdict and its summary."""
-    with importing_without_compiler():  # here: it loads MuJoCo, which following does not need
-        from auv_torchrl.diagnosis.pipeline import diagnose
-        from auv_torchrl.diagnosis.report.files import write_files
+    from auv_torchrl.diagnosis.pipeline import diagnose  # here, not above: following needs nothing of it
+    from auv_torchrl.diagnosis.report.files import write_files
 
     work, plan, i = task
     path = plan.paths[i]

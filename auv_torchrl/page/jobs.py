@@ -7,6 +7,7 @@ from pathlib import Path
 
 from auv_torchrl.page.store import Job, JobKind, JobState, LogEntry, LogState, Store
 from auv_torchrl.paths import config_names
+from auv_torchrl.quantities import counted
 
 DIAGNOSE, CALIBRATE = "auv_torchrl.monitoring.command", "auv_torchrl.diagnosis.calibrate.command"
 REPORT = {JobKind.DIAGNOSIS: "report.html", JobKind.HISTORY: "dives.html", JobKind.CALIBRATION: ""}
@@ -51,7 +52,7 @@ def vehicles(store: Store) -> dict[str, VehicleChoice]:
     for job in store.jobs():
         if job.kind is JobKind.CALIBRATION and job.state is JobState.DONE:
             name = f"{CALIBRATED}{job.id}"
-            title = f"{_base(job.vehicle, store)}, calibrated on {len(job.healthy)} dives, {job.ended[:10]}"
+            title = f"{_base(job.vehicle, store)}, calibrated on {counted(len(job.healthy), 'dive')}, {job.ended[:10]}"
             found[name] = VehicleChoice(name, title, _calibrated_file(job))
     return found
 

@@ -4,10 +4,10 @@ from collections import namedtuple
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import torch
 from array_api_compat import array_namespace
-from torch import Tensor
 
+from auv_torchrl.array_api import diagonal_matrix, host, joined, like, vector
+from auv_torchrl.physics.kinematics import cross
 from auv_torchrl.vehicle import Vehicle
 from auv_torchrl.vehicle_fields import GRAVITY, VEHICLE_FIELDS, WATER_DENSITY
 
@@ -42,8 +42,8 @@ class Coefficients(namedtuple("Coefficients", (*_WORKED_OUT, *_COPIED))):
         def __getattr__(self, name: str) -> Array: ...
 
     def numpy(self) -> "Coefficients":
-        """The same coefficients as numpy arrays; they share memory where the tensors are on the CPU."""
-        return Coefficients(*(field.numpy(force=True) for field in self))
+        """The same coefficients as numpy arrays; they share memory where they are on the CPU."""
+        return Coefficients._make(map(host, self))
 
     def rows(self, index: Any) -> "Coefficients":
         """The coefficients of some vehicles of the batch."""
@@ -75,8 +75,8 @@ class ActiveTerms(NamedTuple):
     @staticmethod
     def of(c: Coefficients) -> "ActiveTerms":
         """Look at the values once, so that the inner loop need not."""
-        xp, like = array_namespace(c.routing), {"dtype": c.routing.dtype, "device": c.routing.device}
-        off_diagonal, identity = 1.0 - xp.eye(6, **like), xp.eye(c.routing.shape[-1], **like)
+        xp, kind = array_namespace(c.routing), like(c.routing)
+        off_diagonal, identity = 1.0 - xp.eye(6, **kind), xp.eye(c.routing.shape[-1], **kind)
         noisy = bool((c.position_noise > 0).any() or (c.attitude_noise > 0).any())
         return ActiveTerms(
             coriolis=bool((c.coriolis != 0).any()),
@@ -110,11 +110,10 @@ def _sensors_are_true(c: Coefficients) -> bool:
 
 def prepare(vehicle: Vehicle) -> Coefficients:
     """Work out the coefficients of a batch of vehicles; differentiable in every parameter."""
-    mass_matrix = total_mass_matrix(vehicle)
-    free = vehicle.free
-    held = torch.diag_embed(1 - free)
+    xp, mass_matrix, free = array_namespace(vehicle.mass), total_mass_matrix(vehicle), vehicle.free
+    held = diagonal_matrix(1 - free)
     moving = free[..., :, None] * free[..., None, :]
-    mass_inverse = torch.linalg.inv(mass_matrix * moving + held) * moving
+    mass_inverse = xp.linalg.inv(mass_matrix * moving + held) * moving
     weight = vehicle.mass * GRAVITY
     arm = (
         vehicle.centre_of_mass * weight[..., None]
@@ -122,11 +121,11 @@ def prepare(vehicle: Vehicle) -> Coefficients:
         + vehicle.payload_position * vehicle.payload_weight[..., None]
     )
     net_weight = weight - vehicle.buoyancy + vehicle.payload_weight + vehicle.vertical_force
-    identity = torch.eye(3, dtype=weight.dtype, device=weight.device)
+    identity = xp.eye(3, **like(weight))
     worked_out = {
         "mass_inverse": mass_inverse,
         "mass_matrix": mass_matrix,
-        "restoring": torch.cat((net_weight[..., None, None] * identity, skew(arm)), dim=-2),
+        "restoring": xp.concat((net_weight[..., None, None] * identity, skew(arm)), axis=-2),
         "allocation": allocation_matrix(vehicle) * vehicle.gain[..., None, :],
         "hull_height": hull_height(vehicle),
     }
@@ -134,41 +133,41 @@ def prepare(vehicle: Vehicle) -> Coefficients:
     return Coefficients(**worked_out, **copied)
 
 
-def hull_height(vehicle: Vehicle) -> Tensor:
+def hull_height(vehicle: Vehicle) -> Array:
     """Height in m over which the hull leaves the water; where no file says it, that of a cube of its volume."""
     side = (vehicle.buoyancy / (WATER_DENSITY * GRAVITY)) ** (1 / 3)
-    return torch.where(vehicle.hull_height > 0, vehicle.hull_height, side)
+    return array_namespace(side).where(vehicle.hull_height > 0, vehicle.hull_height, side)
 
 
-def skew(vector: Tensor) -> Tensor:
+def skew(a: Array) -> Array:
     """Matrix of the vector product, ``skew(a) @ b = a x b``; (..., 3) to (..., 3, 3)."""
-    x, y, z = vector.unbind(-1)
-    zero = torch.zeros_like(x)
-    return torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), dim=-1).unflatten(-1, (3, 3))
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    zero = array_namespace(a).zeros_like(x)
+    return vector(zero, -z, y, z, zero, -x, -y, x, zero).reshape((*a.shape, 3))
 
 
-def rigid_body_mass_matrix(mass: Tensor, inertia: Tensor, position: Tensor) -> Tensor:
+def rigid_body_mass_matrix(mass: Array, inertia: Array, position: Array) -> Array:
     """Mass matrix about the origin of a body whose centre of mass is at ``position`` (Fossen 2021, Eq. 3.49)."""
     s = skew(position)
     m = mass[..., None, None]
-    identity = torch.eye(3, dtype=mass.dtype, device=mass.device)
-    upper = torch.cat((m * identity, -m * s), dim=-1)
-    lower = torch.cat((m * s, torch.diag_embed(inertia) - m * s @ s), dim=-1)
-    return torch.cat((upper, lower), dim=-2)
+    xp = array_namespace(mass)
+    upper = joined(m * xp.eye(3, **like(mass)), -m * s)
+    lower = joined(m * s, diagonal_matrix(inertia) - m * s @ s)
+    return xp.concat((upper, lower), axis=-2)
 
 
-def total_mass_matrix(vehicle: Vehicle) -> Tensor:
+def total_mass_matrix(vehicle: Vehicle) -> Array:
     """Rigid body, payload and added mass, (..., 6, 6), symmetric positive definite."""
     body = rigid_body_mass_matrix(vehicle.mass, vehicle.inertia, vehicle.centre_of_mass)
-    point = torch.zeros_like(vehicle.payload_position)
+    point = 0 * vehicle.payload_position
     payload = rigid_body_mass_matrix(vehicle.payload_mass, point, vehicle.payload_position)
-    total = body + payload + torch.diag_embed(vehicle.added_mass)
-    root = vehicle.mass_scale.sqrt()
+    total = body + payload + diagonal_matrix(vehicle.added_mass)
+    root = array_namespace(total).sqrt(vehicle.mass_scale)
     return total * root[..., :, None] * root[..., None, :]
 
 
-def allocation_matrix(vehicle: Vehicle) -> Tensor:
+def allocation_matrix(vehicle: Vehicle) -> Array:
     """Wrench per newton of thrust of each thruster, (..., 6, n), without their gains; propellers turn the body, too."""
     direction = vehicle.thruster_direction
-    moment = torch.linalg.cross(vehicle.thruster_position, direction) + vehicle.reaction[..., None] * direction
-    return torch.cat((direction, moment), dim=-1).transpose(-1, -2)
+    moment = cross(vehicle.thruster_position, direction) + vehicle.reaction[..., None] * direction
+    return joined(direction, moment).mT

@@ -1,12 +1,16 @@
 """A vehicle in the viewer: hull, thrusters, and the force of each as an arrow, moving along a flight."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import rerun as rr
 
-from auv_torchrl.flight import Flight
 from auv_torchrl.palette import rgb
 from auv_torchrl.recording.series import thruster_series, time_of
 from auv_torchrl.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from auv_torchrl.flight import Flight
 
 ARROW_M_PER_N = 0.006  # 50 N is drawn 0.3 m long
 HULL_MARGIN_M = 0.05  # the hull encloses the thrusters and this much more
@@ -14,7 +18,7 @@ HULL_HEIGHT_M = 0.20  # at least; a BlueROV2 is 0.25 m high
 THRUSTER_M = (0.04, 0.1)  # radius and length of a T200, rounded
 
 
-def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle, flight: Flight, colour: str) -> None:
+def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle, flight: "Flight", colour: str) -> None:
     """Log a vehicle under ``entity`` with its pose and thruster forces over time.
 
     Args:
@@ -31,8 +35,8 @@ def record_vehicle(recording: rr.RecordingStream, entity: str, vehicle: Vehicle,
 
 def record_hull(recording: rr.RecordingStream, entity: str, vehicle: Vehicle, colour: str) -> None:
     """Log what of a vehicle does not change: hull and thrusters, and where the arrows of its forces begin."""
-    position = vehicle.thruster_position.double().numpy()
-    direction = vehicle.thruster_direction.double().numpy()
+    position = vehicle.thruster_position
+    direction = vehicle.thruster_direction
     half = np.abs(position).max(axis=0) + HULL_MARGIN_M
     half[2] = max(half[2], HULL_HEIGHT_M / 2)
     _, thruster_colours = thruster_series(len(position))
@@ -70,7 +74,7 @@ def record_motion(
     """Log where a vehicle is, ``position`` (T, 3) and ``quaternion`` (T, 4), and what thrusters give, (T, n) in N."""
     turned = np.roll(quaternion, -1, axis=-1)
     recording.send_columns(entity, [time], rr.Transform3D.columns(translation=position, quaternion=turned))
-    force = thrust[..., None] * vehicle.thruster_direction.double().numpy() * ARROW_M_PER_N
+    force = thrust[..., None] * vehicle.thruster_direction * ARROW_M_PER_N
     samples, thrusters, _ = force.shape
     arrows = rr.Arrows3D.columns(vectors=force.reshape(-1, 3)).partition([thrusters] * samples)
     recording.send_columns(f"{entity}/force", [time], arrows)

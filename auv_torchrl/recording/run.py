@@ -15,6 +15,7 @@ from auv_torchrl.recording.file import write_recording
 from auv_torchrl.recording.flight import OneFlight, record_flight
 from auv_torchrl.recording.series import record_reference, record_series, thruster_series
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 PATHS = 24  # starts whose path is drawn
 VEHICLES = 2  # starts whose vehicle moves along it
@@ -146,7 +147,7 @@ def _command_names(flight: Flight) -> tuple[str, ...]:
 def _record_commands(recording: rr.RecordingStream, flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> None:
     before = flight.action.double()
     if names != CONTROLLED and before.shape[-1] == len(CONTROLLED):
-        mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)].double()
+        mixer = tensors(vehicle).mixer[:, list(CONTROLLED_INDEX)]
         before = (before @ mixer.T).clamp(-1, 1)
     both = {"before": (before, CONTROLLER["u_s"]), "after": (flight.applied_action.double(), CONTROLLER["u_t"])}
     for i, name in enumerate(names):

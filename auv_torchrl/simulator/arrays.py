@@ -4,56 +4,85 @@ This is the one border between devices: what comes in and what goes out passes t
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import torch
 from array_api_compat import array_namespace, is_torch_array
-from torch import Tensor
+
+from auv_torchrl.array_api import host
+
+if TYPE_CHECKING:
+    import torch
 
 Array = Any
+
+
+class Arrays(Protocol):
+    """What comes from outside becomes what a simulator works with, and back."""
+
+    @property
+    def device(self) -> Any:
+        """Where tensors of the outside are: a name, or a device of torch."""
+        ...
+
+    def native(self, values: Any) -> Array:
+        """A copy of a tensor or numpy array, for the simulator."""
+        ...
+
+    def tensor(self, array: Array, dtype: Any) -> Any:
+        """An array of the simulator as a tensor on the device."""
+        ...
+
+    def index(self, rows: np.ndarray) -> Array:
+        """Row numbers as an index of the simulator's arrays."""
+        ...
 
 
 @dataclass(frozen=True)
 class NumpyArrays:
     """Numpy in double precision, on the CPU: the fastest for few vehicles, and what MuJoCo works with."""
 
-    device: torch.device = torch.device("cpu")
+    device: "torch.device | str" = "cpu"
 
     def native(self, values: Any) -> np.ndarray:
         """A copy of a tensor or numpy array in double precision."""
-        return np.array(torch.as_tensor(values).detach().cpu().numpy(), dtype=np.float64)
+        return np.array(host(values), dtype=np.float64)
 
-    def tensor(self, array: np.ndarray, dtype: torch.dtype) -> Tensor:
+    def tensor(self, array: np.ndarray, dtype: "torch.dtype") -> "torch.Tensor":
         """A copy of an array of the simulator on the device."""
+        import torch  # here, not above: who asks for tensors has it
+
         return torch.tensor(array, dtype=dtype, device=self.device)
 
-    def index(self, rows: Tensor) -> np.ndarray:
+    def index(self, rows: np.ndarray) -> np.ndarray:
         """Row numbers as an index of the simulator's arrays: as they are."""
-        return rows.numpy()
+        return rows
 
 
 @dataclass(frozen=True)
 class TorchArrays:
     """Torch on a device: large batches, GPUs."""
 
-    device: torch.device
-    dtype: torch.dtype
+    device: "torch.device"
+    dtype: "torch.dtype"
 
-    def native(self, values: Any) -> Tensor:
+    def native(self, values: Any) -> "torch.Tensor":
         """A copy of a tensor or numpy array on the device, in the precision."""
-        return torch.as_tensor(values).to(self.device, self.dtype, copy=True)
+        import torch  # likewise
 
-    def tensor(self, array: Tensor, dtype: torch.dtype) -> Tensor:
+        if isinstance(values, torch.Tensor):
+            return values.to(self.device, self.dtype, copy=True)
+        return torch.tensor(values, dtype=self.dtype, device=self.device)
+
+    def tensor(self, array: "torch.Tensor", dtype: "torch.dtype") -> "torch.Tensor":
         """The tensor itself where it has that precision."""
         return array.to(dtype)
 
-    def index(self, rows: Tensor) -> Tensor:
+    def index(self, rows: np.ndarray) -> "torch.Tensor":
         """The row numbers on the device."""
-        return rows.to(self.device)
+        import torch  # likewise
 
-
-Arrays = NumpyArrays | TorchArrays  # what comes from outside becomes what a simulator works with, and back
+        return torch.as_tensor(rows, device=self.device)
 
 
 def with_rows(array: Array, rows: Array, new: Array) -> Array:

@@ -6,13 +6,12 @@ the vehicles, their state, the memory of commands and poses, the phases of the s
 
 import math
 from abc import ABC, abstractmethod
-from typing import NamedTuple, TypedDict, cast
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
-import torch
 from array_api_compat import array_namespace
-from torch import Tensor
 
+from auv_torchrl.array_api import host
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare, rest_state
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.step import memory_length, push
@@ -21,7 +20,12 @@ from auv_torchrl.quantities import counted
 from auv_torchrl.scenario import Scenario
 from auv_torchrl.sensors import FELT, MOTION, SENSORS, ages, felt_along, measured_pose, measured_velocity, motion_of
 from auv_torchrl.simulator.arrays import Array, Arrays, NumpyArrays, lengthened, with_rows
-from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle import Vehicle, stacked
+
+if TYPE_CHECKING:
+    import torch
+
+    Generator = np.random.Generator | torch.Generator
 
 FARTHEST = 1e3  # m from the origin; a vehicle beyond it has diverged
 _NEVER = math.inf, -math.inf
@@ -47,8 +51,21 @@ class Options(TypedDict, total=False):
     """What every simulator takes by name, and hands on to :class:`Simulator`, which explains it."""
 
     scenario: Scenario | None
-    generator: torch.Generator | None
+    generator: "Generator | None"
     arrays: Arrays | None
+
+
+def _in_double(array: Array) -> np.ndarray:
+    return np.asarray(host(array), dtype=np.float64)
+
+
+def _drawn(generator: "Generator", shape: tuple[int, ...]) -> Array:
+    """Standard normal numbers, of either library's generator."""
+    if isinstance(generator, np.random.Generator):
+        return generator.standard_normal(shape)
+    import torch  # here, not above: only its own generators need it
+
+    return torch.randn(*shape, generator=generator, dtype=torch.float64)
 
 
 class Simulator(ABC):
@@ -72,7 +89,7 @@ class Simulator(ABC):
         vehicles: Vehicle,
         control_dt: float,
         scenario: Scenario | None = None,
-        generator: torch.Generator | None = None,
+        generator: "Generator | None" = None,
         arrays: Arrays | None = None,
     ) -> None:
         if len(vehicles.batch_size) != 1 or not len(vehicles):
@@ -82,14 +99,14 @@ class Simulator(ABC):
         self.scenario = scenario or Scenario("nominal")
         self.arrays = arrays or NumpyArrays()
         self._phase_starts = (0.0, *self.scenario.switching_times())
-        self._phase = torch.zeros(self.count, dtype=torch.long)
-        self._scenario_delay = torch.zeros(self.count, dtype=torch.float64)  # s
+        self._phase = np.zeros(self.count, dtype=np.int64)
+        self._scenario_delay = np.zeros(self.count)  # s
         self._steady = _NEVER  # times in s, in the middle of a step, between which nobody reaches another phase
-        self._flown = cast(Vehicle, vehicles.to(torch.device("cpu"), torch.float64).clone())  # without the scenario
+        self._flown = vehicles.map(_in_double).clone()  # without the scenario
         first = prepare(self.scenario.vehicle_at(self._flown))
         self.coefficients = self._native(first)
         self.terms = ActiveTerms.of(first)
-        zeros = self.arrays.native(torch.zeros(self.count, 7))
+        zeros = self.arrays.native(np.zeros((self.count, 7)))
         self.state = rest_state(zeros[:, :3], zeros[:, 3:], zeros[:, :6], self.thrusters)
         self._before = self.state  # of the last step
         self.poses: Array = zeros[:, None]  # (N, L, 7) true poses, newest first
@@ -105,32 +122,33 @@ class Simulator(ABC):
     def vehicles(self) -> Vehicle:
         """The vehicles as they are now, batch [N], effects of the scenario included."""
         phases = [self.scenario.vehicle_at(self._flown, time) for time in self._phase_starts]
-        return torch.stack(phases)[self._phase, torch.arange(self.count)]  # type: ignore[return-value]
+        return stacked(phases)[self._phase, np.arange(self.count)]
 
-    def replace(self, rows: Tensor, vehicles: Vehicle) -> None:
+    def replace(self, rows: Array, vehicles: Vehicle) -> None:
         """Let other vehicles fly on in some rows, from the states that these are in."""
-        self._flown[rows] = vehicles.to(torch.device("cpu"), torch.float64)
-        for phase in self._phase[rows].unique().tolist():
+        rows = host(rows)
+        self._flown.write_rows(rows, vehicles.map(_in_double))
+        for phase in np.unique(self._phase[rows]).tolist():
             self._begin_phase(rows[self._phase[rows] == phase], phase)
 
-    def delay_scenario(self, seconds: Tensor) -> None:
+    def delay_scenario(self, seconds: Array) -> None:
         """Let each vehicle meet the switching times of the scenario later by ``seconds`` (N,), 0 or more.
 
         Raises:
             ValueError: for a wrong shape, or a time below 0 or not finite.
         """
-        if seconds.shape != (self.count,) or not (seconds.isfinite() & (seconds >= 0)).all():
+        given = _in_double(seconds)
+        if given.shape != (self.count,) or not (np.isfinite(given) & (given >= 0)).all():
             raise ValueError(f"delays of the scenario are {seconds}: give {counted(self.count, 'time')} of 0 s or more")
-        self._scenario_delay = seconds.to(torch.device("cpu"), torch.float64)
+        self._scenario_delay = given
         self._steady = _NEVER
 
     def _native(self, coefficients: Coefficients) -> Coefficients:
         return Coefficients(*(self.arrays.native(field) for field in coefficients))
 
-    def _begin_phase(self, rows: Tensor, phase: int) -> None:
+    def _begin_phase(self, rows: np.ndarray, phase: int) -> None:
         """Work out the coefficients of vehicles that reach a phase of the scenario."""
-        flown: Vehicle = self._flown[rows]  # type: ignore[assignment]
-        new = prepare(self.scenario.vehicle_at(flown, self._phase_starts[phase]))
+        new = prepare(self.scenario.vehicle_at(self._flown[rows], self._phase_starts[phase]))
         self._phase[rows], self._steady = phase, _NEVER
         self.coefficients.write_rows(self.arrays.index(rows), self._native(new))
         self.terms = self.terms | ActiveTerms.of(new)
@@ -148,20 +166,20 @@ class Simulator(ABC):
         middle = self.state.time + self.control_dt / 2
         if self._steady[0] <= xp.min(middle) and xp.max(middle) < self._steady[1]:
             return
-        time = torch.as_tensor(self.state.time, dtype=torch.float64, device="cpu")  # phases are counted on the host
+        time = _in_double(self.state.time)  # phases are counted on the host
         elapsed = time + self.control_dt / 2 - self._scenario_delay
-        phase = torch.bucketize(elapsed, torch.tensor(self._phase_starts[1:], dtype=torch.float64), right=True)
+        phase = np.searchsorted(self._phase_starts[1:], elapsed, side="right")
         changed = phase != self._phase
-        for reached in phase[changed].unique().tolist():
-            self._begin_phase((changed & (phase == reached)).nonzero()[:, 0], reached)
-        starts = torch.tensor((*self._phase_starts, math.inf), dtype=torch.float64)
+        for reached in np.unique(phase[changed]).tolist():
+            self._begin_phase(np.flatnonzero(changed & (phase == reached)), reached)
+        starts = np.array((*self._phase_starts, math.inf))
         begun, ends = starts[phase] + self._scenario_delay, starts[phase + 1] + self._scenario_delay
         self._steady = float(begun.max()) + _ROUNDING_S, float(ends.min()) - _ROUNDING_S
 
     # place, step, report
 
     def place(
-        self, rows: Tensor, position: Array, quaternion: Array, velocity: Array, vehicles: Vehicle | None = None
+        self, rows: Array, position: Array, quaternion: Array, velocity: Array, vehicles: Vehicle | None = None
     ) -> None:
         """Begin a flight of some vehicles: silent thrusters, no commands on their way, the scenario at its start.
 
@@ -172,8 +190,9 @@ class Simulator(ABC):
             velocity: (n, 6) in m/s and rad/s, body frame.
             vehicles: a batch of n that replaces those of the rows; None leaves them.
         """
+        rows = host(rows)
         if vehicles is not None:
-            self._flown[rows] = vehicles.to(torch.device("cpu"), torch.float64)
+            self._flown.write_rows(rows, vehicles.map(_in_double))
         if vehicles is not None or self._phase[rows].any():
             self._begin_phase(rows, 0)
         position, quaternion, velocity = (self.arrays.native(part) for part in (position, quaternion, velocity))
@@ -237,7 +256,7 @@ class Simulator(ABC):
         if not self.terms.sensing and not SENSORS.extended:
             return Report(*state[:3])
         if noise is None and self.terms.sensor_noise and self.generator is not None:
-            noise = self.arrays.native(torch.randn(self.count, 6, generator=self.generator, dtype=torch.float64))
+            noise = self.arrays.native(_drawn(self.generator, (self.count, 6)))
         position, quaternion = measured_pose(
             self.coefficients, self.poses, self.control_dt, noise, load(self.coefficients, self.thrust)
         )

@@ -5,7 +5,6 @@ from typing import Any, Unpack
 
 import mujoco
 import numpy as np
-from torch import Tensor
 
 from auv_torchrl.physics import SUBSTEPS, ActiveTerms, ByRow, Coefficients, Forces, RowFunction, State, Targets
 from auv_torchrl.physics.free_body import body_velocity, free_body_force
@@ -57,7 +56,7 @@ class MujocoSimulator(Simulator):
         self._lost = np.zeros((self.count, 1))  # 1 for vehicles that diverged within this control step
         self._moved: State | None = None  # the state that MuJoCo's bodies are in
 
-    def _begin_phase(self, rows: Tensor, phase: int) -> None:
+    def _begin_phase(self, rows: np.ndarray, phase: int) -> None:
         super()._begin_phase(rows, phase)
         self._read = None
 

@@ -9,8 +9,10 @@ that "down" is no more than a name, and no conversion exists that could be wrong
 
 from typing import Any
 
+import numpy as np
 from dm_control import mjcf
 
+from auv_torchrl.array_api import host
 from auv_torchrl.physics import SUBSTEPS
 from auv_torchrl.physics.coefficients import total_mass_matrix
 from auv_torchrl.vehicle import Vehicle
@@ -51,7 +53,7 @@ def fleet_model(
     flag.gravity = flag.autoreset = flag.sensor = flag.actuation = "disable"
     if walls is None:
         flag.contact = flag.constraint = "disable"
-    diagonal = total_mass_matrix(vehicle).diagonal(dim1=-2, dim2=-1)
+    diagonal = np.linalg.diagonal(host(total_mass_matrix(vehicle)))
     mass, inertia = float(diagonal[..., :3].mean()), float(diagonal[..., 3:].mean())
     for row in range(num_envs):
         body = model.worldbody.add("body", name=f"vehicle_{row}")

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Unpack
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from auv_torchrl.physics import ActiveTerms, Advance, Coefficients, State, Targets, control_step
 from auv_torchrl.physics.step import runge_kutta_step, runge_kutta_steps
@@ -39,13 +38,9 @@ class PlainSimulator(Simulator):
         self._steps = Advance()
         self._aim = straight_through_targets if straight_through else Targets(vehicles.thrusters)
         super().__init__(vehicles, control_dt, **options)
-        self._advance_body: Callable[..., tuple[Array, Array]] = (
-            partial(runge_kutta_steps, step=torch.compile(runge_kutta_step, fullgraph=True))
-            if compiled
-            else self._steps
-        )
+        self._advance_body: Callable[..., tuple[Array, Array]] = _compiled() if compiled else self._steps
 
-    def _begin_phase(self, rows: Tensor, phase: int) -> None:
+    def _begin_phase(self, rows: np.ndarray, phase: int) -> None:
         super()._begin_phase(rows, phase)
         self._steps.forget()
 
@@ -56,3 +51,9 @@ class PlainSimulator(Simulator):
         """Let no gradient flow back from here, on torch."""
         self.state = State(*(part.detach() for part in self.state))
         self.poses = self.poses.detach()
+
+
+def _compiled() -> Callable[..., tuple[Array, Array]]:
+    import torch  # here, not above: numpy needs none of it
+
+    return partial(runge_kutta_steps, step=torch.compile(runge_kutta_step, fullgraph=True))

@@ -1,9 +1,8 @@
 """Fly recorded or planned commands: what the vehicles do, and what their sensors would report of it."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import torch
 
 from auv_torchrl.physics import CONTROL_DT, State, rest_state
 from auv_torchrl.physics.kinematics import normalise, quaternion_from_euler
@@ -12,6 +11,9 @@ from auv_torchrl.scenario import Scenario
 from auv_torchrl.simulator.base import Report, Simulator
 from auv_torchrl.simulator.plain import PlainSimulator
 from auv_torchrl.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import torch
 
 EVEN = 1e-6  # relative differences of sampling intervals that are rounding
 
@@ -29,7 +31,7 @@ def simulate(
     times: np.ndarray,
     start: State | None = None,
     scenario: Scenario | None = None,
-    generator: torch.Generator | None = None,
+    generator: "np.random.Generator | torch.Generator | None" = None,
 ) -> Simulated:
     """Fly vehicles by commands alone, in the plain simulator on numpy.
 

@@ -27,7 +27,7 @@ class Autopilots:
         rows = len(holding)
         self.sticks, self.holding = Signals(rows, duration, rng), holding
         self.holder = Pilots(vehicle, holding, duration, rng)
-        self.mixer = vehicle.mixer.double().numpy()
+        self.mixer = vehicle.mixer
         self.levels = [DEGREES_OF_FREEDOM.index(name) for name in LEVEL]
         self.proportional = rng.uniform(0.5, 1.2, (rows, 2))  # ArduSub: ATC_ANG_PIT_P 6 times ATC_RAT_PIT_P 0.135
         self.integral = self.proportional * rng.uniform(0.2, 0.6, (rows, 2))

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-import torch
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.body import per_dof
@@ -34,14 +33,13 @@ class MujocoPlant:
 
     def _replace(self, rows: slice, change: Callable[[Vehicle], Vehicle]) -> None:
         part = self.simulator.vehicles[rows]
-        assert isinstance(part, Vehicle)
-        self.simulator.replace(torch.arange(self.rows)[rows], change(part))
+        self.simulator.replace(np.arange(self.rows)[rows], change(part))
 
     def reset(self, position: np.ndarray, yaw: np.ndarray, velocity: np.ndarray) -> None:
         """Start at (rows, 3) m, (rows,) rad, with u, v, w, r (rows, 4) in m/s and rad/s and silent thrusters."""
         zero, moving = np.zeros(self.rows), np.zeros((self.rows, 6))
         moving[:, list(CONTROLLED_INDEX)] = velocity
-        self.simulator.place(torch.arange(self.rows), position, quaternion_from_euler(zero, zero, yaw), moving)
+        self.simulator.place(np.arange(self.rows), position, quaternion_from_euler(zero, zero, yaw), moving)
 
     def step(self, commands: np.ndarray, influences: Influences) -> None:
         """Hold commands (rows, n) for one control step."""
@@ -82,10 +80,10 @@ class MujocoPlant:
 
 def loosened(vehicle: Vehicle, slack: Slack) -> Vehicle:
     """The vehicle with factors on its gains, drags and inertias."""
-    gain, linear, quadratic, mass = (torch.as_tensor(factor) for factor in slack)
-    vehicle = vehicle.clone()
-    vehicle.gain = vehicle.gain * gain
-    vehicle.linear_drag = vehicle.linear_drag * per_dof(linear)[:, None]
-    vehicle.quadratic_drag = vehicle.quadratic_drag * per_dof(quadratic)
-    vehicle.mass_scale = vehicle.mass_scale * per_dof(mass)
-    return vehicle
+    gain, linear, quadratic, mass = map(np.asarray, slack)
+    return vehicle.replace(
+        gain=vehicle.gain * gain,
+        linear_drag=vehicle.linear_drag * per_dof(linear)[:, None],
+        quadratic_drag=vehicle.quadratic_drag * per_dof(quadratic),
+        mass_scale=vehicle.mass_scale * per_dof(mass),
+    )

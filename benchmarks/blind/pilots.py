@@ -24,7 +24,7 @@ class Pilots:
             rng: where the draws come from.
         """
         rows = len(holding)
-        self.mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)].double().numpy()
+        self.mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)]
         self.holding = holding
         self.proportional = rng.uniform([0.8, 0.8, 0.8, 0.3], [2.0, 2.0, 2.0, 0.8], (rows, CHANNELS))
         self.integral = self.proportional * rng.uniform(0.02, 0.2, (rows, CHANNELS))

@@ -13,6 +13,7 @@ from auv_torchrl.adaptation.recovery import altered_thrust
 from auv_torchrl.flight import Flight
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 _D = len(CONTROLLED)
 
@@ -35,7 +36,7 @@ def least_delays(flight: Flight, begins_s: Tensor, vehicle: Vehicle, config: Ada
     motion = SourceMotion(vehicle, task.control_dt)
     kalman = EffectivenessFilter(motion, config)
     altered = altered_thrust(flight, vehicle)
-    full = vehicle.double().full_thrust
+    full = tensors(vehicle).full_thrust
     healthy = ((flight.thrust.double() - altered) / full).numpy()
     missing = (altered / full).numpy() @ motion.per_share.T  # (N, T + 1, 4) wrench
     velocity = flight.velocity.double().numpy()[..., list(CONTROLLED_INDEX)]

@@ -26,6 +26,7 @@ from auv_torchrl.physics.hydrodynamics import drag
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
 from benchmarks.control.source import STORE, source_policy
 
 START_M = (0.18, -0.46, -0.40)  # section 5.2
@@ -110,7 +111,7 @@ def push(vehicle: Vehicle, seed: int) -> tuple[float, float]:
     changes = tank_scenario(RUNS[0], vehicle, seed).changes
     speeds = [[c.values["north"], c.values["east"], c.values["down"]] for c in changes if c.effect.name == "current"]
     relative = torch.nn.functional.pad(-torch.tensor(speeds, dtype=torch.float64), (0, 3))
-    c = prepare(vehicle.double())
+    c = prepare(tensors(vehicle))
     force = drag(c, ActiveTerms.of(c), relative)[:, :3].norm(dim=-1)
     return float(force.mean()), float(force.max())
 

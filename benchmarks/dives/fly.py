@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import torch
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE, Episode, FlightLog
@@ -39,7 +38,7 @@ def fly_series(vehicle: Vehicle, series: Series) -> list[FlightLog]:
         series: how many, and what changes.
     """
     rng, n = np.random.default_rng(series.seed), series.dives
-    level = torch.tensor([1.0, 1.0, 1.0, 0.0, 0.0, 1.0], dtype=vehicle.free.dtype)
+    level = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
     flown = _of_the_day(vehicle.replace(free=level), rng, series)
     pilots = Pilots(vehicle, np.zeros(n, bool), series.seconds, rng)
     steps = round(series.seconds / CONTROL_DT)
@@ -80,5 +79,5 @@ def _of_the_day(vehicle: Vehicle, rng: np.random.Generator, series: Series) -> V
             own[member] = own[member] * factor
     fleet = vehicle.expand(n).clone()
     for name, members in values.items():
-        fleet = EFFECTS[name].apply(fleet, {m: torch.as_tensor(v, dtype=torch.float64) for m, v in members.items()})
+        fleet = EFFECTS[name].apply(fleet, members)
     return fleet

@@ -45,7 +45,7 @@ def test_every_fault_in_flight_is_recovered_from(name):
 def test_the_map_that_is_found_is_that_of_the_vehicle():
     """After two thrusters were reversed the estimated effectiveness is the true one within its standard error."""
     _, adapter = adapted_flight(scenario("two_reversed"), count=3, seconds=5.0)
-    truth = controlled_allocation(scenario("two_reversed").vehicle_at(VEHICLE)).numpy()
+    truth = controlled_allocation(scenario("two_reversed").vehicle_at(VEHICLE))
     learner = adapter.learner
     found, _ = learner.estimate.map
     error = np.abs(found - truth) / learner.motion.full_wrench[:, None]

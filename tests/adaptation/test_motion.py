@@ -8,14 +8,14 @@ from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.paths import config_names
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 
 @pytest.mark.parametrize("name", config_names("vehicle"))
 def test_one_step_is_that_of_the_plain_physics(name):
     """Velocity after a control step agrees with the plain model's, but for what roll and pitch do."""
-    vehicle = load_vehicle(name)
+    motion, vehicle = SourceMotion(load_vehicle(name), 0.05), tensors(load_vehicle(name))
     rng = np.random.default_rng(0)
-    motion = SourceMotion(vehicle, 0.05)
     velocity, command = rng.uniform(-0.4, 0.4, (20, 4)), rng.uniform(-0.8, 0.8, (20, vehicle.thrusters))
     c = prepare(vehicle.expand(20).clone())
     full = torch.zeros(20, 6, dtype=torch.float64)
@@ -31,8 +31,7 @@ def test_one_step_is_that_of_the_plain_physics(name):
 
 def test_a_fast_vehicle_is_integrated_as_finely_as_in_the_plain_physics():
     """At up to 2 m/s, where coarse steps would be wrong by centimetres per second, the step stays exact."""
-    vehicle = load_vehicle("paper")
-    motion = SourceMotion(vehicle, 0.05)
+    motion, vehicle = SourceMotion(load_vehicle("paper"), 0.05), tensors(load_vehicle("paper"))
     c = prepare(vehicle.expand(4).clone())
     full = torch.tensor([[2.0, 0, 0, 0, 0, 0], [0, 2.0, 0, 0, 0, 0], [0, 0, 2.0, 0, 0, 0], [1.2, 1.2, -1.2, 0, 0, 1]])
     level = torch.tensor([[1.0, 0, 0, 0]], dtype=torch.float64).expand(4, 4)

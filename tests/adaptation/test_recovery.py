@@ -90,6 +90,6 @@ def test_numbers_that_there_are_not_are_null():
 
 def test_gains_are_those_of_the_thrusters():
     """Columns times 1, 0.4, 0, -1 are read as that."""
-    nominal = controlled_allocation(VEHICLE)
+    nominal = torch.from_numpy(controlled_allocation(VEHICLE))
     given = torch.tensor([1.0, 0.4, 0.0, -1.0, 1.0, 1.0], dtype=nominal.dtype)
     torch.testing.assert_close(gains(nominal * given, nominal), given)

@@ -12,12 +12,13 @@ from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import straight_through_targets, thrust_targets
 from auv_torchrl.tasks import TASKS, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.07])
 def test_gradients_pass_limits_and_dead_bands_and_thrusts_do_not(delay):
     """Thrusts are those of the physics; their slopes are those of a thruster without limit and dead band."""
-    vehicle = load_vehicle("paper").expand(1).clone()
+    vehicle = tensors(load_vehicle("paper")).expand(1).clone()
     vehicle.limit[:], vehicle.dead_band[:], vehicle.delay[:] = 0.5 * vehicle.full_thrust, 5.0, delay
     c = prepare(vehicle)
     commands = torch.tensor([0.9, 0.01, -0.3, -1.0, 0.0, 0.2]).double().expand(1, 3, 6).clone().requires_grad_()

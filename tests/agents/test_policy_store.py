@@ -220,7 +220,7 @@ def test_every_setting_but_the_reporting_shapes_the_hash(agent, name):
 def test_everything_else_shapes_the_hash():
     """Vehicle numbers, task, randomization, seed and backend each change the hash."""
     vehicle = load_vehicle("paper")
-    vehicle.mass += 1e-9
+    vehicle = vehicle.replace(mass=vehicle.mass + 1e-9)
     changes = [
         {"vehicle": vehicle}, {"task": replace(TASK, error_weight=2.0)}, {"randomization": None},
         {"randomization": {"added_mass": {"scale": [0.8, 1.3]}}}, {"seed": 1}, {"backend": "mujoco"},

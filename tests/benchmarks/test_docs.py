@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
@@ -15,6 +14,7 @@ from auv_torchrl.paths import OWN, PROJECT
 from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import MOTION, read
 from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle_file import described
 from benchmarks.blind.outside import OUTSIDE
 from tests.flightlog.simulate import simulated_logs
 
@@ -35,8 +35,8 @@ def effect(tmp_path, monkeypatch) -> Effect:
 def test_the_example_effect_is_an_effect(effect):
     """The entry of the document changes what acoustic sensors report, and at its nominal value nothing."""
     vehicle = load_vehicle("paper")
-    assert (effect.apply(vehicle, effect.nominal(vehicle)) == vehicle).all()
-    c = prepare(effect.apply(vehicle, {"factor": torch.tensor([1.0, 1.2])})).numpy()
+    assert described(effect.apply(vehicle, effect.nominal(vehicle))) == described(vehicle)
+    c = prepare(effect.apply(vehicle, {"factor": np.array([1.0, 1.2])})).numpy()
     motion = np.tile([1.0, 2.0, 3.0, 0.1, 0.2, 0.3, 1.0, 0.5, 0.2, 0.1, 0.2, 0.3], (2, 1))
     true, off = read(c, MOTION, motion)
     np.testing.assert_allclose(true, motion[0])

@@ -46,7 +46,7 @@ def swim(plant, seconds=6.0, influences=None, seed=0, distinct=None):
     start = rng.uniform(-1, 1, (rows, 3)), rng.uniform(-3, 3, rows), rng.uniform(-0.2, 0.2, (rows, 4))
     plant.reset(*(part[again] for part in start))
     size, rate, phase = (rng.uniform(low, high, (rows, 4))[again] for low, high in ((0.2, 0.6), (0.3, 2.0), (0.0, 6.0)))
-    mixer = VEHICLE.mixer[:, list(CONTROLLED_INDEX)].numpy()  # the two vertical thrusters together: no roll
+    mixer = VEHICLE.mixer[:, list(CONTROLLED_INDEX)]  # the two vertical thrusters together: no roll
     influences = influences or Influences.none(plant.rows, 6)
     poses = []
     for step in range(round(seconds / CONTROL_DT)):
@@ -173,7 +173,7 @@ def test_what_is_wholly_known_has_no_influence(plant):
         for name, values in sensed(*wrong).items():
             swimming.change(slice(row, row + 1), name, values)
     swimming.reset(np.zeros((rows, 3)), np.ones(rows), np.zeros((rows, 4)))
-    mixer = VEHICLE.mixer[:, list(CONTROLLED_INDEX)].numpy()
+    mixer = VEHICLE.mixer[:, list(CONTROLLED_INDEX)]
 
     def command(time, measured):
         return np.tile(0.3 * np.sin(np.array([[0.9, 1.3, 0.7, 1.1]]) * time) @ mixer.T, (rows, 1))

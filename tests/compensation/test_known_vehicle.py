@@ -18,6 +18,7 @@ from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 VEHICLE = load_vehicle("paper")
 TASK = StationKeeping().for_evaluation(1.0)
@@ -69,7 +70,7 @@ def test_the_source_vehicle_itself_gets_the_commands_of_its_mixer():
     env = TransformedEnv(fleet(Scenario("nominal"), TO_THRUSTERS), adapter)
     env.reset()
     action = 0.3 * torch.tensor([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]])
-    mixed = action @ VEHICLE.mixer[:, [0, 1, 2, 5]].float().mT
+    mixed = action @ tensors(VEHICLE).mixer[:, [0, 1, 2, 5]].float().mT
     torch.testing.assert_close(adapter.translate(action), mixed, atol=2e-3, rtol=0)
 
 

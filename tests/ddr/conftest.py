@@ -16,6 +16,7 @@ from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 TASK = StationKeeping(start_speed=0.5, tilt=False)  # small models learn level flight in seconds
 
@@ -61,9 +62,9 @@ def scenario(vehicle) -> Callable[[str], Scenario]:
 @pytest.fixture(scope="session")
 def true_map(vehicle, models) -> Callable[[Scenario], Tensor]:
     """What one unit of each thruster's full thrust really does, in source channels (4, n)."""
-    per_command = controlled_allocation(vehicle).float()
+    per_command = controlled_allocation(tensors(vehicle)).float()
     return lambda s: torch.linalg.solve(
-        per_command @ models.actuation.mixer, controlled_allocation(s.vehicle_at(vehicle)).float()
+        per_command @ models.actuation.mixer, controlled_allocation(tensors(s.vehicle_at(vehicle))).float()
     )
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-import torch
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
@@ -18,19 +17,19 @@ AXES = ("x", "y", "z", "yaw")
 
 def hold(vehicle: Vehicle) -> Vehicle:
     """The vehicle with roll and pitch held, as in the paper."""
-    return changed(vehicle, free=torch.tensor([1.0, 1.0, 1.0, 0.0, 0.0, 1.0], dtype=vehicle.free.dtype))
+    return changed(vehicle, free=np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0]))
 
 
 def with_slack(vehicle: Vehicle, rng: np.random.Generator, width: float = 0.03) -> Vehicle:
     """The vehicle with every coefficient off by a few percent."""
 
-    def off(*shape: int) -> torch.Tensor:
-        return torch.as_tensor(1 + width * rng.standard_normal(shape), dtype=vehicle.mass.dtype)
+    def off(*shape: int) -> np.ndarray:
+        return 1 + width * rng.standard_normal(shape)
 
     return changed(
         vehicle,
         gain=vehicle.gain * off(vehicle.thrusters),
-        linear_drag=vehicle.linear_drag * torch.diag(off(6)),
+        linear_drag=vehicle.linear_drag * np.diag(off(6)),
         quadratic_drag=vehicle.quadratic_drag * off(6),
         mass_scale=vehicle.mass_scale * off(6),
         dead_band=vehicle.dead_band * off(1),
@@ -82,7 +81,7 @@ class Pilot:
     """Holds position in every other episode and excites the others."""
 
     def __init__(self, vehicle: Vehicle, waves: np.ndarray) -> None:
-        self.mixer, self.waves, self.before = vehicle.mixer.numpy()[:, [0, 1, 2, 5]], waves, None
+        self.mixer, self.waves, self.before = vehicle.mixer[:, [0, 1, 2, 5]], waves, None
 
     def __call__(self, time: float, seen: np.ndarray) -> np.ndarray:
         """Thruster commands for what the sensors say."""

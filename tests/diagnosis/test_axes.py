@@ -92,7 +92,7 @@ def test_thrusters_that_only_turn_the_vehicle_are_named():
 
 
 def test_a_vehicle_that_turns_over_is_followed_where_it_is_upright(log):
-    """Windows with samples near straight up or down are left out, with a finding, unless there are no others."""
+    """Roll and yaw do not count near straight up or down, all else does, and a finding says so."""
     assert steep_stretches(log) == ()
     first, last = log.episodes
     steep = [replace(e, pose=e.pose.copy()) for e in (first, last)]
@@ -100,7 +100,10 @@ def test_a_vehicle_that_turns_over_is_followed_where_it_is_upright(log):
         episode.pose[:, 4] = 1.4
     some = replace(log, axes=(*log.axes, "pitch"), episodes=(_level(first), steep[1]))
     windows = cut_windows(some, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
-    assert set(windows.number) == {first.number}
+    assert set(windows.number) == {first.number, last.number}
+    turned = dict(zip(windows.channels, np.moveaxis(windows.trust, -1, 0), strict=True))
+    over = windows.number == last.number
+    assert not turned["yaw"][over].any() and turned["yaw"][~over].any() and turned["pitch"][over].any()
     (finding,) = steep_stretches(some)
     assert "50\u202f% of the samples" in finding.sentence
     whole = replace(some, episodes=tuple(steep))

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-import torch
 import yaml
 
 from auv_torchrl.command import BAD_INPUT
@@ -253,8 +252,7 @@ def test_gains_and_trim_become_coefficients_without_changing_the_motion():
 
 
 def replace_field(vehicle, name, value):
-    copy = vehicle.clone()
-    copy.set(name, torch.tensor(value, dtype=torch.float64))
+    copy = vehicle.replace(**{name: np.array(value, dtype=np.float64)})
     return copy
 
 

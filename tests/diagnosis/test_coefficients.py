@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import yaml
 from example import example
 from flown_logs import fly, hold
@@ -267,12 +266,8 @@ def test_a_heading_that_is_off_by_more_than_half_a_turn_is_off_by_that():
 
 def test_a_vehicle_answers_a_step_as_its_coefficients_say():
     """Twice the force in every thruster at twice the linear drag and mass is the same vehicle to a pilot."""
-    path = GIVEN.clone()
-    path.quadratic_drag.zero_()
-    double = path.clone()
-    double.gain.mul_(2.0)
-    double.linear_drag.mul_(2.0)
-    double.mass_scale.mul_(2.0)
+    path = GIVEN.replace(quadratic_drag=np.zeros_like(GIVEN.quadratic_drag))
+    double = path.replace(gain=2 * path.gain, linear_drag=2 * path.linear_drag, mass_scale=2 * path.mass_scale)
     before, after = simulate_steps(path, 0.5), simulate_steps(double, 0.5)
     np.testing.assert_allclose(after.steady, before.steady, atol=1e-9)
     assert describe_differences(before, after, 0.5) == {"axes": (), "idle": (), "turning": ()}
@@ -288,7 +283,7 @@ def test_a_fault_on_a_calibrated_vehicle_is_written_on_top_of_it(calibrated):
     early, late = (scenario.vehicle_at(GIVEN, t) for t in (0.0, 4.0))
     assert float(early.vertical_force) == pytest.approx(calibrated_force, abs=1e-5)
     assert float(late.vertical_force) == pytest.approx(calibrated_force + 5.0, abs=1e-5)
-    torch.testing.assert_close(early.linear_drag, calibrated.vehicle.linear_drag, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(early.linear_drag, calibrated.vehicle.linear_drag, rtol=0, atol=1e-5)
     read_ranges(GIVEN, yaml.safe_load(randomization_yaml(diagnosis, GIVEN)))
 
 

@@ -40,7 +40,7 @@ def flight(change=None, seconds=30.0, seed=0, drift=0.0) -> FlightLog:
     while at < steps:
         demand[at:, rng.integers(6)] = rng.uniform(-0.4, 0.4)
         at += rng.integers(20, 80)
-    commands = np.clip(demand @ VEHICLE.mixer.numpy().T, -1, 1)
+    commands = np.clip(demand @ VEHICLE.mixer.T, -1, 1)
     vehicle = VEHICLE
     for effect, values in (change or {}).items():
         vehicle = EFFECTS[effect].apply(vehicle, values)

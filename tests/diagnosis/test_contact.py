@@ -26,7 +26,7 @@ def dive(
     count = round(seconds / DT)
     other = np.repeat(rng.uniform(-0.4, 0.4, (count // 20 + 1, 4)), 20, axis=0)[:count]
     other[:, 2] = np.repeat(steps, -(-count // len(steps)))[:count]
-    commands = np.clip(other @ PAPER.mixer.numpy()[:, [0, 1, 2, 5]].T, -1, 1)
+    commands = np.clip(other @ PAPER.mixer[:, [0, 1, 2, 5]].T, -1, 1)
 
     def push(sent, position, velocity, t):
         force = np.zeros((1, 3))

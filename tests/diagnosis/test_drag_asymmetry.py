@@ -10,7 +10,7 @@ from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.hydrodynamics import drag
-from auv_torchrl.vehicle import Vehicle, load_vehicle, read_vehicle_file
+from auv_torchrl.vehicle import load_vehicle, read_vehicle_file, stacked
 
 PAPER = load_vehicle("paper")
 EFFECT = EFFECTS["drag_asymmetry"]
@@ -19,8 +19,8 @@ EFFECT = EFFECTS["drag_asymmetry"]
 @given(st.floats(-0.9, 0.9), st.floats(0.01, 2.0))
 def test_drag_is_larger_one_way_by_what_it_is_smaller_the_other_way(share, speed):
     """Its quadratic part alone; both ways together it is what it was, and it never pushes."""
-    changed = prepare(Vehicle.stack([EFFECT.apply(PAPER, {"asymmetry_heave": share})])).numpy()
-    plain = prepare(Vehicle.stack([PAPER])).numpy()
+    changed = prepare(stacked([EFFECT.apply(PAPER, {"asymmetry_heave": share})])).numpy()
+    plain = prepare(stacked([PAPER])).numpy()
     down = np.array([[0.0, 0.0, speed, 0.0, 0.0, 0.0]])
     ahead, back = (drag(changed, ActiveTerms.of(changed), way * down)[0] for way in (1, -1))
     usual = drag(plain, ActiveTerms.of(plain), down)[0]

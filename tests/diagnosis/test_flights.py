@@ -11,6 +11,7 @@ from auv_torchrl.diagnosis.calibrate.flights import FlightInformation, fit_fligh
 from auv_torchrl.diagnosis.calibrate.parameters import NuisanceParameters, VehicleEstimate, state_nuisance
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle_file import described
 from tests.diagnosis.flown_logs import fly, hold
 
 SPREAD = 0.5  # N, of the trim from flight to flight, as stated
@@ -55,6 +56,6 @@ def test_a_vehicle_that_loses_its_flights_is_not_kept(monkeypatch):
 
     monkeypatch.setattr(flights_module, "fit_flight", losing)
     stood = flights_module.fit_flights(drafted.flights, begin, drafted.prior, settings)
-    assert len(followed) == 4 and not (followed[2] == followed[0]).all()
+    assert len(followed) == 4 and described(followed[2]) != described(followed[0])
     assert stood.estimate is begin and stood.excess < settings.excess
     assert (stood.prior.floor != np.array(settings.floor_force)).any()

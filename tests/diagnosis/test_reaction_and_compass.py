@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
@@ -23,7 +22,7 @@ def test_a_propeller_turns_the_vehicle_about_its_axis():
     beyond = (turned.allocation - plain.allocation).numpy()
     assert beyond[5, 4:] == pytest.approx([0.016, -0.016, -0.016, 0.016]) and not beyond[:5].any()
     nothing = EFFECTS["reaction_torque"].apply(PAPER, {"arm_1": 0.0})
-    assert torch.equal(prepare(nothing).allocation, prepare(PAPER).allocation)
+    assert np.array_equal(prepare(nothing).allocation, prepare(PAPER).allocation)
 
 
 def test_a_propeller_of_the_other_hand_is_named():
@@ -46,7 +45,7 @@ def test_a_compass_that_turns_with_the_current_is_named():
 
 def test_the_heading_alone_feels_the_current():
     """At half of all thrusts the compass turns by half its angle, and nothing else is reported otherwise."""
-    c = prepare(changed(PAPER, compass_per_load=torch.tensor(0.4))).numpy()
+    c = prepare(changed(PAPER, compass_per_load=np.array(0.4))).numpy()
     channels = ("x", "y", "z", "roll", "pitch", "yaw", "p", "q", "r")
     change = read(c, channels, np.zeros(12), np.array(0.5)) - read(c, channels, np.zeros(12))
     assert change == pytest.approx([0, 0, 0, 0, 0, 0.2, 0, 0, 0])

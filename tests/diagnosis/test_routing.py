@@ -35,7 +35,7 @@ def wrench(values):
     for name, row in values.items():
         vehicle = EFFECTS[name].apply(vehicle, row)
     c = prepare(vehicle).numpy()
-    return (c.allocation[USED] * c.full_thrust) @ c.routing @ PAPER.mixer[:, USED].numpy()
+    return (c.allocation[USED] * c.full_thrust) @ c.routing @ PAPER.mixer[:, USED]
 
 
 @pytest.mark.parametrize("seed", range(3))

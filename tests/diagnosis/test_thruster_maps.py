@@ -29,7 +29,7 @@ POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 
 def thrusts(vehicle: Vehicle, commands: np.ndarray) -> np.ndarray:
     """Targets (K, n) of one vehicle at commands (K,), the same for all thrusters."""
-    c = prepare(Vehicle.stack([vehicle])).numpy()
+    c = prepare(vehicle.expand(1)).numpy()
     return thrust_target(c, ActiveTerms.of(c), np.repeat(commands[:, None], vehicle.thrusters, axis=1))
 
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, batch
 from auv_torchrl.diagnosis.motion.actuation import actuate
@@ -73,7 +72,7 @@ def test_a_batch_is_its_vehicles_one_by_one(name):
     for place, row in enumerate(rows):
         alone = apply_values(UNLIKE, row)
         for field, value in together.items():
-            torch.testing.assert_close(value[place], alone.get(field), rtol=1e-12, atol=1e-12, msg=field)
+            np.testing.assert_allclose(value[place], alone.get(field), rtol=1e-12, atol=1e-12, err_msg=field)
 
 
 def test_an_unknown_parameter_in_one_row_of_a_batch_is_named():

@@ -13,7 +13,7 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
-from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle import load_vehicle, stacked
 
 
 def _log(t: np.ndarray, commands: np.ndarray) -> FlightLog:
@@ -98,7 +98,7 @@ def test_vehicles_that_do_the_same_with_commands_are_worked_out_once(name):
     ends += [{m: 1.0} for m, p in declared.items() if p.discrete]
     changed = [effect.apply(vehicle.expand(1), values) for values in ends]
     windows = cut_windows(_log(0.05 * np.arange(100), np.random.default_rng(0).uniform(-1, 1, (100, 6))), 2.0, 1.0)
-    both = Vehicle.cat([*changed, *changed])
+    both = stacked([one.reshape() for one in (*changed, *changed)])
     together = actuate(windows, both).targets(slice(0, len(windows)), np.arange(windows.steps))[0]
     for row, one in enumerate([*changed, *changed]):
         alone = actuate(windows, one).targets(slice(0, len(windows)), np.arange(windows.steps))[0]

@@ -52,8 +52,8 @@ def test_an_overall_scale_is_found_and_changes_no_motion(factor):
     ]
     other = VehicleEstimate.from_file(file, nuisance).shifted(np.array(scaled))
     back = restore_file_scale(other)
-    moves, batch = np.ones(6, bool), (1,)
-    before, after = (sample_accelerations(c.vehicle.expand(batch), moves) for c in (other, back))
+    moves = np.ones(6, bool)
+    before, after = (sample_accelerations(c.vehicle.expand(1), moves) for c in (other, back))
     np.testing.assert_allclose(after, before, atol=2e-3 * np.abs(before).max())
     ratio = float(back.vehicle.mass / file.mass)
     assert abs(np.log(ratio)) < 0.2 * abs(np.log(factor))

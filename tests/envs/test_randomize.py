@@ -11,6 +11,7 @@ from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
 
 PAPER = load_vehicle("paper")
 CONTINUOUS = {name: effect for name, effect in EFFECTS.items() if not effect.parameters[0].discrete}
@@ -36,7 +37,7 @@ def test_a_zero_range_leaves_the_vehicle_unchanged(effect, name):
     vehicle = load_vehicle(name)
     ranges = {effect.name: {key: [value, value] for key, value in effect.nominal(vehicle).items()}}
     drawn = RandomizeVehicle(vehicle, ranges).draw(3, torch.Generator().manual_seed(0))
-    for key, value in vehicle.items():
+    for key, value in tensors(vehicle).items():
         torch.testing.assert_close(drawn.get(key), value.expand(3, *value.shape), rtol=0, atol=1e-12, msg=key)
 
 
@@ -52,7 +53,7 @@ def test_three_resets_are_as_wide_as_one(name):
     for _ in range(3):
         env.reset()
     often = fleet_of(env).vehicle
-    for key, value in PAPER.items():
+    for key, value in tensors(PAPER).items():
         first, last = ((getattr(drawn, key) - value).abs().amax(0) for drawn in (once, often))
         assert (last <= 1.3 * first + 1e-12).all(), key
     changed = [key for key, value in PAPER.items() if not torch.equal(often.get(key), once.get(key))]

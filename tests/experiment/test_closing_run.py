@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from auv_torchrl.agents.policy import SourcePolicy
@@ -81,4 +82,4 @@ def test_without_a_scenario_the_vehicle_of_the_diagnosis_is_flown(experiment, sw
     path.write_text(json.dumps(to_json(swap)))
     ready = experiment("nominal", f"diagnosis_file={path}")
     assert ready.scenario.name == "diagnosed" and ready.diagnosed is not None
-    assert ready.target.routing.equal(ready.diagnosed.vehicle.routing)
+    assert np.array_equal(ready.target.routing, ready.diagnosed.vehicle.routing)

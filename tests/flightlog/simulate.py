@@ -8,7 +8,7 @@ from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.sensors import FELT, felt_at_rows, motion_of
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
-from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
+from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle, stacked
 
 POSE_ONLY = ("x", "y", "z", "yaw")
 
@@ -36,7 +36,7 @@ def simulated_logs(
         for effect, values in change.items():
             vehicle = get_effect(effect).apply(vehicle, values)
         rows += [vehicle] * episodes
-    vehicles = Vehicle.stack([
+    vehicles = stacked([
         changed(v, position_noise=v.position_noise + noise[0], attitude_noise=v.attitude_noise + noise[1]) for v in rows
     ])  # fmt: skip
     rng = Repeated(seed, len(changes)) if alike else np.random.default_rng(seed)
@@ -46,7 +46,7 @@ def simulated_logs(
         of = rng.rng if isinstance(rng, Repeated) else rng
         drawn = [waves(of, steps, 4) for _ in range(episodes if alike else batch)]
         demand[..., CONTROLLED_INDEX] = drawn * (len(changes) if alike else 1)
-    commands = np.clip(demand @ nominal.mixer.numpy().T, -1, 1)
+    commands = np.clip(demand @ nominal.mixer.T, -1, 1)
     yaw = rng.uniform(-np.pi, np.pi, batch)
     simulator = PlainSimulator(vehicles, CONTROL_DT)
     simulator.resume(at_rest(rng.normal(size=(batch, 3)), yaw, nominal.thrusters))

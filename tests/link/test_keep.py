@@ -72,10 +72,10 @@ def test_a_log_grows_in_whole_rows_and_replaces_none(tmp_path):
     path = tmp_path / "log.csv"
     log = GrowingLog(path)
     log.write({"t": np.array([0.0, 0.1234567])})
-    assert path.read_text().splitlines() == ['"t"', "0", "0.123457"]
+    assert path.read_text().splitlines() == ['"t"', "0.0", "0.123457"]
     log.write({"t": np.array([1.0])})
     log.close()
-    assert path.read_text().splitlines()[-1] == "1"
+    assert path.read_text().splitlines()[-1] == "1.0"
     with pytest.raises(FileExistsError):
         GrowingLog(path)
 

@@ -146,9 +146,7 @@ HAPPENING = st.one_of(
 @pytest.fixture(scope="module")
 def flown(vehicle):
     """One plant for all examples, its delays included: to make one takes longer than to fly it."""
-    delayed = vehicle.clone()
-    delayed.delay += 0.03
-    delayed.pose_delay += 0.02
+    delayed = vehicle.replace(delay=vehicle.delay + 0.03, pose_delay=vehicle.pose_delay + 0.02)
     return Plant(delayed, Scenario("nominal"), Start())
 
 

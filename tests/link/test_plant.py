@@ -67,8 +67,7 @@ def test_a_firmware_that_starts_anew_meets_the_scenario_from_its_start(wire):
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
 def test_a_vehicle_that_hovers_measures_gravity_alone(vehicle, yaw):
     """At rest, level and weightless in the water: 9.81 m/s^2 up, no rates and no speed, as long as it is left alone."""
-    weightless = vehicle.clone()
-    weightless.buoyancy = weightless.mass * 9.81
+    weightless = vehicle.replace(buoyancy=vehicle.mass * 9.81)
     plant = Plant(weightless, Scenario("nominal"), Start(down=3.0, yaw=yaw))
     for _ in range(100):
         plant.step([0.0] * 8, 1 / 400)
@@ -95,9 +94,10 @@ def test_the_specific_force_is_that_of_the_motion(vehicle):
 
 def test_the_specific_force_is_that_of_the_instrument(vehicle):
     """Of an accelerometer off the origin and with an offset, however the vehicle tumbles."""
-    mounted = vehicle.clone()
-    mounted.accelerometer_position = mounted.accelerometer_position + torch.tensor([0.1, -0.05, 0.2])
-    mounted.accelerometer_bias = mounted.accelerometer_bias + torch.tensor([0.3, 0.0, -0.1])
+    mounted = vehicle.replace(
+        accelerometer_position=vehicle.accelerometer_position + np.array([0.1, -0.05, 0.2]),
+        accelerometer_bias=vehicle.accelerometer_bias + np.array([0.3, 0.0, -0.1]),
+    )
     plant = Plant(mounted, Scenario("nominal"), Start())
     for command in pulses(400, seed=2)[1]:
         plant.step(command.tolist(), 0.02)
@@ -138,9 +138,7 @@ def test_noise_of_sensors_reaches_the_firmware_and_not_the_vehicle(wire):
 
 def test_a_vehicle_that_diverges_stays_finite(vehicle):
     """It stays where it was, and its clock goes on."""
-    light = vehicle.clone()
-    light.full_thrust = light.full_thrust * 1e6
-    light.limit = light.limit * 1e6
+    light = vehicle.replace(full_thrust=vehicle.full_thrust * 1e6, limit=vehicle.limit * 1e6)
     plant = Plant(light, Scenario("nominal"), Start())
     assert any([plant.step([1.0] * 8, 0.05) for _ in range(5)])
     assert plant.moment.time_s == pytest.approx(0.25)

@@ -12,6 +12,7 @@ from auv_torchrl.physics.kernel import Advance, native
 from auv_torchrl.physics.kernel.reverse import pulled_back
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.step import runge_kutta_steps
+from auv_torchrl.vehicle_tensors import tensors
 from tests.physics.test_kernel import H, drawn_vehicles, names, seeds
 
 STEPS = 3
@@ -42,7 +43,7 @@ def outcome(advance, c, terms, body, thrust, targets, time, weights):
 def test_the_compiled_gradient_is_that_of_torch(effect, name, seed, rows):
     """Drawn vehicles with any effect, wherever they move: values within 1e-12 of their size, gradients within 1e-6."""
     rng = np.random.default_rng(seed)
-    c = prepare(drawn_vehicles(name, effect, rows, rng))
+    c = prepare(tensors(drawn_vehicles(name, effect, rows, rng)))
     terms, given_state = ActiveTerms.of(c), flight(c, rng)
     weights = [torch.as_tensor(rng.normal(size=part.shape)) for part in given_state[:2]]
     found, slopes = outcome(Advance(), c, terms, *given_state, weights)
@@ -57,7 +58,7 @@ def test_the_compiled_gradient_is_that_of_torch(effect, name, seed, rows):
 def test_the_gradient_is_there_in_single_precision():
     """To what single precision holds, the gradient is that in double precision."""
     rng = np.random.default_rng(3)
-    c = prepare(drawn_vehicles("bluerov2", EFFECTS["current"], 5, rng))
+    c = prepare(tensors(drawn_vehicles("bluerov2", EFFECTS["current"], 5, rng)))
     given_state = flight(c, rng)
     weights = [torch.ones_like(part) for part in given_state[:2]]
     _, slopes = outcome(Advance(), c, ActiveTerms.of(c), *given_state, weights)
@@ -77,7 +78,7 @@ def test_the_gradient_is_there_in_single_precision():
 def test_torch_differentiates_what_is_not_compiled(plain, monkeypatch):
     """Where compiled code is not wanted, or a parameter of the vehicles is differentiated by, torch does it."""
     rng = np.random.default_rng(4)
-    c = prepare(drawn_vehicles("paper", EFFECTS["current"], 3, rng))
+    c = prepare(tensors(drawn_vehicles("paper", EFFECTS["current"], 3, rng)))
     if plain:
         monkeypatch.setenv(native.CHOICE, "numpy")
     else:

@@ -4,7 +4,6 @@ import logging
 import os
 import subprocess
 import sys
-from typing import cast
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.physics.thrusters import thrust_targets
 from auv_torchrl.simulator import PlainSimulator, TorchArrays
 from auv_torchrl.simulator.arrays import lengthened
-from auv_torchrl.vehicle import Vehicle
 from tests.uneven import UNEVEN, load_any
 
 H = 0.001  # s; the strongest drag of the registry on the lightest hull diverges above 0.002
@@ -41,11 +39,11 @@ def drawn_vehicles(name, effect, rows, rng):
     for member, p in parameters.items():
         share, nominal = rng.random(rows), p.nominal_value(vehicle, member)
         value = nominal + share * ((p.high if p.high > nominal else p.low) - nominal)
-        values[member] = torch.as_tensor(np.round(value) if p.discrete else value)
+        values[member] = np.round(value) if p.discrete else value
     if effect.name == "thruster_swap":
-        values = {"command_1": torch.full((rows,), 2.0), "command_2": torch.full((rows,), 1.0)}
-    changed = effect.apply(vehicle.expand(rows), {key: value.double() for key, value in values.items()}).clone()
-    changed.lag[: rows - 1] += 0.2 * torch.as_tensor(rng.random((rows - 1, 1)))
+        values = {"command_1": np.full(rows, 2.0), "command_2": np.full(rows, 1.0)}
+    changed = effect.apply(vehicle.expand(rows), values).clone()
+    changed.lag[: rows - 1] += 0.2 * rng.random((rows - 1, 1))
     changed.coriolis[: rows - 1] = 1.0
     return changed
 
@@ -248,8 +246,8 @@ def test_a_simulator_goes_where_the_written_physics_goes(dtype, close, name, see
     simulator.state, expected = state, state
     for step in range(6):
         if step == 3:
-            rows = torch.tensor([1, 4])
-            simulator.replace(rows, cast(Vehicle, vehicles[1][rows]))
+            rows = np.array([1, 4])
+            simulator.replace(rows, vehicles[1][rows])
         command = simulator.arrays.native(torch.as_tensor(rng.uniform(-1, 1, (5, simulator.thrusters))))
         longer = simulator.state.commands.shape[-2]
         expected = expected._replace(commands=lengthened(expected.commands, longer))

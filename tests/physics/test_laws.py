@@ -1,7 +1,6 @@
 """Laws of mechanics that the model must obey for every vehicle, state and time."""
 
 import math
-from typing import cast
 
 import numpy as np
 import pytest
@@ -23,8 +22,9 @@ from auv_torchrl.physics.kinematics import (
     wrap_angle,
 )
 from auv_torchrl.physics.step import runge_kutta_step
-from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle_tensors import tensors
 
 VEHICLES = config_names("vehicle")
 seeds = st.integers(0, 2**31 - 1)
@@ -64,7 +64,7 @@ def energy(vehicle, state):
 @by_seed
 def test_energy_never_grows_without_thrust_and_current(name, strength, seed):
     """Drag only takes energy, and Coriolis terms give none, whatever the start."""
-    vehicle = get_effect("coriolis").apply(load_vehicle(name), {"strength": strength})
+    vehicle = get_effect("coriolis").apply(tensors(load_vehicle(name)), {"strength": strength})
     c = prepare(vehicle.expand(8)).numpy()
     terms = ActiveTerms.of(c)
     state = on_numpy(random_state(vehicle, 8, seed)[0])
@@ -81,7 +81,7 @@ def test_energy_never_grows_without_thrust_and_current(name, strength, seed):
 def test_mass_matrix_is_symmetric_positive_definite(seed):
     """M stays symmetric positive definite under every change that effects make to it."""
     generator = torch.Generator().manual_seed(seed)
-    vehicle = load_vehicle("bluerov2").expand(16)
+    vehicle = tensors(load_vehicle("bluerov2")).expand(16)
     for name in ("added_mass", "payload", "mass_offset"):
         effect = get_effect(name)
         vehicle = effect.apply(
@@ -112,7 +112,7 @@ def test_coriolis_forces_have_no_power(seed):
 @by_seed
 def test_motion_does_not_depend_on_heading_or_place(name, seed, turn, north, east):
     """Turned about the vertical and moved, a flight is the same flight turned and moved."""
-    vehicle = load_vehicle(name)
+    vehicle = tensors(load_vehicle(name))
     c = prepare(vehicle.expand(4)).numpy()
     terms = ActiveTerms.of(c)
     state, command = random_state(vehicle, 4, seed, tilt=0.5)
@@ -135,7 +135,7 @@ def test_motion_does_not_depend_on_heading_or_place(name, seed, turn, north, eas
 @by_seed
 def test_a_uniform_current_is_a_moving_frame(seed, north, east, down):
     """With all Coriolis terms, a vehicle in moving water flies as in still water, seen from a drifting boat."""
-    vehicle = get_effect("coriolis").apply(load_vehicle("bluerov2"), {"strength": 1.0})
+    vehicle = get_effect("coriolis").apply(tensors(load_vehicle("bluerov2")), {"strength": 1.0})
     flow = torch.tensor([north, east, down], dtype=torch.float64)
     drifting = get_effect("current").apply(vehicle, {"north": north, "east": east, "down": down})
     still, command = random_state(vehicle, 1, seed, speed=1.0)
@@ -154,10 +154,10 @@ def test_a_uniform_current_is_a_moving_frame(seed, north, east, down):
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_batch_flies_like_its_vehicles_alone(name):
     """Every effect drawn at random: a batch of vehicles gives what a loop over them gives."""
-    vehicle = load_vehicle(name).expand(5).clone()
+    vehicle = tensors(load_vehicle(name)).expand(5).clone()
     generator = torch.Generator().manual_seed(3)
     for effect in EFFECTS.values():
-        first = cast(Vehicle, vehicle[0])
+        first = vehicle[0]
         nominal, declared = effect.nominal(first), effect.member_parameters(first)
         share = 0.05 * torch.rand(5, generator=generator, dtype=torch.float64)
         values = {k: v + share * (declared[k].high - v) for k, v in nominal.items() if not declared[k].discrete}
@@ -166,7 +166,7 @@ def test_a_batch_flies_like_its_vehicles_alone(name):
     state = on_numpy(state._replace(commands=torch.zeros(5, 4, vehicle.thrusters, dtype=torch.float64)))
 
     def fly(rows):
-        c = prepare(cast(Vehicle, vehicle[rows])).numpy()
+        c = prepare(vehicle[rows]).numpy()
         now = State(*(part[rows] for part in state))
         for _ in range(10):
             now = control_step(c, ActiveTerms.of(c), now, command[rows].numpy())
@@ -181,7 +181,7 @@ def test_a_batch_flies_like_its_vehicles_alone(name):
 @pytest.mark.parametrize("name", VEHICLES)
 def test_numpy_and_torch_run_the_same_lines(name):
     """The array library changes nothing beyond rounding."""
-    vehicle = load_vehicle(name)
+    vehicle = tensors(load_vehicle(name))
     c = prepare(vehicle.expand(6).clone())
     state, command = random_state(vehicle, 6, 1)
     arrays = on_numpy(state)
@@ -198,17 +198,14 @@ def test_numpy_and_torch_run_the_same_lines(name):
 )  # fmt: skip
 def test_gradients_by_parameters_are_right(field):
     """Analytic gradients of a flight by the vehicle's parameters agree with finite differences."""
-    vehicle = load_vehicle("bluerov2").expand(1).clone()
-    vehicle.lag = vehicle.lag + 0.13
-    vehicle.delay = vehicle.delay + 0.07
+    vehicle = tensors(load_vehicle("bluerov2")).expand(1).clone()
+    vehicle = vehicle.replace(lag=vehicle.lag + 0.13, delay=vehicle.delay + 0.07)
     state, _ = random_state(vehicle, 1, 5, speed=0.3, tilt=0.2)
     state = state._replace(commands=torch.zeros(1, 4, 6, dtype=torch.float64))
     command = torch.tensor([[0.5, -0.6, 0.7, 0.4, -0.5, 0.6]], dtype=torch.float64)
 
     def fly(value):
-        changed = vehicle.clone(recurse=False)
-        changed.set(field, value)
-        c, now = prepare(changed), state
+        c, now = prepare(vehicle.replace(**{field: value})), state
         for _ in range(2):
             now = control_step(c, ActiveTerms.everything(), now, command, substeps=1)
         return torch.cat((now.position, now.velocity), -1)
@@ -220,7 +217,7 @@ def test_gradients_by_parameters_are_right(field):
 @pytest.mark.parametrize("name", VEHICLES)
 def test_gradients_are_finite_at_rest(name):
     """No square root, norm or power spoils the gradient of a vehicle that does not move."""
-    vehicle = load_vehicle(name).expand(2).clone().requires_grad_()
+    vehicle = tensors(load_vehicle(name)).expand(2).map(lambda field: field.clone().requires_grad_())
     c = prepare(vehicle)
     zeros = torch.zeros(2, 6, dtype=torch.float64)
     upright = torch.tensor([[1.0, 0, 0, 0]] * 2, dtype=torch.float64)
@@ -234,7 +231,7 @@ def test_gradients_are_finite_at_rest(name):
 
 def test_still_neutral_vehicle_stays():
     """A neutral vehicle at rest, upright, without commands, has no acceleration at all."""
-    c = prepare(load_vehicle("paper"))
+    c = prepare(tensors(load_vehicle("paper")))
     zeros = torch.zeros(6, dtype=torch.float64)
     upright = torch.eye(3, dtype=torch.float64)
     assert (acceleration(c, ActiveTerms.of(c), upright, zeros[:3], zeros, zeros).abs() < 1e-12).all()
@@ -242,7 +239,7 @@ def test_still_neutral_vehicle_stays():
 
 def test_full_surge_reaches_the_published_speed():
     """Table 1 with full thrust ends at 0.57 m/s in surge: 141 N = 36.8 v + 374.7 v^2."""
-    c = prepare(load_vehicle("paper").expand(1))
+    c = prepare(tensors(load_vehicle("paper")).expand(1))
     zeros = torch.zeros(1, 6, dtype=torch.float64)
     state = rest_state(zeros[:, :3], torch.tensor([[1.0, 0, 0, 0]], dtype=torch.float64), zeros, 6)
     command = torch.tensor([[-1.0, -1, 1, 1, 0, 0]], dtype=torch.float64)
@@ -266,14 +263,13 @@ def test_wrapped_angles_are_the_same_angle(angle):
 @by_seed
 def test_a_delayed_command_arrives_within_the_control_step(seed, quarters):
     """A delay of any number of quarter steps is exact: as if the fourfold finer step had sent each command later."""
-    vehicle = get_effect("dead_band").apply(load_vehicle("paper"), {"width": 15.0}).expand(4).clone()
-    vehicle.lag = vehicle.lag + 0.1
+    vehicle = get_effect("dead_band").apply(tensors(load_vehicle("paper")), {"width": 15.0}).expand(4).clone()
+    vehicle = vehicle.replace(lag=vehicle.lag + 0.1)
     at_once = ActiveTerms.of(prepare(vehicle))
     coarse, _ = random_state(vehicle[0], 4, seed)
     fine = coarse
     coarse = coarse._replace(commands=torch.zeros(4, 5, vehicle.gain.shape[-1], dtype=torch.float64))
-    late = vehicle.clone()
-    late.delay = late.delay + 0.0125 * quarters
+    late = vehicle.replace(delay=vehicle.delay + 0.0125 * quarters)
     rng = np.random.default_rng(seed)
     sent = torch.as_tensor(rng.uniform(-1, 1, (12, 4, vehicle.gain.shape[-1])))
     arriving = torch.cat((torch.zeros(quarters, *sent.shape[1:]), sent.repeat_interleave(4, dim=0)))
@@ -290,7 +286,7 @@ def test_a_delayed_command_arrives_within_the_control_step(seed, quarters):
 @by_seed
 def test_a_force_from_outside_does_what_thrusters_that_make_it_do(seed):
     """The wrench of the thrusters, given as a force besides silent ones, moves the vehicle in the same way."""
-    vehicle = load_vehicle("bluerov2_heavy")
+    vehicle = tensors(load_vehicle("bluerov2_heavy"))
     c = prepare(vehicle.expand(4))
     state, _ = random_state(vehicle, 4, seed)
     body = torch.cat((state.position, state.quaternion, state.velocity), dim=-1)

@@ -13,9 +13,10 @@ from auv_torchrl.physics.step import runge_kutta_steps
 from auv_torchrl.physics.surface import FULL_BELOW, NONE_ABOVE, PROPELLER_RADIUS, immersed
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.mujoco import MujocoSimulator
-from auv_torchrl.vehicle import Vehicle, load_vehicle, read_vehicle_file
+from auv_torchrl.vehicle import load_vehicle, read_vehicle_file, stacked
 from auv_torchrl.vehicle_fields import GRAVITY
 from auv_torchrl.vehicle_file import entries, fold
+from auv_torchrl.vehicle_tensors import tensors
 from tests.physics.test_adjoint import flight, outcome
 from tests.physics.test_kernel import H, assert_equal, drawn_flight, names, seeds, written
 from tests.uneven import load_any
@@ -36,9 +37,9 @@ def light_vehicle(share, **entry):
 def settled(kind, *vehicles, command=0.0, seconds=40.0, z=0.5):
     """Where each comes to rest from ``z`` under a command of all vertical thrusters, m below the surface."""
     count, (one, *_) = len(vehicles), vehicles
-    simulator = kind(Vehicle.stack(vehicles), 0.05)
+    simulator = kind(stacked(vehicles), 0.05)
     simulator.state = at_rest(np.tile([0.0, 0.0, z], (count, 1)), np.zeros(count), one.thrusters)
-    commands = np.where(one.thruster_direction[:, 2].abs().numpy() > 0.9, command, 0.0)
+    commands = np.where(np.abs(one.thruster_direction[:, 2]) > 0.9, command, 0.0)
     for _ in range(round(seconds / 0.05)):
         assert not simulator.step(np.tile(commands, (count, 1))).any()
     assert np.abs(simulator.state.velocity).max() < 1e-3
@@ -57,9 +58,9 @@ def test_thrust_down_pulls_it_under_by_what_it_is_lighter():
     """Its thrusters hold it deeper by as much buoyancy as they give thrust; below all of it, it sinks on."""
     vehicle = light_vehicle(0.8)
     net = float(vehicle.buoyancy - vehicle.mass * GRAVITY)
-    vertical = int((vehicle.thruster_direction[:, 2].abs() > 0.9).sum())
+    vertical = int((np.abs(vehicle.thruster_direction[:, 2]) > 0.9).sum())
     full = float(vehicle.full_thrust[0])
-    sense = float(vehicle.thruster_direction[vehicle.thruster_direction[:, 2].abs() > 0.9][0, 2])
+    sense = float(vehicle.thruster_direction[np.abs(vehicle.thruster_direction[:, 2]) > 0.9][0, 2])
     half = (net / 2 / vertical / full) ** (1 / float(vehicle.exponent[0]))
     (draught,) = settled(PlainSimulator, vehicle, command=sense * half) - 0.05
     reach = float(immersed(np.array(draught), 0.125, 0.125))
@@ -69,7 +70,7 @@ def test_thrust_down_pulls_it_under_by_what_it_is_lighter():
 def test_thrust_up_lifts_it_no_farther_than_its_propellers_reach():
     """However hard they push, thrusters that leave the water give nothing: it hangs with them at the surface."""
     vehicle = light_vehicle(0.98)
-    vertical = vehicle.thruster_direction[:, 2].abs() > 0.9
+    vertical = np.abs(vehicle.thruster_direction[:, 2]) > 0.9
     sense = float(vehicle.thruster_direction[vertical][0, 2])
     (centre,) = settled(PlainSimulator, vehicle, command=-sense, seconds=120.0)
     axis = centre + float(vehicle.thruster_position[vertical][0, 2])
@@ -89,7 +90,7 @@ def test_the_loss_of_a_propeller_is_near_that_of_its_source():
 def test_water_everywhere_is_no_surface(name, seed):
     """Where nothing is missing above the surface, the term does nothing, to the last bit."""
     rng = np.random.default_rng(seed)
-    deep = load_any(name).expand(3).clone()
+    deep = tensors(load_any(name)).expand(3).clone()
     there = SURFACE.apply(deep, {"depth": torch.as_tensor(rng.normal(size=3)), "air": 0.0})
     body, thrust, targets, time = flight(prepare(deep), rng)
     every = ActiveTerms.everything()
@@ -101,7 +102,7 @@ def test_water_everywhere_is_no_surface(name, seed):
 
 def at_the_surface(name, rows, rng):
     """Vehicles (rows,) about whose origin the surface lies, with some air above."""
-    depth, air = (torch.as_tensor(values) for values in (0.3 * rng.normal(size=rows), rng.random(rows)))
+    depth, air = 0.3 * rng.normal(size=rows), rng.random(rows)
     return SURFACE.apply(load_any(name).expand(rows), {"depth": depth, "air": air}).clone()
 
 
@@ -122,7 +123,7 @@ def test_compiled_steps_are_the_written_ones(name, seed, windows, rows):
 def test_the_compiled_gradient_is_that_of_torch(name, seed, rows):
     """A policy may be trained at the surface."""
     rng = np.random.default_rng(seed)
-    c = prepare(at_the_surface(name, rows, rng))
+    c = prepare(tensors(at_the_surface(name, rows, rng)))
     given_state = flight(c, rng)
     weights = [torch.as_tensor(rng.normal(size=part.shape)) for part in given_state[:2]]
     found, slopes = outcome(Advance(), c, ActiveTerms.of(c), *given_state, weights)

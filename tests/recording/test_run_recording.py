@@ -58,7 +58,7 @@ def test_a_recording_holds_poses_forces_errors_commands_and_the_map(flown, tmp_p
     np.testing.assert_allclose(seconds, flight.time.numpy(), atol=1e-9)
 
     vectors = np.array(column(entities["/world/u_t/start_1/force"], "Arrows3D:vectors"))
-    directions = vehicles["u_t"].thruster_direction.numpy()
+    directions = vehicles["u_t"].thruster_direction
     np.testing.assert_allclose((vectors * directions).sum(-1), ARROW_M_PER_N * flight.thrust.numpy(), atol=1e-6)
 
     thrust = np.array(column(entities["/thrust/u_t"], "Scalars:scalars"))

@@ -14,6 +14,7 @@ from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.sensors import MOTION, Inverse, measured_velocity, motion_of, read
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
 from auv_torchrl.vehicle_file import described, entries, fold
+from auv_torchrl.vehicle_tensors import tensors
 
 PAPER = load_vehicle("paper")
 LOGS = {  # channels, and the velocities of them that are no more than what the instrument says
@@ -32,7 +33,7 @@ rates = st.lists(number, min_size=6, max_size=6)
 def coefficients(scale=1.0, turn=0.0, position=(0.0, 0.0, 0.0), **fields):
     """Coefficients (1,) of a vehicle with a Doppler log that is mounted so."""
     told = dict(velocity_scale=scale, dvl_turn=turn, dvl_position=position, **fields)
-    vehicle = changed(PAPER, **{name: torch.tensor(value, dtype=torch.float64) for name, value in told.items()})
+    vehicle = changed(PAPER, **{name: np.array(value, dtype=np.float64) for name, value in told.items()})
     return prepare(vehicle.expand(1)).numpy()
 
 
@@ -106,7 +107,9 @@ def test_a_doppler_log_reports_the_velocity_of_its_place_along_its_axes():
     velocity = np.array([[1.0, 0.0, 0.2, 0.3, 0.0, 0.4]])
     due = np.array([0.5 * 0.4 - 0.3 * 0.1, -1.0, 0.2])  # ahead is to port of it, its bow moves with the turn
     assert measured_velocity(c, velocity)[0, :3] == pytest.approx(2.0 * due)
-    on_torch = prepare(changed(PAPER, dvl_turn=torch.tensor(math.pi / 2), dvl_position=torch.tensor([0.5, 0.0, 0.1])))
+    on_torch = prepare(
+        changed(tensors(PAPER), dvl_turn=torch.tensor(math.pi / 2), dvl_position=torch.tensor([0.5, 0.0, 0.1]))
+    )
     assert measured_velocity(on_torch, torch.as_tensor(velocity))[0, :3].numpy() == pytest.approx(due)
 
 

@@ -11,7 +11,7 @@ from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.simulator import PlainSimulator, TorchArrays, at_rest, record, replay, simulate
 from auv_torchrl.simulator.mujoco import MujocoSimulator
-from auv_torchrl.vehicle import Vehicle, load_vehicle
+from auv_torchrl.vehicle import load_vehicle, stacked
 
 PAPER = load_vehicle("paper")
 DT = 0.05
@@ -141,7 +141,7 @@ def test_a_diverged_vehicle_is_no_number_from_there_on_and_alone():
     """A vehicle whose drag pushes is lost, those beside it are not."""
     wild = changed(PAPER, linear_drag=-300.0 * PAPER.linear_drag)
     sent = commands()
-    states = simulate(Vehicle.stack([PAPER, wild, PAPER]), sent, DT * np.arange(61), START).states
+    states = simulate(stacked([PAPER, wild, PAPER]), sent, DT * np.arange(61), START).states
     lost = np.asarray(np.isnan(states).any(-1))
     assert not lost[[0, 2]].any() and lost[1, -1] and (np.diff(lost[1].astype(int)) >= 0).all()
     np.testing.assert_array_equal(states[[0, 2]], simulate(PAPER, sent, DT * np.arange(61), START).states[[0, 2]])

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from torch import Tensor
 
 from auv_torchrl.diagnosis.calibrate.correction import PredictionGain, correct_file, measure_own_floor
 from auv_torchrl.diagnosis.calibrate.flights import PASSES, FlightsFit, fit_flights, sizes_by_axis
@@ -200,7 +199,7 @@ class Calibration:
 
     def with_free_tilts(self) -> "Calibration":
         """The same calibration of a vehicle that may roll and pitch."""
-        vehicle = changed(self.vehicle, free=self.vehicle.free.new_ones(6))
+        vehicle = changed(self.vehicle, free=np.ones(6))
         return replace(self, estimate=replace(self.estimate, vehicle=vehicle))
 
 
@@ -209,7 +208,7 @@ def calibrate(
     vehicle: Vehicle,
     settings: Settings,
     coefficients: Sequence[Coefficient] = (),
-    free: Tensor | None = None,
+    free: Floats | None = None,
 ) -> Calibration:
     """Fit the coefficients of a healthy vehicle, how it differs from flight to flight, and its disturbance.
 
@@ -227,7 +226,7 @@ def calibrate(
     return calibrate_draft(draft(healthy, vehicle, settings, coefficients), settings, free)
 
 
-def calibrate_draft(drafted: Draft, settings: Settings, free: Tensor | None = None) -> Calibration:
+def calibrate_draft(drafted: Draft, settings: Settings, free: Floats | None = None) -> Calibration:
     """The calibration to which a draft leads; ``settings`` and ``free`` as of :func:`calibrate`."""
     flights_fit, estimate, prior = drafted.flights_fit, drafted.estimate, drafted.prior
     if flights_fit is None:
@@ -256,7 +255,7 @@ def calibrate_attitude(
 
 
 def _choose_tilts(
-    flights: Sequence[Windows], level: VehicleEstimate, prior: HealthyPrior, settings: Settings, free: Tensor
+    flights: Sequence[Windows], level: VehicleEstimate, prior: HealthyPrior, settings: Settings, free: Floats
 ) -> VehicleEstimate:
     """The vehicle held level or with the degrees of freedom ``free`` (6,), whichever makes the flights likelier.
 
@@ -270,7 +269,7 @@ def _choose_tilts(
     return both[odds > 0]
 
 
-def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Tensor, settings: Settings) -> Calibration:
+def calibrate_free(healthy: Sequence[FlightLog], level: Calibration, free: Floats, settings: Settings) -> Calibration:
     """The calibration with the degrees of freedom ``free`` (6,), from that of the vehicle held level.
 
     Roll and pitch that nobody measured show only in what they do to other motions, and that is little. A fit of all
@@ -378,7 +377,7 @@ def _list_findings(log: FlightLog, calibration: Calibration, settings: Settings)
     if corrections:
         most = max(corrections, key=lambda key: abs(corrections[key]))
         largest = f"; the largest correction is {words(' '.join(most))} {percent(corrections[most], sign=True)}"
-    dof = np.flatnonzero(calibration.vehicle.free.numpy() > 0)
+    dof = np.flatnonzero(calibration.vehicle.free > 0)
     sentence = (
         f"the verdict rests on the healthy log {log.name} ({log.duration:.0f} s): disturbance of "
         f"{sizes_by_axis(prior.floor, dof)} over {OU_TIME:g} s, coefficients calibrated on it{largest}"

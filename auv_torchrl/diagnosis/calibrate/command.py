@@ -9,7 +9,6 @@ from auv_torchrl.command import checking_input, command
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.schema import register
 from auv_torchrl.flightlog.readers import READERS, choose_reader
-from auv_torchrl.importing import importing_without_compiler
 
 register()
 
@@ -21,8 +20,7 @@ def main(config: DictConfig) -> None:
     """Calibrate on the logs that are named, once it is sure that they are there and the file can be written."""
     with checking_input():
         logs, output = find_healthy(config), find_output(config)
-    with importing_without_compiler():  # here, not above: torch takes a second
-        from auv_torchrl.diagnosis.calibrate.job import calibrate_to_file
+    from auv_torchrl.diagnosis.calibrate.job import calibrate_to_file  # here, not above: --help needs nothing of it
 
     calibrate_to_file(config, logs, output)
 

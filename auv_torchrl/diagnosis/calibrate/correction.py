@@ -238,7 +238,7 @@ class StepResponse:
 def simulate_steps(vehicle: Vehicle, command: float) -> StepResponse:
     """Step commands from rest, one controlled degree of freedom at a time; roll and pitch are held level."""
     sent = np.zeros((1 + len(CONTROLLED), vehicle.thrusters))
-    sent[1:] = np.clip(command * vehicle.mixer.numpy()[:, CONTROLLED_INDEX].T, -1, 1)
+    sent[1:] = np.clip(command * vehicle.mixer[:, CONTROLLED_INDEX].T, -1, 1)
     rows, times = len(sent), CONTROL_DT * np.arange(1 + round(LASTS_S / CONTROL_DT))
     held = np.repeat(sent[:, None], len(times) - 1, axis=1)
     velocity = simulate(held_level(vehicle), held, times).states[:, 1:, 7:].swapaxes(0, 1)  # (T, rows, 6)

@@ -109,7 +109,7 @@ def pseudo_huber(error: Floats, scale: Floats) -> Floats:
 
 def _free_start_entries(windows: Windows, vehicle: Vehicle) -> np.ndarray:
     """Which of the 12 numbers of a start are free: those that the used channels show."""
-    moves = np.flatnonzero(vehicle.free.numpy() > 0)
+    moves = np.flatnonzero(vehicle.free > 0)
     entries = np.concatenate([moves, moves + 6])
     poses = any(windows.channels[i] in POSE for i in used_channels(windows))
     return entries if poses else np.setdiff1d(entries, UNSEEN_BY_VELOCITY)

@@ -90,7 +90,7 @@ def find_ambiguous_directions(vehicle: Vehicle, nuisance: Sequence[NuisanceEntry
     rows = []
     for (effect, member, nominal, _), width in zip(nuisance, widths.tolist(), strict=True):
         rows += [{effect: {member: nominal + sign * STEP * width}} for sign in (1, -1)]
-    moves = vehicle.free.numpy() > 0
+    moves = vehicle.free > 0
     rates = sample_accelerations(batch(vehicle, rows), moves)
     slopes = (rates[0::2] - rates[1::2]).reshape(len(nuisance), -1).T / (2 * STEP)
     acts = np.flatnonzero(np.abs(slopes).max(0) > UNSEEN * np.abs(slopes).max())

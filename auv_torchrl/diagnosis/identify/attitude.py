@@ -33,7 +33,7 @@ def hold_attitude(log: FlightLog, vehicle: Vehicle) -> Vehicle:
 
 def held_level(vehicle: Vehicle) -> Vehicle:
     """The vehicle with roll and pitch held."""
-    return changed(vehicle, free=vehicle.free * vehicle.free.new_tensor([1, 1, 1, 0, 0, 1]))
+    return changed(vehicle, free=vehicle.free * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 1.0]))
 
 
 def is_hidden(log: FlightLog, vehicle: Vehicle) -> bool:

@@ -6,12 +6,11 @@ from itertools import combinations, permutations
 from typing import Annotated, Any
 
 import numpy as np
-import torch
 
+from auv_torchrl.array_api import converted
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
-from auv_torchrl.effects.changing import Changing
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
@@ -101,17 +100,15 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
         KeyError: for a parameter that its effect does not have.
     """
     names = {name for row in rows for name in row}
-    alike = ALIKE.of(lambda: vehicle.expand(len(rows)), (vehicle,), len(rows))
-    changed: Any = Changing(alike.clone(recurse=False))
-    like = {"dtype": vehicle.mass.dtype, "device": vehicle.mass.device}
+    changed = ALIKE.of(lambda: vehicle.expand(len(rows)), (vehicle,), len(rows))
     for name in (name for name in EFFECTS if name in names):
         _, nominal, places = declared(name, vehicle)
         each = [nominal | row.get(name, {}) for row in rows]
         if unknown := {member for its in each if len(its) > len(nominal) for member in its.keys() - nominal.keys()}:
             raise KeyError(f"effect {name}: no parameters {sorted(unknown)}: there are {', '.join(nominal)}")
-        values = torch.as_tensor(np.array([list(its.values()) for its in each]), **like)
+        values = converted(np.array([list(its.values()) for its in each]), vehicle.mass)
         changed = EFFECTS[name].change(changed, **{p: values[:, place] for p, place in places.items()})
-    return changed.whole if isinstance(changed, Changing) else changed
+    return changed
 
 
 def make_candidates(vehicle: Vehicle, settings: Settings, effects: Mapping[str, Effect] = EFFECTS) -> list[Candidate]:
@@ -155,7 +152,7 @@ def _permutations(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
     """Exchanges of two thrusters, and 3-cycles of those that push alike (all horizontal, or all vertical)."""
     n = vehicle.thrusters
     rings: list[tuple[int, ...]] = [(i, j) for i, j in combinations(range(1, n + 1), 2)]
-    upright = vehicle.thruster_direction[..., 2].abs().reshape(-1, n)[0] > 0.5
+    upright = np.abs(vehicle.thruster_direction[..., 2]).reshape(-1, n)[0] > 0.5
     for trio in combinations(range(1, n + 1), 3):
         if len({bool(upright[i - 1]) for i in trio}) == 1:
             first, *rest = trio
@@ -178,7 +175,7 @@ def do_change(vehicle: Vehicle, changes: Sequence[tuple[str, dict[str, float]]])
         rows = [i for i, (effect, _) in enumerate(changes) if effect == name]
         changed = batch(vehicle, [{name: changes[i][1]} for i in rows])
         for key, value in vehicle.items():
-            does[rows] |= (changed.get(key) != value).reshape(len(rows), -1).any(-1).numpy()
+            does[rows] |= (changed.get(key) != value).reshape(len(rows), -1).any(-1)
     return does.tolist()
 
 

@@ -57,7 +57,7 @@ class Layout:
         Raises:
             FlightLogError: if the log measures none of them.
         """
-        moves, here = np.flatnonzero(vehicle.free.numpy() > 0), set(windows.channels)
+        moves, here = np.flatnonzero(vehicle.free > 0), set(windows.channels)
         followed = np.array([bool({MOTION[d], MOTION[d + 6]} & here) for d in moves])
         seen = followed | np.array([bool(here & set(FELT[d : d + 1])) for d in moves])
         if not seen.any():

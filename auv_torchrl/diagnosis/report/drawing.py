@@ -88,7 +88,7 @@ def _axes_from_above(middle: float, centre: float, axes: Collection[str]) -> lis
 
 
 def _geometry(vehicle: Vehicle) -> tuple[Floats, Floats]:
-    return vehicle.thruster_position.double().numpy(), vehicle.thruster_direction.double().numpy()
+    return vehicle.thruster_position, vehicle.thruster_direction
 
 
 def _scale(position: Floats) -> float:

@@ -1,27 +1,28 @@
 """The files that a diagnosis leaves in its folder."""
 
 import json
+import logging
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 
 from auv_torchrl.diagnosis.configured import to_change
 from auv_torchrl.diagnosis.report.page import report_page
-from auv_torchrl.diagnosis.report.recording import record_diagnosis
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Window
 from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.extras import command, is_installed
 from auv_torchrl.files import encoded, write_whole
 from auv_torchrl.flightlog import POSE, VELOCITY
+from auv_torchrl.flightlog.csv_text import csv_blocks
 from auv_torchrl.vehicle import Vehicle
 
+log = logging.getLogger("diagnose")
 _PARAMETER = re.compile(r"[A-Z][A-Z0-9_]{0,15}")  # of ArduPilot: a name that is none writes no line of its own
-_FOR_PROGRAMS = ("randomization.yaml", "predictions.parquet", "diagnosis.rrd")
+RECORDING = "diagnosis.rrd"
+_FOR_PROGRAMS = ("randomization.yaml", "predictions.parquet", RECORDING)
 
 
 def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: bool = False) -> list[Path]:
@@ -45,24 +46,35 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
         "diagnosis.json": encoded(answer + "\n"),
         "scenario.yaml": encoded(scenario_yaml(diagnosis, vehicle)),
         "randomization.yaml": encoded(randomization_yaml(diagnosis, vehicle)),
-        "predictions.parquet": _bytes(pyarrow.parquet.write_table, predictions(diagnosis.windows)),
     }
+    if is_installed("pyarrow"):
+        contents["predictions.parquet"] = _parquet(predictions(diagnosis.windows))
+    else:
+        log.info("predictions.parquet is left out, pyarrow is not installed: %s", command("logs"))
     change = {name: value for name, value in to_change(diagnosis).items() if _PARAMETER.fullmatch(name)}
     if change:
         contents["advice.param"] = encoded("".join(f"{name},{value:g}\n" for name, value in change.items()))
     experiment = diagnosis.next_experiment
     if experiment is not None and experiment.t is not None and experiment.thruster_commands is not None:
-        commands = {"t": np.round(experiment.t, 6)}
-        commands |= {f"cmd_{i + 1}": np.round(c, 6) for i, c in enumerate(experiment.thruster_commands.T)}
-        contents[experiment.commands] = _bytes(pyarrow.csv.write_csv, _table(commands))
+        commands = {"t": experiment.t}
+        commands |= {f"cmd_{i + 1}": c for i, c in enumerate(experiment.thruster_commands.T)}
+        contents[experiment.commands] = b"".join(csv_blocks(commands))
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / name for name in (*contents, "diagnosis.rrd")]
+    paths = [folder / name for name in contents]
+    recorded = folder / RECORDING if is_installed("rerun") else None
+    if recorded:
+        paths.append(recorded)
+    else:
+        log.info("%s is left out, rerun is not installed: %s", RECORDING, command("rerun"))
     for path in paths:
         if path.exists() and not replace:
             raise FileExistsError(f"{path} exists: give another output folder or delete it")
     for name, content in contents.items():
         write_whole(folder / name, content)
-    record_diagnosis(diagnosis, vehicle, paths[-1])
+    if recorded:
+        from auv_torchrl.diagnosis.report.recording import record_diagnosis  # here, not above: it needs rerun
+
+        record_diagnosis(diagnosis, vehicle, recorded)
     return paths
 
 
@@ -72,14 +84,7 @@ def named_files(paths: Iterable[Path]) -> str:
     return f"{', '.join(names)} and {last}"
 
 
-def _bytes(write: Callable[[pa.Table, pa.NativeFile], object], table: pa.Table) -> bytes:
-    """What ``write`` makes of a table."""
-    stream = pa.BufferOutputStream()
-    write(table, stream)
-    return stream.getvalue().to_pybytes()
-
-
-def predictions(windows: tuple[Window, ...]) -> pa.Table:
+def predictions(windows: tuple[Window, ...]) -> dict[str, np.ndarray]:
     """Held-out windows, one row per sample: window, episode, t, commands, then measured, before and after by axis."""
     columns: dict[str, list[np.ndarray]] = {}
 
@@ -97,13 +102,17 @@ def predictions(windows: tuple[Window, ...]) -> pa.Table:
             values = getattr(window, kind).values
             for i, axis in enumerate((*POSE, *VELOCITY)):
                 add(f"{kind}_{axis}", values[:, i])
-    return _table({name: np.concatenate(parts) for name, parts in columns.items()})
+    return {name: np.concatenate(parts) for name, parts in columns.items()}
 
 
-def _table(columns: Mapping[str, np.ndarray]) -> pa.Table:
-    """The values as they lie in memory: ``pa.array`` asks pandas first, which takes 0.15 s to import."""
+def _parquet(columns: Mapping[str, np.ndarray]) -> bytes:
+    """The columns as Parquet, as they lie in memory: ``pa.array`` asks pandas first, which takes 0.15 s to import."""
+    import pyarrow as pa  # here, not above: it need not be installed
+    from pyarrow import parquet
 
     def column(values: np.ndarray) -> pa.Array:
         return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
 
-    return pa.table({name: column(values) for name, values in columns.items()})
+    stream = pa.BufferOutputStream()
+    parquet.write_table(pa.table({name: column(values) for name, values in columns.items()}), stream)
+    return stream.getvalue().to_pybytes()

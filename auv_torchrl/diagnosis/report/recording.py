@@ -6,18 +6,15 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-import torch
-from tensordict import TensorDict
 
 from auv_torchrl.diagnosis.verdict import Diagnosis, Trajectory, Window
-from auv_torchrl.flight import Flight
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.flightlog.log import AXES, Floats
 from auv_torchrl.palette import NEUTRAL, U_S, U_T, rgb
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.physics.thrusters import thrust_target
-from auv_torchrl.recording.body import record_vehicle
+from auv_torchrl.recording.body import record_hull, record_motion
 from auv_torchrl.recording.file import write_recording
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
@@ -54,11 +51,15 @@ def _record_windows(
     starts = np.cumsum([0.0, *(window.t[-1] - window.t[0] + PAUSE_S for window in windows)])
     time = np.concatenate([window.t - window.t[0] + start for window, start in zip(windows, starts, strict=False)])
     commands = np.concatenate([window.commands for window in windows])
+    coefficients = prepare(vehicle)
+    thrust = thrust_target(coefficients, ActiveTerms.of(coefficients), commands)  # of a nominal vehicle
     for name, colour in COLOUR.items():
         trajectories: list[Trajectory] = [getattr(window, name) for window in windows]
         poses = [_shown_pose(w.t, trajectory) for w, trajectory in zip(windows, trajectories, strict=True)]
-        flight = _flight(time, np.concatenate(poses), commands, vehicle)
-        record_vehicle(recording, f"world/{name}", vehicle, flight, colour)
+        record_hull(recording, f"world/{name}", vehicle, colour)
+        pose, clock = np.concatenate(poses), rr.TimeColumn("time", duration=time)
+        turned = quaternion_from_euler(*pose[:, 3:].T)
+        record_motion(recording, f"world/{name}", vehicle, clock, pose[:, :3], turned, thrust)
         paths = rr.LineStrips3D([pose[:, :3] for pose in poses], colors=[rgb(colour)], radii=0.006)
         recording.log(f"world/paths/{name}", paths, static=True)
         values = np.concatenate([trajectory.values for trajectory in trajectories])
@@ -86,20 +87,6 @@ def _shown_pose(t: Floats, trajectory: Trajectory) -> Floats:
         earth = matvec(rotation_matrix(quaternion_from_euler(*pose[:, 3:].T)), velocity[:, :3])
         pose[:, :3] = np.where(np.isnan(pose[:, :3]), np.cumsum(earth * steps, axis=0), pose[:, :3])
     return pose
-
-
-def _flight(time: Floats, pose: Floats, commands: Floats, vehicle: Vehicle) -> Flight:
-    """What :func:`record_vehicle` draws; the thrust is what a nominal vehicle makes of the commands."""
-    coefficients = prepare(vehicle).numpy()
-    thrust = thrust_target(coefficients, ActiveTerms.of(coefficients), commands)
-    nothing = np.zeros((len(time), 4))
-    fields = {
-        "time": time, "position": pose[:, :3], "quaternion": quaternion_from_euler(*pose[:, 3:].T),
-        "velocity": np.zeros((len(time), 6)), "thrust": thrust, "command": commands, "action": nothing,
-        "applied_action": nothing,
-    }  # fmt: skip
-    tensors = {name: torch.from_numpy(values) for name, values in fields.items()}
-    return Flight.from_tensordict(TensorDict(tensors, batch_size=[len(time)]))  # from_dict would load pandas
 
 
 def _blueprint(axes: list[str]) -> rrb.Blueprint:

@@ -6,10 +6,8 @@ the same commands, are flown by the simulator that training uses, all stretches 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
-import torch
 
 from auv_torchrl.diagnosis.motion.actuation import actuate, left_by_volts, oldest
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, late_steps, sample
@@ -17,11 +15,25 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_along, errors_by_kind
 from auv_torchrl.diagnosis.verdict import Confirmation
 from auv_torchrl.effects.effect import changed
+from auv_torchrl.extras import command, is_installed
+from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.importing import environment
 from auv_torchrl.physics import Coefficients, State, prepare
 from auv_torchrl.physics.step import memory_length
 from auv_torchrl.simulator import replay
-from auv_torchrl.simulator.mujoco import MujocoSimulator
-from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle import Vehicle, stacked
+
+
+def is_possible() -> bool:
+    """Whether MuJoCo is installed, which is then imported; nothing is drawn, so it need not look for a display."""
+    with environment(MUJOCO_GL="disabled"):
+        return is_installed("mujoco", "dm_control")
+
+
+def not_confirmed() -> Finding:
+    """That held-out flight was not flown again, because MuJoCo is not installed."""
+    what = "What was found was not flown again in MuJoCo, which is not installed"
+    return Finding(Severity.INFO, "not_confirmed", what, command("mujoco"))
 
 
 @DIVERGING
@@ -39,11 +51,6 @@ def confirm(p: Predictions, vehicles: Sequence[Vehicle]) -> Confirmation:
     return Confirmation(**errors_by_kind(again), closed=closed_share(again))
 
 
-def stacked(vehicles: Sequence[Vehicle]) -> Vehicle:
-    """Vehicles of empty batch as one batch."""
-    return cast(Vehicle, torch.stack(cast(Any, list(vehicles))))
-
-
 @DIVERGING
 def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> Floats:
     """States (W, V, S + 1, 13) of ``V`` vehicles over all windows in MuJoCo.
@@ -59,15 +66,17 @@ def fly_again(windows: Windows, vehicles: Sequence[Vehicle], starts: Floats) -> 
     one = stacked(vehicles)
     c = prepare(one).numpy()
     late = oldest(windows, c)
-    in_report_time = changed(one, delay=one.delay + torch.from_numpy(late), pose_delay=torch.zeros_like(one.pose_delay))
+    in_report_time = changed(one, delay=one.delay + late, pose_delay=np.zeros_like(one.pose_delay))
     parts = windows.held.shape[2]
     held = windows.held.reshape(len(windows.held), -1, windows.held.shape[-1])
     control_dt = windows.dt / parts
     steps = windows.steps + late_steps(windows, c)
     share = thrust_shares(windows, c, steps)[..., None]
     each = in_report_time.expand(number, width)
-    each = changed(each, gain=each.gain * torch.from_numpy(share)).reshape(-1)
-    simulator = MujocoSimulator(cast(Vehicle, each), control_dt)
+    each = changed(each, gain=each.gain * share).reshape(-1)
+    from auv_torchrl.simulator.mujoco import MujocoSimulator  # here, not above: MuJoCo need not be installed
+
+    simulator = MujocoSimulator(each, control_dt)
     memory = memory_length(float(in_report_time.delay.max()), control_dt)
     begin, episode = parts * windows.start[:, None], windows.episode[:, None]
     ago = np.clip(begin - 1 - np.arange(memory), 0, None)

@@ -56,8 +56,8 @@ def _other_way(vehicle: Vehicle, frame: str) -> list[int]:
     expected = _PUSHES.get(frame)
     if expected is None or len(expected) != vehicle.thrusters:
         return []
-    direction = vehicle.thruster_direction.detach().cpu().double().numpy()
-    moment = np.cross(vehicle.thruster_position.detach().cpu().double().numpy(), direction)
+    direction = vehicle.thruster_direction
+    moment = np.cross(vehicle.thruster_position, direction)
     pushes = np.concatenate((direction, moment), axis=-1)
     pushes = np.where(np.abs(pushes) < _NEXT_TO_NOTHING, 0, np.sign(pushes))
     wanted = np.array(expected)

@@ -3,14 +3,12 @@
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from array_api_compat import is_torch_array
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
-from auv_torchrl.physics.kernel.adjoint import DifferentiableSteps
 from auv_torchrl.physics.kernel.recorded import Variant
 from auv_torchrl.physics.kernel.steps import Steps
-from auv_torchrl.physics.kernel.table import Call, Memory, differentiated, in_plain_memory
+from auv_torchrl.physics.kernel.table import Call, Memory
 from auv_torchrl.physics.step import runge_kutta_steps
 
 Array = Any
@@ -44,29 +42,50 @@ class Advance:
         h: float,
     ) -> tuple[Array, Array]:
         """As of the plain one; arrays (N, ...)."""
-        goals = targets[:1] if all(target is targets[0] for target in targets) else targets
+        if is_torch_array(body):
+            return self._of_tensors(c, terms, body, thrust, targets, time, h)
+        steps = self._steps_of(c, terms, h)
+        if steps is None or not steps.compiled:
+            return runge_kutta_steps(c, terms, body, thrust, targets, time, h)
+        return self._run(steps, body, thrust, targets, time)
+
+    def _of_tensors(
+        self,
+        c: Coefficients,
+        terms: ActiveTerms,
+        body: Array,
+        thrust: Array,
+        targets: list[Array],
+        time: Array,
+        h: float,
+    ) -> tuple[Array, Array]:
+        import torch  # here and below, not above: numpy needs none of it
+
+        from auv_torchrl.physics.kernel.tensors import DifferentiableSteps, differentiated, in_plain_memory
+
         steps = None
-        if not isinstance(body, Tensor) or (in_plain_memory(body, thrust, time, *goals) and not differentiated(time)):
+        if in_plain_memory(body, thrust, time, *targets) and not differentiated(time):
             steps = self._steps_of(c, terms, h)
         if steps is None or not steps.compiled or (self._vehicles_vary and torch.is_grad_enabled()):
             return runge_kutta_steps(c, terms, body, thrust, targets, time, h)
-        if isinstance(body, Tensor) and differentiated(body, thrust, *targets):
+        if differentiated(body, thrust, *targets):
             return DifferentiableSteps.apply(steps, body, thrust, torch.stack(targets, dim=-2), time)
-        one = len(goals) == 1
-        target = np.asarray(goals[0])[:, None] if one else np.stack([np.asarray(goal) for goal in goals], axis=-2)
-        later = self._flight(steps, len(targets), one).run(body=body, thrust=thrust, target=target, time=time)
-        if isinstance(body, Tensor):
-            return torch.from_numpy(later[0]), torch.from_numpy(later[1])
-        return later
+        later = self._run(steps, body, thrust, targets, time)
+        return torch.from_numpy(later[0]), torch.from_numpy(later[1])
+
+    def _run(self, steps: Steps, body: Array, thrust: Array, targets: list[Array], time: Array) -> tuple[Array, Array]:
+        one = all(target is targets[0] for target in targets)
+        target = np.asarray(targets[0])[:, None] if one else np.stack([np.asarray(goal) for goal in targets], axis=-2)
+        return self._flight(steps, len(targets), one).run(body=body, thrust=thrust, target=target, time=time)
 
     def _steps_of(self, c: Coefficients, terms: ActiveTerms, h: float) -> Steps | None:
         """Steps of vehicles with these coefficients; None where these cannot be read."""
         if self._read is None or self._read[0] is not c or self._read[1] != h:
             self._read, self._steps = (c, h), None
             self._flights.clear()
-            self._vehicles_vary = any(isinstance(field, Tensor) and field.requires_grad for field in c)
-            if not isinstance(c.lag, Tensor) or in_plain_memory(*c):
-                known = c.numpy() if isinstance(c.lag, Tensor) else c
+            self._vehicles_vary = is_torch_array(c.lag) and any(field.requires_grad for field in c)
+            if _is_readable(c):
+                known = c.numpy() if is_torch_array(c.lag) else c
                 self._steps = Steps(known, terms, h, Variant.of(known))
         return self._steps
 
@@ -74,6 +93,14 @@ class Advance:
         if (parts, one) not in self._flights:
             self._flights[parts, one] = _Flight(steps, parts, one)
         return self._flights[parts, one]
+
+
+def _is_readable(c: Coefficients) -> bool:
+    if not is_torch_array(c.lag):
+        return True
+    from auv_torchrl.physics.kernel.tensors import in_plain_memory
+
+    return in_plain_memory(*c)
 
 
 class _Flight:

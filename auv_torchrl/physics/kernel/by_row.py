@@ -6,15 +6,14 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from array_api_compat import array_namespace, is_torch_array
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kernel.assembly import assembly
 from auv_torchrl.physics.kernel.native import Code, is_wanted, load
 from auv_torchrl.physics.kernel.program import Layout, program
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
-from auv_torchrl.physics.kernel.table import Call, differentiated, in_plain_memory
+from auv_torchrl.physics.kernel.table import Call
 from auv_torchrl.physics.thrusters import limited_thrust, thrust_targets
 
 Array = Any
@@ -65,8 +64,11 @@ class ByRow:
 
     def __call__(self, *arrays: Array) -> Array:
         """As of the function; arrays that compiled code cannot read are given to the function itself."""
-        first = arrays[0]
-        readable = not isinstance(first, Tensor) or (in_plain_memory(*arrays) and not differentiated(*arrays))
+        first, readable, is_torch = arrays[0], True, is_torch_array(arrays[0])
+        if is_torch:
+            from auv_torchrl.physics.kernel.tensors import differentiated, in_plain_memory  # here: numpy needs none
+
+            readable = in_plain_memory(*arrays) and not differentiated(*arrays)
         call = self._call_of(len(first), 8 * first.dtype.itemsize) if readable and is_wanted() and len(first) else None
         if call is None:
             return self._of.function(*arrays)
@@ -74,7 +76,7 @@ class ByRow:
         given = {name: np.ascontiguousarray(array, dtype) for name, array in zip(self._of.given, arrays, strict=True)}
         found = np.empty((len(first), *self._of.traced()[2].shape), dtype)
         call.run({**given, "found": found})
-        return torch.from_numpy(found) if isinstance(first, Tensor) else found
+        return array_namespace(first).asarray(found) if is_torch else found
 
     def _call_of(self, rows: int, bits: int) -> Call | None:
         code = self._of.code(bits)

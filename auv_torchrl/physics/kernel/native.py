@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from auv_torchrl.extras import command
 from auv_torchrl.files import locked, say_not_kept, write_whole
 from auv_torchrl.paths import cache_folder
 from auv_torchrl.physics.kernel.assembly import CALLBACK, ENTRY, KEPT, TABLE
@@ -59,7 +60,8 @@ def load(name: str, assembled: Callable[[], str]) -> Code | None:
     try:
         return _linked(_machine_code(name, assembled))
     except (ImportError, OSError, RuntimeError) as error:
-        _say_once(f"the physics runs on numpy, which is slower but gives the same numbers: {error}")
+        why = f"llvmlite is not installed: {command('fast')}" if isinstance(error, ImportError) else error
+        _say_once(f"the physics runs on numpy, which is slower but gives the same numbers: {why}")
         return None
 
 

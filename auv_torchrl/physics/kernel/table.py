@@ -3,8 +3,6 @@
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from auv_torchrl.physics.kernel.assembly import COUNTS, LANES, WORDS, array_names
 from auv_torchrl.physics.kernel.native import Code
@@ -125,16 +123,3 @@ class Call:
                 )
             self._words[self._places[name]] = array.ctypes.data
         self._code(self._words.ctypes.data)
-
-
-def in_plain_memory(*tensors: Tensor) -> bool:
-    """Whether tensors are on the CPU and not mapped over."""
-    return not torch.compiler.is_compiling() and all(
-        tensor.is_cpu and not torch._C._functorch.is_functorch_wrapped_tensor(tensor)  # pyright: ignore[reportAttributeAccessIssue]
-        for tensor in tensors
-    )
-
-
-def differentiated(*tensors: Tensor) -> bool:
-    """Whether gradients by any of the tensors are wanted."""
-    return torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
