@@ -69,7 +69,7 @@ class Authority:
 def pushed(vehicle: Vehicle, axes: Sequence[str], by_channels: bool) -> tuple[str, ...]:
     """Those of some degrees of freedom that a sound vehicle pushes both ways without pushing the others of them.
 
-    Its weight in water counts as a push that needs no thruster. Faults do not count: gains, neutrals and routing are left out.
+    Its weight in water counts as a push that needs no thruster. Faults of thrusters and plugs are left out.
 
     Args:
         vehicle: one vehicle (empty batch).

@@ -22,7 +22,7 @@ def dive(values, seconds: float = 60.0, seed: int = 0) -> FlightLog:
     count = round(seconds / DT)
     demand = np.repeat(rng.uniform(-0.4, 0.4, (count // 20 + 1, 4)), 20, axis=0)[:count] * (1.0, 1.0, 0.0, 0.3)
     demand[:, 2] = np.repeat(HEAVE, -(-count // len(HEAVE)))[:count]
-    commands = np.clip(demand @ FLOATS.mixer.numpy()[:, [0, 1, 2, 5]].T, -1, 1)
+    commands = np.clip(demand @ FLOATS.mixer[:, [0, 1, 2, 5]].T, -1, 1)
     simulator = PlainSimulator(apply_values(FLOATS, values).expand(1), DT)
     simulator.resume(at_rest(np.array([[0.0, 0.0, 1.0]]), np.zeros(1), FLOATS.thrusters))
     jitter = rng.standard_normal((count, 1, 6)) * np.repeat((0.002, 0.004), 3)

@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE
+from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, WORTH_AN_EFFECT
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.physics import prepare
@@ -96,7 +96,7 @@ def test_ways_in_which_all_plugs_sit_elsewhere(count, ways):
 
 
 def test_a_permutation_costs_its_plugs():
-    """One more exchange is as unlikely as one more value, and each set of plugs of one size is as likely as another."""
+    """A second exchange is a value and a mishap more, and each set of plugs of one size is as likely as another."""
     prior = Problem.of(
         cut_windows(fly(PAPER, {}, episodes=2, seconds=20.0), 2.0, 1.5, 0.2), PAPER, replace(SETTINGS, ignored=())
     ).prior
@@ -109,5 +109,7 @@ def test_a_permutation_costs_its_plugs():
         )
         return prior.structure(Explanation(tuple(terms)))
 
-    assert cost((1, 2)) - cost((1, 2), (3, 4)) == pytest.approx(log(15 * 9 / 15) - log(ONE_MORE_VALUE))
+    assert cost((1, 2)) - cost((1, 2), (3, 4)) == pytest.approx(
+        log(15 * 9 / 15) - log(ONE_MORE_VALUE) + WORTH_AN_EFFECT
+    )
     assert cost((1, 2, 3)) == cost((4, 6, 5))

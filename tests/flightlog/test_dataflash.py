@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.memory import PRINT_MOST_KIB
 
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.readers import ardupilot, dataflash, read_streams
@@ -18,6 +17,7 @@ from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.dataflash_writer import ALL, described, dive, parameters, record
 from tests.flightlog.shared_data import EXCERPTS, shared
 from tests.flightlog.vehicle_log import streams_of
+from tests.memory import PRINT_MOST_KIB
 
 HEAVY = load_vehicle("bluerov2_heavy")
 EXCERPT = EXCERPTS / "ardusub.BIN"

@@ -8,13 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.memory import PRINT_MOST_KIB
 
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.command import main
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.shared_data import shared
+from tests.memory import PRINT_MOST_KIB
 
 DAMAGED = "is left out. Copy the file from the vehicle again."
 MOST_BYTES = 1.5e9  # of memory that a log below 100 MB may take

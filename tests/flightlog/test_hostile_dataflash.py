@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.memory import PRINT_MOST_KIB
 
 from auv_torchrl.effects.advice import thruster_gain
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
@@ -26,6 +25,7 @@ from auv_torchrl.flightlog.streams.vehicle_kind import check_kind, kind_of_text,
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.dataflash_writer import ALL, FORMS, described, dive, record
 from tests.flightlog.vehicle_log import streams_of
+from tests.memory import PRINT_MOST_KIB
 
 HEAVY = load_vehicle("bluerov2_heavy")
 TYPE, LENGTH, NAME, FORMAT, COLUMNS = 3, 4, 5, 9, 25  # bytes of a FMT record

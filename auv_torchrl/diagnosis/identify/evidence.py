@@ -9,7 +9,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, RANGE_CAP, SECOND_EFFECT
+from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, RANGE_CAP, SECOND_EFFECT, WORTH_AN_EFFECT
 from auv_torchrl.effects import EFFECTS, Parameter
 from auv_torchrl.vehicle import Vehicle
 
@@ -39,7 +39,9 @@ class Prior:
             terms = [term for term in explanation.terms if term.effect == effect]
             if terms[0].discrete:
                 moved = min(len(terms), members)
-                total += (exchanges(giver_of(terms)) - 1) * log(ONE_MORE_VALUE)
+                giver = giver_of(terms)
+                total += (exchanges(giver) - 1) * log(ONE_MORE_VALUE)
+                total -= (len(rings(giver)) - 1) * WORTH_AN_EFFECT  # a ring of plugs is a mishap of its own
                 total -= log(comb(members, moved) * max(1, derangements(moved)))
                 continue
             total += (len(terms) - 1) * log(ONE_MORE_VALUE)

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
+from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import (
     fit_by_simulation,
@@ -151,17 +152,29 @@ class _EffectSearch(Search[Neighbour, Fit]):
 
         Healthy flights differ by as much among themselves: then it is none whatever is left without it.
         """
-        small = self._small(best)
-        rest = tuple(term for term in best.explanation.terms if term.effect not in small)
-        if not small or not rest:
+        small, members = self._small(best), self._small_members(best)
+        rest = tuple(t for t in best.explanation.terms if t.effect not in small and t.key not in members)
+        if not rest or len(rest) == len(best.explanation.terms):
             return best
         less = self._fitted(Neighbour(replace(best.explanation, terms=rest), best.path))
         known = self._problem.known
-        is_sound = (known is not None and not known.of_itself) or nuisance_does(self._problem, less)
+        differ = known is not None and not known.of_itself and not members
+        is_sound = differ or nuisance_does(self._problem, less)
         if is_sound:
             self.exchange(best, best, Outcome.SMALL)
-        self.note(less, f"without {words(' and '.join(small))}", Outcome.STEP if is_sound else Outcome.NEEDED)
+        gone = [*small, *(member for _, (member, *_) in members)]
+        self.note(less, f"without {words(' and '.join(gone))}", Outcome.STEP if is_sound else Outcome.NEEDED)
         return less if is_sound else best
+
+    def _small_members(self, fitted: Fit) -> list[tuple[str, tuple[str, ...]]]:
+        """Members of families, beside others of their effect, whose force is small likewise."""
+        terms = likeliest(self._problem, fitted).terms
+        several = [one for one in terms if sum(other.effect == one.effect for other in terms) > 1]
+        vehicle = self._problem.vehicle
+        families = [one for one in several if declared(one.effect, vehicle).parameters[one.members[0]].over]
+        each = [Explanation((term,)) for term in families if not term.discrete]
+        small = sizes(self._problem, each, fitted.path) < MINOR * self._problem.nuisance_size
+        return [one.terms[0].key for one, is_small in zip(each, small, strict=True) if is_small]
 
     def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
