@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from auv_torchrl.page import jobs
 from auv_torchrl.paths import EXAMPLE_LOG
 from tests.flightlog.shared_data import EXCERPTS
 from tests.page.conftest import another, page_server
@@ -201,8 +202,9 @@ def test_a_page_goes_without_script(browser, address):
 
 
 @pytest.mark.slow
-def test_the_example_comes_to_its_verdict_by_the_diagnosis_itself(browser, tmp_path):
+def test_the_example_comes_to_its_verdict_by_the_diagnosis_itself(browser, tmp_path, monkeypatch):
     """Thruster 4 is weak; its curves have the errors of prediction, before and after."""
+    monkeypatch.setattr(jobs, "DIAGNOSE", "auv_torchrl.monitoring.command")  # others have a stand-in for it
     with page_server(tmp_path / "page") as address, browser.new_context() as context:
         page = context.new_page()
         page.set_default_timeout(4 * TIMEOUT_MS)
