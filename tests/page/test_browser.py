@@ -198,7 +198,9 @@ def test_a_page_goes_without_script(browser, address):
         page.goto(address)
         page.set_input_files("#files", {"name": "plain.csv", "mimeType": "text/csv", "buffer": another()})
         page.get_by_role("button", name="Send").click()
-        assert page.locator("tr", has_text="plain.csv").count() == 1
+        row = page.locator("tr", has_text="plain.csv")
+        row.first.wait_for()  # the click does not wait for the answer
+        assert row.count() == 1
 
 
 @pytest.mark.slow
