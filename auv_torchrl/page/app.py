@@ -12,9 +12,9 @@ from auv_torchrl import __version__
 from auv_torchrl.extras import library
 from auv_torchrl.page import rest, screens
 from auv_torchrl.page.guard import LOOPBACK, Guard
-from auv_torchrl.page.jobs import JobError
-from auv_torchrl.page.store import NoEntry, Store
-from auv_torchrl.page.upload import MOST_BYTES, UploadError
+from auv_torchrl.page.refusal import Refusal
+from auv_torchrl.page.store import Store
+from auv_torchrl.page.upload import MOST_BYTES
 from auv_torchrl.page.worker import NICE, Board, Worker
 
 fastapi = library("fastapi", "the page needs", "page")
@@ -74,9 +74,8 @@ def make_app(
     app.mount("/static", staticfiles.StaticFiles(directory=screens.STATIC))
     pages = screens.Screens(store)
 
-    async def refuse(request: Request, error: Exception) -> Any:
+    async def refuse(request: Request, error: Any) -> Any:
         return screens.refusal(pages, request, error)
 
-    for kind in (NoEntry, JobError, UploadError):
-        app.add_exception_handler(kind, refuse)
+    app.add_exception_handler(Refusal, refuse)
     return Guard(app, names, any_address, store.fact("token", secrets.token_urlsafe(32)))

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from auv_torchrl.page.refusal import Refusal
 from auv_torchrl.page.store import Job, JobKind, JobState, LogEntry, LogState, Store
 from auv_torchrl.paths import config_names
 from auv_torchrl.quantities import counted
@@ -29,12 +30,10 @@ ABOUT_FILES: Mapping[str, str] = {
 }
 
 
-class JobError(ValueError):
-    """A job that cannot be asked for; ``status`` is that of the answer."""
+class JobError(Refusal):
+    """A job that cannot be asked for."""
 
-    def __init__(self, message: str, status: int = 422) -> None:
-        super().__init__(message)
-        self.status = status
+    usual = 422
 
 
 @dataclass(frozen=True)

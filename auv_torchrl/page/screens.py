@@ -10,9 +10,9 @@ import jinja2
 from auv_torchrl import __version__
 from auv_torchrl.extras import library
 from auv_torchrl.page.jobs import ABOUT_FILES, JobError, files_of, request_job, vehicles
+from auv_torchrl.page.refusal import Refusal
 from auv_torchrl.page.rest import LogChange, about_file, change_log, history_of, remove_log, report_name
 from auv_torchrl.page.store import JobKind, LogEntry, LogState, NoEntry, Store
-from auv_torchrl.page.upload import UploadError
 from auv_torchrl.page.worker import Board, Worker
 from auv_torchrl.quantities import counted, duration, words
 from auv_torchrl.text import printable
@@ -194,10 +194,9 @@ def changed_parameters(a: LogEntry, b: LogEntry) -> list[tuple[str, float | None
     return [(n, left.get(n), right.get(n)) for n in names if left.get(n) != right.get(n)][:_MOST_CHANGED]
 
 
-def refusal(screens: Screens, request: Any, error: Exception) -> Any:
+def refusal(screens: Screens, request: Any, error: Refusal) -> Any:
     """What is said of a request that cannot be answered: a page to browsers, JSON to programs."""
-    status = error.status if isinstance(error, (JobError, UploadError)) else 404
-    text = printable(str(error.args[0] if error.args else error), None)
+    text, status = printable(str(error), None), error.status
     if "text/html" in request.headers.get("accept", ""):
         return screens(request, "refusal.html.j2", status, message=text)
     return responses.JSONResponse({"detail": text}, status)

@@ -15,6 +15,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from auv_torchrl.page.refusal import Refusal
+
 _SCHEMA = """
 create table if not exists logs (
     id text primary key, name text, file text, bytes integer, digest text unique, added text, state text, error text,
@@ -27,8 +29,10 @@ create table if not exists facts (name text primary key, value text);
 _ID_BYTES = 8  # of a random name: nobody guesses it, and none comes twice
 
 
-class NoEntry(LookupError):
+class NoEntry(Refusal, LookupError):
     """There is no log or job of that name."""
+
+    usual = 404
 
 
 class LogState(StrEnum):

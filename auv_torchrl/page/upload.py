@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from auv_torchrl.extras import library
+from auv_torchrl.page.refusal import Refusal
 from auv_torchrl.quantities import counted
 
 multipart = library("python_multipart.multipart", "the page needs", "page")
@@ -27,12 +28,8 @@ _SHOWN = 200  # characters of a name that are kept for people
 _RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$)", re.I)  # names that Windows keeps for devices
 
 
-class UploadError(ValueError):
-    """A request that brings no logs, or too much; ``status`` is that of the answer."""
-
-    def __init__(self, message: str, status: int = 400) -> None:
-        super().__init__(message)
-        self.status = status
+class UploadError(Refusal):
+    """A request that brings no logs, or too much."""
 
 
 @dataclass(frozen=True)

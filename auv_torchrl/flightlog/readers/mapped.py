@@ -68,13 +68,15 @@ def streams_of_recording(path: Path, mapping: Iterable[MappedStream]) -> Streams
     if bare := [one.name for one in mapping if not one.topic]:
         raise FlightLogError(f"{path.name} is a recording, and {bare[0]} has no topic in the mapping: say on which")
     seen: dict[Channel, None] = {}
-    topics = {one.topic.strip("/") for one in mapping}
+    places: dict[str, list[Place]] = {}  # by topic, those of its streams one after the other
+    for one in mapping:
+        places.setdefault(one.topic.strip("/"), []).extend(one.places)
     types: dict[Channel, Type | None] = {}
     rows: dict[str, Rows] = {}
     budget, refused = Budget(loss), dict[str, str]()
 
     def wanted(channel: Channel) -> bool:
-        return channel.topic.strip("/") in topics and channel.encoding in (CDR, ROS1)
+        return channel.topic.strip("/") in places and channel.encoding in (CDR, ROS1)
 
     for channel, time_ns, data in ros.messages(path, wanted, seen, loss):
         topic = channel.topic.strip("/")
@@ -85,10 +87,9 @@ def streams_of_recording(path: Path, mapping: Iterable[MappedStream]) -> Streams
                 types[channel], refused[topic] = None, f"its type {channel.kind} cannot be read ({error})"
         if (kind := types[channel]) is None:
             continue
-        places = [place for one in mapping if one.topic.strip("/") == topic for place in one.places]
         try:
             values = kind.values(ros.plain(data))
-            row = [time_ns * 1e-9, *(_found(path, channel, values, place) for place in places)]
+            row = [time_ns * 1e-9, *(_found(path, channel, values, place) for place in places[topic])]
         except FlightLogError:
             raise
         except (struct.error, ValueError, TypeError, OverflowError):
@@ -99,7 +100,7 @@ def streams_of_recording(path: Path, mapping: Iterable[MappedStream]) -> Streams
         if loss.stopped:
             break
     there = sorted(channel.topic for channel in seen)
-    for topic in sorted(topics - set(rows)):
+    for topic in sorted(set(places) - set(rows)):
         if topic not in {name.strip("/") for name in there}:
             raise FlightLogError(f"{path.name} has no topic {topic}: {choices([topic], there)}")
         why = refused.get(topic, "no message on it can be read")

@@ -116,7 +116,7 @@ class Topic:
             KeyError: if its type lacks a field.
         """
         values = self.type.values(data)
-        row = [time_ns * 1e-9, stamp(values)]
+        row = [time_ns * 1e-9, _stamp(values)]
         for name in _FIELDS[self.kind]:
             value = values[name]
             if name == "orientation_covariance":
@@ -269,8 +269,7 @@ def _listed(names: list[str]) -> str:
     )
 
 
-def stamp(values: Values) -> float:
-    """When a message was made, s; 0 where it does not say."""
+def _stamp(values: Values) -> float:
     return values.get("header.stamp.sec", 0) + values.get("header.stamp.nanosec", 0) * 1e-9
 
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.streams.motors import NEUTRAL
 from auv_torchrl.flightlog.streams.stream import MappedStream, Place, Sampling
 from auv_torchrl.settings import choices
 from auv_torchrl.yaml_file import read_yaml
@@ -37,7 +38,7 @@ _CHANNELS = {  # of each stream that an owner may map: its channels, their unit,
     "battery": (("voltage",), "V", Sampling.MEASURED),
 }
 _FACTORS = {  # by unit of a stream: what one unit of the owner's is in it
-    "1": {"1": 1.0, "us": 1 / 400, "%": 0.01},  # pulses are 1500 at rest, 1100 and 1900 in full
+    "1": {"1": 1.0, "us": 1 / 400, "%": 0.01},  # full command is 1100 and 1900 us, as thrusters commonly take them
     "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
     "rad": {"rad": 1.0, "deg": np.pi / 180},
     "m/s": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
@@ -45,7 +46,6 @@ _FACTORS = {  # by unit of a stream: what one unit of the owner's is in it
     "m/s^2": {"m/s^2": 1.0, "g": 9.80665},
     "V": {"V": 1.0, "mV": 0.001},
 }
-_NEUTRAL_US = 1500.0
 _ENTRIES = ("topic", "values", "unit", "sampling", "scale", "offset")
 
 
@@ -88,7 +88,7 @@ def _stream(name: str, entry: Any) -> MappedStream:
     if not isinstance(topic, str):
         raise ValueError(f"{name} has the topic {short(topic)}: give the name of a topic")
     scale, offset = (_number(name, entry, key, usual) for key, usual in (("scale", 1.0), ("offset", 0.0)))
-    neutral = _NEUTRAL_US if given == "us" else 0.0
+    neutral = NEUTRAL if given == "us" else 0.0
     factor = factors[given]
     return MappedStream(
         name, channels, places, topic, unit, factor * scale, factor * (offset - neutral), Sampling(sampling)
