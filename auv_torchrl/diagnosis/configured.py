@@ -46,7 +46,7 @@ def to_change(diagnosis: Diagnosis) -> dict[str, float]:
 
 
 def _advised(effects: Iterable[FoundEffect]) -> dict[str, float]:
-    return known(*(one.param for effect in effects for one in effect.advice))
+    return known(*(one.param for effect in effects if effect.is_likely for one in effect.advice))
 
 
 def _covered(finding: Finding, advised: dict[str, float]) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.posterior import NONE, UNKNOWN
 from auv_torchrl.diagnosis.thresholds import CLOSED_IF_EXPLAINED, STILL_FAR
-from auv_torchrl.diagnosis.verdict import Errors, FoundEffect, Gap, Verdict
+from auv_torchrl.diagnosis.verdict import Alternative, Errors, FoundEffect, Gap, Verdict
 from auv_torchrl.flightlog import Finding
 
 BELIEVED = 0.5  # of the probability of a cause, where it may as well be what the finding says about the log
@@ -34,6 +34,15 @@ def bounded(probability: Mapping[str, float], doubted: Sequence[Finding]) -> dic
     kept = {name: p if name in (NONE, UNKNOWN) else BELIEVED * p for name, p in probability.items()}
     kept[UNKNOWN] = max(kept.get(UNKNOWN, 0.0), 1 - BELIEVED)
     return dict(sorted(kept.items(), key=lambda item: -item[1]))
+
+
+def doubted_alternatives(
+    alternatives: Sequence[Alternative], probability: float, besides: str
+) -> tuple[Alternative, ...]:
+    """Alternatives that are true with a ``probability``, and one more: what ``besides`` says of the log."""
+    kept = [replace(one, probability=probability * one.probability) for one in alternatives]
+    kept.append(Alternative((), besides, 1.0 - probability))
+    return tuple(sorted(kept, key=lambda one: -one.probability))
 
 
 def said_first(summary: str, verdict: Verdict, doubted: Sequence[Finding]) -> str:

@@ -35,7 +35,7 @@ def found_effects(
         share = (closed or 0.0) * shares[name]
         effect = _found_effect(problem, explanation, covariance, name, probability[name], share)
         values = {member: estimate.value for member, estimate in effect.parameters.items()}
-        advice = EFFECTS[name].advise(problem.vehicle, values, autopilot) if effect.is_likely else ()
+        advice = EFFECTS[name].advise(problem.vehicle, values, autopilot)
         effects.append(replace(effect, advice=advice))
     told = [effect for effect in effects if not is_ordinary(problem, effect)] or effects
     return tuple(sorted(told, key=lambda effect: -(effect.gap_closed or 0.0)))

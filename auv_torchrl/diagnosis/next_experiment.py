@@ -12,14 +12,45 @@ from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import least_turn
+from auv_torchrl.quantities import percent
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
 
 SECONDS = 12.0
 SIZE = 0.4  # of the full command: a tank leaves no room for more
+YAW_REACH = 0.4  # of SIZE: a vehicle turns fast
+STEADY, TURNING = 0.3, 0.06  # of the full command, while turning slowly
 OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
 MOST_RIVALS = 4  # pairs that manoeuvres are flown for in simulation
 SEPARATES = 3.0  # noise standard deviations, root mean square, below which flying it is no use
+
+
+STICKS = {
+    "surge": "forward and back",
+    "sway": "right and left",
+    "heave": "down and up",
+    "yaw": "to turn right and left",
+}
+
+
+def by_hand(name: str) -> str:
+    """A manoeuvre of :func:`manoeuvres` as its pilot does it: with the sticks, or with the motor test."""
+    if name.startswith("pulse thruster "):
+        return (
+            f"in the motor test of the ground station run thruster {name.split()[2]} at {percent(SIZE)} for 1.5 s, "
+            "rest 1.5 s, run it the other way for 1.5 s, rest 1.5 s; twice"
+        )
+    if name.startswith("drift"):
+        return f"let go of all sticks for {SECONDS:.0f} s"
+    channel = next(word for word in name.split() if word in STICKS)
+    reach = SIZE * (YAW_REACH if channel == "yaw" else 1.0)
+    if name.startswith("steps"):
+        sizes = f"3 s each way at {percent(reach / 2)}, then 3 s each way at {percent(reach)}"
+        return f"push the stick {STICKS[channel]}, {sizes}; let go of the others"
+    if name.startswith("a sweep"):
+        swings = f"at {percent(reach)} for {SECONDS:.0f} s, from one swing in 10 s to more than one a second"
+        return f"swing the stick {STICKS[channel]} {swings}; let go of the others"
+    return f"hold {channel} at {percent(STEADY)} and yaw at {percent(TURNING)} for {SECONDS:.0f} s"
 
 
 def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
@@ -34,11 +65,13 @@ def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
     chirp = SIZE * np.sin(2 * np.pi * (0.1 + 0.06 * t) * t)
     stairs = SIZE * np.sign(np.sin(2 * np.pi * t / 6)) * np.where(t < 6, 0.5, 1.0)
     for column, name in enumerate(CONTROLLED):
-        reach = 0.4 if name == "yaw" else 1.0
+        reach = YAW_REACH if name == "yaw" else 1.0
         found[f"steps of {name} at two sizes"] = stairs[:, None] * reach * mixer[:, column]
         found[f"a sweep of {name} from slow to fast"] = chirp[:, None] * reach * mixer[:, column]
     for column, name in enumerate(CONTROLLED[:2]):
-        found[f"steady {name} while turning slowly"] = 0.3 * mixer[:, column] + 0.06 * mixer[:, 3] + 0 * t[:, None]
+        found[f"steady {name} while turning slowly"] = (
+            STEADY * mixer[:, column] + TURNING * mixer[:, 3] + 0 * t[:, None]
+        )
     found["drift without any command"] = np.zeros((steps, vehicle.thrusters))
     return {name: np.clip(commands, -1.0, 1.0) for name, commands in found.items()}
 
@@ -81,7 +114,7 @@ def separate(problem: Problem, one: tuple[str, Explanation], other: tuple[str, E
         return None
     names = " and ".join(f"“{name.replace('_', ' ')}”" for name, _ in (one, other))
     why = f"{best} tells {names} apart, by {distance[best]:.0f} times the noise"
-    return _planned(why, plans[best])
+    return _planned(why, best, plans[best])
 
 
 def explore(vehicle: Vehicle, where: Where) -> NextExperiment | None:
@@ -93,15 +126,16 @@ def explore(vehicle: Vehicle, where: Where) -> NextExperiment | None:
     if plan is None:
         return None
     why = f"{plan}: the gap is largest there and no known effect explains it; alone, it shows what the gap follows"
-    return _planned(why, plans[plan])
+    return _planned(why, plan, plans[plan])
 
 
 def _called(explanation: Explanation) -> str:
     return " + ".join(explanation.effects) or "no effect"
 
 
-def _planned(why: str, commands: Floats) -> NextExperiment:
-    return NextExperiment(why, t=CONTROL_DT * np.arange(len(commands), dtype=np.float64), thruster_commands=commands)
+def _planned(why: str, name: str, commands: Floats) -> NextExperiment:
+    t = CONTROL_DT * np.arange(len(commands), dtype=np.float64)
+    return NextExperiment(why, by_hand=by_hand(name), t=t, thruster_commands=commands)
 
 
 def _fly(vehicles: Vehicle, plans: Floats) -> Floats:

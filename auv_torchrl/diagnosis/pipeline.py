@@ -15,12 +15,22 @@ from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
 from auv_torchrl.diagnosis.configured import configured, said_too
 from auv_torchrl.diagnosis.decision import decide
-from auv_torchrl.diagnosis.doubt import bounded, closes_everywhere, doubts, hedged, limited, said_first
+from auv_torchrl.diagnosis.doubt import (
+    BELIEVED,
+    bounded,
+    closes_everywhere,
+    doubted_alternatives,
+    doubts,
+    hedged,
+    limited,
+    said_first,
+)
+from auv_torchrl.diagnosis.headline import FILE_OFF, headline_of
 from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
-from auv_torchrl.diagnosis.identify.posterior import effect_probabilities
+from auv_torchrl.diagnosis.identify.posterior import alternatives, effect_probabilities
 from auv_torchrl.diagnosis.identify.search import Progress
 from auv_torchrl.diagnosis.lengths import check_lengths, looked_at, split, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
@@ -29,6 +39,7 @@ from auv_torchrl.diagnosis.look import Looked, judge, look_both_ways
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
+from auv_torchrl.diagnosis.overview import Overview
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.unanswered.both_readings import weigh_readings
 from auv_torchrl.diagnosis.validate.confirm import confirm, is_possible, not_confirmed
@@ -97,7 +108,7 @@ def diagnose(
 
     found = weigh_readings(log, vehicle, settings, once)
     report("done", 1.0)
-    return found
+    return replace(found, headline=headline_of(found), overview=Overview.of(log))
 
 
 # long: the stages of a diagnosis in their order, each a call, to be read in one place
@@ -139,7 +150,11 @@ def diagnose_answering(
     outcome = Verdict.PARTLY_EXPLAINED if partly else verdict  # where the log is right
     verdict = limited(outcome, doubted)
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
-    probability = bounded(effect_probabilities(found, 1.0 if vetoed or partly else unknown), doubted)
+    unknown = 1.0 if vetoed or partly else unknown
+    probability = bounded(effect_probabilities(found, unknown), doubted)
+    either = alternatives(found, unknown)
+    either = doubted_alternatives(either, 1 - BELIEVED, FILE_OFF) if hedge else either
+    either = doubted_alternatives(either, BELIEVED, "a fault of the log") if doubted else either
     effects = found_effects(problem, found, probability, closed, log.autopilot) if verdict is not Verdict.NO_GAP else ()
     corrections = hedged(corrected.effects) if hedge else corrected.effects
     effects = tuple(effect for effect in (*corrections, *effects) if effect.departs)
@@ -169,6 +184,7 @@ def diagnose_answering(
         cannot_tell=cannot_tell(problem, found, hidden),
         findings=findings,
         decision=decide(found, refuted=bool(vetoed)),
+        alternatives=either,
         windows=held_out_windows(predictions, testing),
     )
     return diagnosis, found

@@ -5,7 +5,7 @@ from auv_torchrl.effects import Origin
 
 NEAR_FLOOR = 1.5  # times the floor, below which a prediction is as good as the sensors allow
 MAINLY = 0.5  # share of the gap
-SUSPECT = 0.3  # share of the gap, from which a thruster is worth a look
+SUSPECT = 0.3  # share of the gap, from which a thruster, or a cause that is perhaps there, is worth a look
 SOUND = "No gap: the simulator predicts this vehicle as well as its sensors allow."
 SLACK = "No fault: this vehicle differs from the simulator by no more than the few per cent that every vehicle does."
 MAY_BE_OFF = "the vehicle's file may be off, and something unknown acts"

@@ -9,13 +9,16 @@ from enum import Enum
 
 import numpy as np
 
+from auv_torchrl.diagnosis.overview import Overview
 from auv_torchrl.diagnosis.plain import NULL
 from auv_torchrl.diagnosis.thresholds import LIKELY, SURE
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding
 from auv_torchrl.flightlog.log import Floats
+from auv_torchrl.quantities import words
 from auv_torchrl.sysid.trace import Outcome
 
+FLOOR_ASSUMED = "floor_assumed"  # code of the finding that no flight showed the disturbance of the sound vehicle
 NOT_SHOWN = "would leave no mark on this log"  # of an effect, in Diagnosis.cannot_tell
 
 
@@ -125,6 +128,21 @@ class EffectProbability:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """One explanation of several of which one is true."""
+
+    effects: tuple[str, ...]  # that act together; none where the vehicle is as its file says, or as ``besides`` says
+    besides: str  # what acts too that is no effect of the library: "something unknown", or nothing
+    probability: float  # of exactly that; those of all alternatives add up to 1
+
+    @property
+    def called(self) -> str:
+        """It in words."""
+        parts = [words(name) for name in self.effects] + ([self.besides] if self.besides else [])
+        return " and ".join(parts) or "no effect"
+
+
+@dataclass(frozen=True)
 class Hypothesis:
     """A set of effects that was looked at; the trace of a diagnosis holds all of them, in order."""
 
@@ -177,6 +195,7 @@ class NextExperiment:
 
     why: str
     commands: str = "next_experiment.csv"  # file beside diagnosis.json
+    by_hand: str = ""  # the same for a pilot
     t: Floats | None = field(default=None, compare=False)  # (T,) s; not in the file
     thruster_commands: Floats | None = field(default=None, compare=False)  # (T, n); not in the file
 
@@ -250,7 +269,7 @@ class Diagnosis:
     log: str
     vehicle: str
     verdict: Verdict
-    summary: str  # one sentence that a pilot understands
+    summary: str  # what was found, how sure that is and how much of the gap, in one paragraph
     where: Where
     effects: tuple[FoundEffect, ...]  # of the chosen explanation, strongest first
     candidates: tuple[EffectProbability, ...]  # every single effect tried, ranked, and "unknown"
@@ -263,4 +282,7 @@ class Diagnosis:
     cannot_tell: tuple[str, ...] = ()  # sentences: axes not measured, thrusters not excited, parameters at a bound
     findings: tuple[Finding, ...] = ()  # about the log
     decision: Decision = Decision()  # how this was decided
+    headline: str = ""  # the same in at most 15 words
+    alternatives: tuple[Alternative, ...] = ()  # what may be, likeliest first; their probabilities add up to 1
     windows: tuple[Window, ...] = field(default=(), compare=False)  # not in diagnosis.json but in predictions.parquet
+    overview: Overview | None = field(default=None, compare=False)  # of the log; not in the file

@@ -233,4 +233,4 @@ def _diagnose_one(task: tuple[Work, DivePlan, int]) -> tuple[Path | None, str, s
         write_files(found, work.vehicle, where, replace=True)
         write_whole(where / "complete", b"")
     content = json.loads((where / "diagnosis.json").read_bytes())
-    return where, content["verdict"], content["summary"]
+    return where, content["verdict"], content.get("headline") or content["summary"]

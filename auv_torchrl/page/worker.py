@@ -223,7 +223,7 @@ class Worker:
             answer = {}
             if (name := "dives.json" if job.kind is JobKind.HISTORY else "diagnosis.json") in files:
                 answer = json.loads(files[name].read_bytes())
-            summary = answer.get("summary", "The vehicle file is written.")
+            summary = answer.get("headline") or answer.get("summary", "The vehicle file is written.")
             values = {"verdict": answer.get("verdict", ""), "summary": summary, "share": 1.0, "stage": "done"}
             self.store.change_job(job.id, state=JobState.DONE, ended=now(), **values)
             return

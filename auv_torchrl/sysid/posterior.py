@@ -38,25 +38,31 @@ class Interval:
         return f"{self.parameter.name} {self.value:.3g} ({self.low:.3g} to {self.high:.3g}){unit}"
 
 
+def weights(trace: SearchTrace, tempering: float = 1.0) -> dict[tuple[str, ...], float]:
+    """Posterior probability of each hypothesis that was looked at; they add up to 1.
+
+    Hypotheses that were not simulated count by their linear prediction. A hypothesis that was looked at from several
+    values counts once, by the best. ``tempering`` is of the log posterior; 1 where noise and model are exact.
+    """
+    best = trace.best_of_each
+    log = tempering * np.array(list(best.values()))
+    share = np.exp(log - log.max())
+    return dict(zip(best, (share / share.sum()).tolist(), strict=True))
+
+
 def probabilities(trace: SearchTrace, tempering: float = 1.0, nothing: str | None = None) -> dict[str, float]:
     """Posterior probability of each candidate that was looked at: the sum over the hypotheses that hold it.
 
     Args:
         trace: of a search.
-        tempering: of the log posterior; 1 where noise and model are exact.
+        tempering: see :func:`weights`.
         nothing: what the hypothesis without a candidate is called; without a name it is left out.
 
-    Hypotheses that were not simulated count by their linear prediction. A hypothesis that was looked at from several
-    values counts once, by the best.
     """
-    best = trace.best_of_each
-    weights = tempering * np.array(list(best.values()))
-    share = np.exp(weights - weights.max())
-    share /= share.sum()
     found = {name: 0.0 for record in trace.records for name in record.names}
-    for names, part in zip(best, share, strict=True):
+    for names, share in weights(trace, tempering).items():
         for name in names or ((nothing,) if nothing else ()):
-            found[name] = found.get(name, 0.0) + float(part)
+            found[name] = found.get(name, 0.0) + share
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 

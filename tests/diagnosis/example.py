@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 
 from auv_torchrl.diagnosis.verdict import (
+    Alternative,
     Confirmation,
     Diagnosis,
     EffectProbability,
@@ -107,6 +108,8 @@ def example() -> Diagnosis:
         findings=(
             Finding(Severity.WARNING, "gap", "1.20 s without data; the log is cut there", "Log on", ("t",), (9, 10)),
         ),
+        headline="Thruster 4 gives 0.55 times its nominal thrust.",
+        alternatives=(Alternative(("thruster_gain",), "", 0.99), Alternative((), "something unknown", 0.01)),
         windows=windows(),
     )
 
@@ -117,6 +120,8 @@ def no_gap() -> Diagnosis:
         example(),
         verdict=Verdict.NO_GAP,
         summary="The vehicle does what the simulator says.",
+        headline="No gap.",
+        alternatives=(Alternative((), "", 1.0),),
         where=Where(),
         effects=(),
         indistinguishable=(),

@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.next_experiment import choose_experiment, explore, manoeuvres
+from auv_torchrl.diagnosis.next_experiment import by_hand, choose_experiment, explore, manoeuvres
 from auv_torchrl.diagnosis.verdict import Verdict, Where
 from auv_torchrl.vehicle import load_vehicle
 
@@ -86,6 +86,15 @@ def test_an_unexplained_gap_is_looked_at_alone(where, plan):
 def test_nothing_is_planned_without_a_lead():
     """Without any share there is nothing to look at."""
     assert explore(PAPER, Where()) is None
+
+
+def test_every_manoeuvre_is_said_for_a_pilot():
+    """Each has sticks or a motor test in words, with sizes and seconds, and no name of the program."""
+    told = {name: by_hand(name).replace("\u202f", " ") for name in manoeuvres(PAPER)}
+    assert all(" s" in text and "_" not in text for text in told.values()) and len(set(told.values())) == len(told)
+    steps, pulse = told["steps of yaw at two sizes"], told["pulse thruster 3 alone"]
+    assert steps.startswith("push the stick to turn right and left, 3 s each way at 8 %, then 3 s each way at 16 %")
+    assert "motor test" in pulse and "thruster 3 at 40 %" in pulse
 
 
 def test_manoeuvres_are_gentle_and_come_to_an_end():

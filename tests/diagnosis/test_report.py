@@ -405,7 +405,7 @@ def test_the_table_keeps_words_and_numbers_apart():
     """No verdict is said twice, and small errors have a unit in which they are short."""
     wide = Errors((0.00059,) * 4, (0.00082,) * 4, (0.00021,) * 4)
     gap = replace(no_gap().gap, position_m=wide)
-    table = summary_table(replace(no_gap(), summary="No gap: it flies as it should.", gap=gap))
+    table = summary_table(replace(no_gap(), headline="No gap: it flies as it should.", gap=gap))
     assert table.startswith("No gap: it flies")
     assert "position, mm     before        0.59      0.59      0.59      0.59" in table
 
@@ -421,7 +421,8 @@ def test_every_line_of_the_table_but_sentences_fits_80_columns(make):
     }
     found = tuple(FoundEffect(name, 0.999, wide, (), None, "x") for name in EFFECTS)
     gap = replace(diagnosis.gap, velocity=Errors((1.23e-5,) * 4, (1234.5,) * 4, (np.nan,) * 4))
-    table = summary_table(replace(diagnosis, effects=found, gap=gap, summary="x")).partition("\nwhat ")[0]
+    bare = replace(diagnosis, effects=found, gap=gap, summary="x", findings=(), next_experiment=None)
+    table = summary_table(bare).partition("\nwhat ")[0]
     for line in table.splitlines():
         assert len(line) <= 80 or line.startswith("share of")
         assert not re.search(r"\d 1$|[a-z]_[a-z]", line)

@@ -21,6 +21,7 @@ from auv_torchrl.diagnosis.motion.reduce import Quadratic, disturbance_precision
 from auv_torchrl.diagnosis.motion.smooth import Layout, noise_per_sample
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import MOSTLY_LOST, NEAR, PRIOR_NUMBERS
+from auv_torchrl.diagnosis.verdict import FLOOR_ASSUMED
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.sysid.bounded import least_within
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
@@ -87,7 +88,7 @@ def floor_findings(problem: Problem) -> tuple[Finding, ...]:
         f"{sizes} and on coefficients within a few per cent"
     )
     remedy = "Give healthy=LOG, a flight of the sound vehicle, to measure both"
-    assumed = Finding(Severity.INFO, "floor_assumed", sentence, remedy)
+    assumed = Finding(Severity.INFO, FLOOR_ASSUMED, sentence, remedy)
     if problem.known is None or not problem.known.of_itself:
         return (assumed,)
     sizes = sizes_by_axis(problem.known.floor, problem.layout.dof)

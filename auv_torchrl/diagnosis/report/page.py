@@ -11,11 +11,21 @@ from markupsafe import Markup
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.configured import set_wrong, to_change
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares
+from auv_torchrl.diagnosis.report.dive import dive
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
-from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, next_best, sentence, shown
+from auv_torchrl.diagnosis.report.wording import (
+    diverged,
+    either,
+    measured_errors,
+    next_best,
+    rows,
+    sentence,
+    shown,
+    to_do,
+)
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
-from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, Window
+from auv_torchrl.diagnosis.verdict import Diagnosis, Errors, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.files import say_not_kept
 from auv_torchrl.flightlog import POSE, VELOCITY
@@ -39,7 +49,6 @@ LOOKS_LIKE = {
     Origin.EXTERNAL: "place, heading or time: tether, waves, contact, compass",
     Origin.SENSING: "the sensors: delay, bias, noise",
 }
-_FIRST_CANDIDATES = 8
 _CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are marked where no thruster is at fault
 _GLYPH = {
     Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○",
@@ -98,7 +107,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         vehicle: the nominal vehicle, no batch, for the drawing.
     """
     environment = templates(_HERE)
-    environment.globals |= {"interval": interval, "shown": shown, "with_unit": with_unit}
+    environment.globals |= {"interval": interval, "shown": shown, "with_unit": with_unit, "rows": rows}
     likely = [effect for effect in diagnosis.effects if effect.is_likely]  # no red for what is likelier sound
     thrusters = sorted({i for effect in likely for i in effect.thrusters})
     has_gap = diagnosis.verdict is not Verdict.NO_GAP
@@ -124,15 +133,15 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         after=_after(diagnosis),
         diverged=diverged(diagnosis),
         figures=_figures(diagnosis.windows),
+        overview=_overview(diagnosis),
         gap_charts=_gap_charts(diagnosis),
         confirmed=measured_errors(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],
         facts=_facts(diagnosis),
         where=_where(diagnosis),
-        ranking=shares(
-            "Probability of each effect",
-            {words(c.name): c.probability for c in candidates[:_FIRST_CANDIDATES]},
-        ),
-        further=candidates[_FIRST_CANDIDATES:],
+        either=either(diagnosis),
+        corrections=[effect for effect in diagnosis.effects if effect.calibrates],
+        further=candidates,
+        to_do=to_do(diagnosis),
         meaning={name: effect.meaning for name, effect in EFFECTS.items()},
     )
 
@@ -166,18 +175,25 @@ def _clear_axes(where: Where, effects: Iterable[FoundEffect]) -> list[str]:
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
     facts = [("of the gap closed", percent(diagnosis.gap.closed))] if diagnosis.gap.closed is not None else []
-    told = [kind for kind in measured_errors(diagnosis.gap) if kind[0] != "heading" and kind[2].before]
+    told = sorted((kind for kind in measured_errors(diagnosis.gap) if kind[2].before), key=lambda kind: -_gap(kind[2]))
     for name, unit, errors in told[:1]:
         change = with_unit(f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)}", unit)
         floor = with_unit(number(errors.floor[-1], 2), unit)
         when = f"after {diagnosis.gap.horizon_s[-1]:g} s, before and after (floor {floor})"
         facts.append((f"{name} error {when}", change))
-    if diagnosis.effects:
-        first = diagnosis.effects[0]
+    faults = [effect for effect in diagnosis.effects if not effect.calibrates]
+    if faults:
+        first = faults[0]
         facts.append((f"probability of {words(first.name)}", percent(first.probability)))
     if diagnosis.input_mappable is not None and diagnosis.verdict is not Verdict.NO_GAP:
         facts.append(("of the gap that remapping the commands could close", percent(diagnosis.input_mappable)))
     return facts
+
+
+def _gap(errors: Errors) -> float:
+    """How many floors the error is before, at the longest horizon: the quantity with most of them carries the gap."""
+    before, floor = errors.before[-1], errors.floor[-1]
+    return before / floor if np.isfinite(before) and floor > 0 else 0.0
 
 
 def _gap_charts(diagnosis: Diagnosis) -> list[Markup]:
@@ -190,6 +206,16 @@ def _where(diagnosis: Diagnosis) -> list[tuple[str, Markup]]:
     numbered = {f"thruster {name}": share for name, share in where.thruster.items()}
     kinds = (("by degree of freedom", where.dof), ("by origin", where.origin), ("by thruster", numbered))
     return [(title, shares(f"Share of the gap {title}", values)) for title, values in kinds if values]
+
+
+def _overview(diagnosis: Diagnosis) -> Markup | None:
+    """The whole log, where it is at hand."""
+    overview = diagnosis.overview
+    if overview is None:
+        return None
+    known = [window for window in diagnosis.windows if window.episode in overview.episodes]
+    held_out = [(overview.at(w.episode, float(w.t[0])), overview.at(w.episode, float(w.t[-1]))) for w in known]
+    return dive(overview, held_out, diagnosis.where.onset_s)
 
 
 def _figures(windows: Sequence[Window]) -> list[tuple[str, list[Markup]]]:

@@ -2,12 +2,21 @@
 
 from collections.abc import Collection, Iterable
 
-from auv_torchrl.diagnosis.report.wording import diverged, measured_errors, next_best, sentence, shown, to_do
+from auv_torchrl.diagnosis.report.wording import (
+    diverged,
+    either,
+    measured_errors,
+    next_best,
+    rows,
+    sentence,
+    shown,
+    to_do,
+)
 from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
 from auv_torchrl.quantities import number, percent, words
 
-_CANDIDATES = 3
+_ALTERNATIVES = 3
 
 
 def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
@@ -16,24 +25,34 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
     ``said`` are the sentences of findings that were printed before.
     """
     begins = "" if diagnosis.verdict is Verdict.NO_GAP else f"{words(diagnosis.verdict.key)}: "
-    lines = [f"{begins}{diagnosis.summary}"]
+    lines = [f"{begins}{diagnosis.headline or diagnosis.summary}"]
+    if told := to_do(diagnosis):
+        lines += ["", "what to do", *(f"  {place}. {line}" for place, line in enumerate(told, 1))]
+    if diagnosis.headline and diagnosis.headline != diagnosis.summary:
+        lines += ["", diagnosis.summary]
     if diagnosis.effects:
         lines += ["", f"{'effect, probability':<37} {'value':>10} {'95 % interval':>22} {'nominal':>8}"]
-    for effect in diagnosis.effects:
+    faults = [effect for effect in diagnosis.effects if not effect.calibrates]
+    corrections = [effect for effect in diagnosis.effects if effect.calibrates]
+    for effect in (*faults, *(one for one in corrections if one.is_likely)):
         lines.append(f"{words(effect.name)}, {percent(effect.probability)}")
-        for parameter, estimate in effect.parameters.items():
-            e = shown(estimate)
-            name = f"{words(parameter)}{e.unit and ', '}{e.unit}"
+        for row in rows(effect):
+            e = shown(row.estimate)
+            name = f"{row.name}{e.unit and ', '}{e.unit}"
             lines.append(f"  {name:<35} {e.value:>10} {e.interval:>22} {e.nominal:>8}")
-    if not diagnosis.effects and diagnosis.candidates:
-        ranked = (f"{words(c.name)} {percent(c.probability)}" for c in diagnosis.candidates[:_CANDIDATES])
-        lines += ["", f"most probable: {', '.join(ranked)}"]
+    unsure = [words(effect.name) for effect in corrections if not effect.is_likely]
+    if unsure:
+        lines.append(
+            f"the vehicle's file, {percent(corrections[0].probability)}: {', '.join(unsure)} (values in report.html)"
+        )
+    if diagnosis.verdict not in (Verdict.EXPLAINED, Verdict.NO_GAP) and diagnosis.alternatives:
+        ranked = list(either(diagnosis).items())[:_ALTERNATIVES]
+        lines += ["", f"one of these: {'; '.join(f'{what} {percent(p)}' for what, p in ranked)}"]
     lines += ["", *_errors(diagnosis)]
     limits = (line for line in diagnosis.cannot_tell if not line.endswith(NOT_SHOWN))  # of those there are a dozen
     sections = {
         "what this rests on": _warnings(diagnosis, said),
         "what this log cannot tell": [sentence(line) for line in limits],
-        "what to do": to_do(diagnosis),
     }
     for title, told in sections.items():
         if told:

@@ -2,14 +2,33 @@
 
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 from auv_torchrl.diagnosis.configured import set_wrong
+from auv_torchrl.diagnosis.summary import SUSPECT
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
-from auv_torchrl.diagnosis.verdict import Confirmation, Decision, Diagnosis, Errors, Estimate, Gap
+from auv_torchrl.diagnosis.verdict import (
+    FLOOR_ASSUMED,
+    Confirmation,
+    Decision,
+    Diagnosis,
+    Errors,
+    Estimate,
+    FoundEffect,
+    Gap,
+    NextExperiment,
+    Verdict,
+    how_sure,
+)
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import between, estimated, number, percent, scale, with_unit, words
+
+SOUND_DIVE = (
+    "record one dive on which the vehicle is sound and give it as healthy=FILE: it tells a fault from a vehicle file "
+    "that is wrong"
+)
 
 
 @dataclass(frozen=True)
@@ -95,10 +114,76 @@ def next_best(decision: Decision) -> str:
 
 
 def to_do(diagnosis: Diagnosis) -> list[str]:
-    """What to look at, what to fly where explanations are left open, what to set, and what to do about each effect."""
+    """What to look at, what to set, what to repair, and what to fly where explanations are left open, in this order."""
     look = [finding.remedy for finding in not_answering(diagnosis.findings)]
-    experiment = diagnosis.next_experiment
-    first = [f"fly {experiment.commands}: {experiment.why}"] if experiment else []
     set_back = (finding.remedy for finding in set_wrong(diagnosis.findings, diagnosis.effects))
-    advised = (advice.do for effect in diagnosis.effects for advice in effect.advice)
-    return [sentence(line) for line in (*look, *first, *set_back, *advised)]
+    repair = (
+        how_sure(advice.do, effect.probability)
+        for effect in sorted(diagnosis.effects, key=lambda one: not one.is_likely)
+        for advice in effect.advice
+        if effect.is_likely or (effect.gap_closed or 0.0) > SUSPECT
+    )
+    sound = [SOUND_DIVE] if lacks_sound_dive(diagnosis) else []
+    experiment = diagnosis.next_experiment
+    fly = [_to_fly(experiment)] if experiment else []
+    return list(dict.fromkeys(sentence(line) for line in (*look, *set_back, *repair, *sound, *fly)))
+
+
+def _to_fly(experiment: NextExperiment) -> str:
+    """The next experiment: by hand where a pilot can, why, and the file."""
+    if not experiment.by_hand:
+        return f"fly {experiment.commands}: {experiment.why}"
+    return f"{experiment.by_hand} ({experiment.commands} has the same as commands): {experiment.why}"
+
+
+def lacks_sound_dive(diagnosis: Diagnosis) -> bool:
+    """Whether a dive of the sound vehicle is what would tell a fault from a file that is wrong."""
+    assumed = any(finding.code == FLOOR_ASSUMED for finding in diagnosis.findings)
+    open_ended = diagnosis.verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
+    return assumed and (open_ended or any(effect.calibrates for effect in diagnosis.effects))
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table of an effect: one value, or one that all members of a family have."""
+
+    name: str
+    estimate: Estimate
+
+
+def rows(effect: FoundEffect) -> list[Row]:
+    """The values of an effect; where all members of a family read the same, one line says so."""
+    families: dict[str, dict[int, Estimate]] = {}
+    for name, estimate in effect.parameters.items():
+        family, _, number = name.rpartition("_")
+        if number.isdigit():
+            families.setdefault(family, {})[int(number)] = estimate
+    alike = {
+        family: members
+        for family, members in families.items()
+        if len(members) > 1 and len({(shown(e).value, shown(e).nominal) for e in members.values()}) == 1
+    }
+    rest = {name: e for name, e in effect.parameters.items() if name.rpartition("_")[0] not in alike}
+    found = [
+        Row(f"{words(family)} {_listed(members)}", _widest([*members.values()])) for family, members in alike.items()
+    ]
+    return found + [Row(words(name), estimate) for name, estimate in rest.items()]
+
+
+def _listed(numbers: Collection[int]) -> str:
+    """Numbers in words: ``1 to 8`` or ``2, 5``."""
+    first, last = min(numbers), max(numbers)
+    return f"{first} to {last}" if last - first + 1 == len(numbers) > 2 else ", ".join(map(str, sorted(numbers)))
+
+
+def _widest(estimates: Sequence[Estimate]) -> Estimate:
+    """The first of some estimates with the interval that holds all of theirs."""
+    return replace(estimates[0], low=min(e.low for e in estimates), high=max(e.high for e in estimates))
+
+
+def either(diagnosis: Diagnosis) -> dict[str, float]:
+    """The alternatives of a diagnosis in words, with their probabilities."""
+    found: dict[str, float] = {}
+    for one in diagnosis.alternatives:
+        found[one.called] = found.get(one.called, 0.0) + one.probability
+    return found

@@ -7,7 +7,7 @@ A fault that makes a vehicle stand as still then is the other reading, which tha
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from auv_torchrl.diagnosis.doubt import BELIEVED
+from auv_torchrl.diagnosis.doubt import BELIEVED, doubted_alternatives
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
@@ -15,8 +15,8 @@ from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by
-from auv_torchrl.diagnosis.unanswered.wording import named, tell
-from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Errors, FoundEffect, Gap, Verdict
+from auv_torchrl.diagnosis.unanswered.wording import named, stands_still, tell
+from auv_torchrl.diagnosis.verdict import Alternative, Diagnosis, EffectProbability, Errors, FoundEffect, Gap, Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
 
@@ -85,6 +85,7 @@ def _beside(rest: Diagnosis, logged: Diagnosis, told: tuple[Finding, ...]) -> Di
         verdict=verdict,
         summary=" ".join(sentences),
         candidates=_halved(rest.candidates, {effect.name: effect.probability for effect in others}),
+        alternatives=_both(rest.alternatives, others, told),
         indistinguishable=(*rest.indistinguishable, *((_noun(told), effect.name) for effect in others)),
         findings=(*told, *rest.findings),
     )
@@ -99,6 +100,7 @@ def _alone(logged: Diagnosis, told: tuple[Finding, ...]) -> Diagnosis:
         summary=" ".join(_sentence(finding.sentence) for finding in told),
         effects=(),
         candidates=_halved((), seen),
+        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, stands_still(told)),
         indistinguishable=(),
         next_experiment=None,
         gap=_as_before(logged.gap),
@@ -133,6 +135,23 @@ def _halved(candidates: Sequence[EffectProbability], others: dict[str, float]) -
         unknown = found.get(UNKNOWN, EffectProbability(UNKNOWN, 0.0))
         found[UNKNOWN] = replace(unknown, probability=max(unknown.probability, 1 - BELIEVED))
     return tuple(sorted(found.values(), key=lambda one: -one.probability))
+
+
+def _both(
+    rest: Sequence[Alternative], others: Sequence[FoundEffect], told: Sequence[Finding]
+) -> tuple[Alternative, ...]:
+    """What all other channels leave open, beside a channel that does not answer; and the other reading."""
+    other = BELIEVED * min((effect.probability for effect in others), default=0.0)
+    still = stands_still(told)
+    found = [
+        replace(
+            one, besides=" and ".join(filter(None, (one.besides, still))), probability=(1 - other) * one.probability
+        )
+        for one in rest
+    ]
+    if others:
+        found.append(Alternative(tuple(effect.name for effect in others), "", other))
+    return tuple(sorted(found, key=lambda one: -one.probability))
 
 
 def _as_before(gap: Gap) -> Gap:

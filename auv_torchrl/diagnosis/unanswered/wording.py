@@ -48,6 +48,19 @@ def named(channels: Iterable[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
+def stands_still(findings: Iterable[Finding]) -> str:
+    """A clause: what does not answer to commands."""
+    found = list(findings)
+    if any(finding.code == NOTHING_MOVES for finding in found):
+        return "the vehicle does not move at all, whatever is commanded"
+    name = named({column for finding in found for column in finding.columns})
+    return f"{name} {_does(name)} not answer to any command"
+
+
+def _does(name: str) -> str:
+    return "do" if " and " in name else "does"
+
+
 def _groups(still: Sequence[Stillness]) -> list[list[Stillness]]:
     """What stands still at the same time, together."""
     groups: list[list[Stillness]] = []
@@ -76,15 +89,14 @@ def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
             f"{when}the vehicle does not move at all, whatever is commanded: it is on deck or held, its thrusters have "
             "no power, or the source of the log stands still"
         )
-        remedy = f"Look {FREE}, whether its thrusters have power, and whether the source of {', '.join(channels)} runs"
+        remedy = f"Look {FREE}, whether its thrusters have power, and whether the source of {named(channels)} runs"
         return Finding(Severity.WARNING, NOTHING_MOVES, sentence, remedy, channels)
     name = named(channels)
-    verb = "do" if " and " in name else "does"
     floats = set(channels) in FLOATS
     stands = "the vehicle floats or stands" if floats else "the vehicle is held"
-    sentence = f"{when}{name} {verb} not answer to any command: look at the sensor, or {stands}"
+    sentence = f"{when}{name} {_does(name)} not answer to any command: look at the sensor, or {stands}"
     free = "whether the vehicle floats at the surface or stands on the bottom" if floats else FREE
-    remedy = f"Look at the source of {', '.join(channels)}, and {free}"
+    remedy = f"Look at the source of the {name}, and {free}"
     return Finding(Severity.WARNING, CODE, sentence, remedy, channels)
 
 

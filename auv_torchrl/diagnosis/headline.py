@@ -1,0 +1,85 @@
+"""The verdict in at most :data:`MOST_WORDS` words: what stands above all else on console and page."""
+
+from collections.abc import Iterable
+
+from auv_torchrl.diagnosis.doubt import doubts
+from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, suspects, within_floor
+from auv_torchrl.diagnosis.unanswered.wording import not_answering, stands_still
+from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, how_sure
+from auv_torchrl.quantities import counted, words
+
+MOST_WORDS = 15  # what is read at a glance
+FILE_OFF = "the vehicle's file is off in many coefficients at once"
+FILE_MAY_BE_OFF = "the vehicle's file may be off"
+UNKNOWN = "something unknown acts"
+
+
+def headline_of(diagnosis: Diagnosis) -> str:
+    """What was found, in one sentence that leaves out what does not fit."""
+    found = diagnosis.effects
+    likely = _causes([effect for effect in found if effect.is_likely and not effect.calibrates])
+    perhaps = _causes([effect for effect in found if not effect.is_likely and not effect.calibrates])
+    unanswered = not_answering(diagnosis.findings)
+    if unanswered:
+        return _sentence(stands_still(unanswered), *likely)
+    if diagnosis.verdict is not Verdict.NO_GAP and doubts(diagnosis.findings):
+        return _sentence("the log itself is in doubt", *likely)
+    if diagnosis.verdict is Verdict.NO_GAP:
+        return _sentence(*(likely or [_sound(diagnosis)]))
+    if diagnosis.verdict is Verdict.UNEXPLAINED:
+        return _sentence(f"no known effect explains what the simulator misses{_where(diagnosis.where)}")
+    file = [effect for effect in found if effect.calibrates]
+    off = [FILE_OFF if any(effect.is_likely for effect in file) else FILE_MAY_BE_OFF] if file else []
+    if diagnosis.verdict is Verdict.PARTLY_EXPLAINED:
+        if likely:
+            return _sentence(*likely, f"{UNKNOWN} too", *off)
+        return _sentence(*off, f"{UNKNOWN}{_where(diagnosis.where)}", *perhaps)
+    return _sentence(*likely, *off, *perhaps)
+
+
+def _causes(effects: Iterable[FoundEffect]) -> list[str]:
+    """A short clause for each effect, as sure as it is."""
+    return [_short(effect) for effect in effects]
+
+
+def _short(effect: FoundEffect) -> str:
+    """The sentence of an effect, or where it is long or tells of several values, its name and where it acts."""
+    clause = effect.sentence.rstrip(".")
+    several = ";" in clause and len(effect.thrusters) > 1
+    for shorter in () if several else (clause, clause.split(";")[0]):
+        told = how_sure(shorter, effect.probability)
+        if ";" not in told and _count(told) <= MOST_WORDS:
+            return told
+    numbers = ", ".join(map(str, effect.thrusters))
+    name = words(effect.name)
+    where = f" of {counted(len(effect.thrusters), 'thruster')}: {numbers}" if numbers else ""
+    told = how_sure(f"{name}{where}", effect.probability)
+    return told if _count(told) <= MOST_WORDS else how_sure(name, effect.probability)
+
+
+def _sound(diagnosis: Diagnosis) -> str:
+    """That there is no gap, or none but what every vehicle has."""
+    return (SOUND if within_floor(diagnosis.gap) else SLACK).split(":")[0]
+
+
+def _where(where: Where) -> str:
+    """Where most of a gap shows, or nothing."""
+    thrusters = suspects(where)
+    if len(thrusters) == 1:
+        return f" at thruster {thrusters[0]}"
+    shown = [name for name, share in where.dof.items() if share > MAINLY]
+    return f", mostly in {shown[0]}" if shown else ""
+
+
+def _sentence(*clauses: str) -> str:
+    """The clauses that fit, the first in any case."""
+    kept: list[str] = []
+    for clause in filter(None, clauses):
+        if not kept or _count(" ".join((*kept, clause))) <= MOST_WORDS:
+            kept.append(clause)
+    text = "; ".join(kept)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _count(text: str) -> int:
+    return len(text.split())

@@ -1,0 +1,107 @@
+"""The headline: what an owner reads at a glance; the alternatives and the things to do below it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flown_logs import fly, hold
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.headline import MOST_WORDS, headline_of
+from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
+from auv_torchrl.diagnosis.report.wording import SOUND_DIVE, either, rows, sentence, to_do
+from auv_torchrl.diagnosis.unanswered.wording import CODE
+from auv_torchrl.diagnosis.verdict import FLOOR_ASSUMED, Estimate, FoundEffect, Verdict
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.advice import Advice
+from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.vehicle import load_vehicle
+from tests.diagnosis.example import example
+
+PAPER = load_vehicle("paper")
+EXAMPLE = example()
+STUCK = Finding(Severity.WARNING, CODE, "depth does not answer to any command", "look at it", ("z",))
+DOUBT = Finding(Severity.WARNING, "time", "time goes backwards", "", ("t",), limits=True)
+
+
+@st.composite
+def found_effects(draw) -> tuple[FoundEffect, ...]:
+    """Some effects of the library with some of their parameters moved, each as sure as drawn."""
+    found = []
+    for name in draw(st.lists(st.sampled_from(sorted(EFFECTS)), min_size=1, max_size=3, unique=True)):
+        effect, declared = EFFECTS[name], EFFECTS[name].member_parameters(PAPER)
+        members = draw(st.lists(st.sampled_from(sorted(declared)), min_size=1, max_size=8, unique=True))
+        values = {m: draw(st.floats(declared[m].low, declared[m].high)) for m in members}
+        values = {m: float(round(v)) if declared[m].discrete else v for m, v in values.items()}
+        told = "; ".join(declared[m].said(m, v) for m, v in values.items())
+        told = effect.sentence(values) if effect.sentence else told
+        numbers = {int(m.rsplit("_", 1)[1]) for m in members if declared[m].over == "thruster"}
+        estimates = {
+            m: Estimate(v, v - 0.1, v + 0.1, effect.nominal(PAPER)[m], declared[m].unit) for m, v in values.items()
+        }
+        sure, corrects = draw(st.floats(0, 1)), draw(st.booleans())
+        found.append(FoundEffect(name, sure, estimates, tuple(sorted(numbers)), 0.5, told, calibrates=corrects))
+    return tuple(found)
+
+
+@given(found_effects(), st.sampled_from(list(Verdict)), st.sampled_from([(), (STUCK,), (DOUBT,)]))
+@settings(max_examples=200, deadline=None)
+def test_a_headline_is_read_at_a_glance(effects, verdict, findings):
+    """Whatever was found, it is one sentence of at most fifteen words without a name of the program."""
+    headline = headline_of(replace(EXAMPLE, effects=effects, verdict=verdict, findings=findings))
+    assert len(headline.split()) <= MOST_WORDS and headline.endswith(".") and headline[0] == headline[0].upper()
+    assert "_" not in headline
+
+
+def test_what_does_not_answer_is_the_headline():
+    """A sensor that stands still comes before every cause."""
+    headline = headline_of(replace(EXAMPLE, verdict=Verdict.CANNOT_TELL, effects=(), findings=(STUCK,)))
+    assert headline == "Depth does not answer to any command."
+
+
+def test_what_explains_a_part_only_says_that_more_acts():
+    """The cause and the unknown are both in the headline."""
+    headline = headline_of(replace(EXAMPLE, verdict=Verdict.PARTLY_EXPLAINED))
+    assert headline == "Thruster 4 gives 0.55 times its nominal thrust; something unknown acts too."
+
+
+@pytest.mark.parametrize("factor", (0.4, 1.0))
+def test_alternatives_add_up_to_one_and_agree_with_each_effect(factor):
+    """Of the explanations one is true; an effect is as probable as the explanations that have it."""
+    scenario = {"thruster_gain": {"gain_3": factor}} if factor < 1 else {}
+    diagnosis = diagnose(fly(hold(PAPER), scenario, seed=1, episodes=3, seconds=20.0), PAPER)
+    told = either(diagnosis)
+    assert np.isclose(sum(told.values()), 1.0) and min(told.values()) >= 0.0
+    assert list(told.values()) == sorted(told.values(), reverse=True) or len(told) < 2
+    by_effect = {one.name: one.probability for one in diagnosis.candidates}
+    having = sum(one.probability for one in diagnosis.alternatives if "thruster_gain" in one.effects)
+    assert having == pytest.approx(by_effect["thruster_gain"], abs=0.02)
+    assert by_effect[UNKNOWN] < 0.5 and diagnosis.headline.startswith("Thruster 3" if factor < 1 else "No ")
+
+
+def test_equal_values_of_a_family_are_one_row():
+    """Eight thrusters that all give 0.38 take one line; one that differs keeps all."""
+    gains = {f"gain_{n}": Estimate(0.38, 0.37 - 0.001 * n, 0.39, 1.0, "1") for n in range(1, 9)}
+    effect = replace(EXAMPLE.effects[0], parameters=gains)
+    (row,) = rows(effect)
+    assert row.name == "gain 1 to 8" and row.estimate.low == pytest.approx(0.362)
+    other = replace(effect, parameters=gains | {"gain_8": Estimate(0.9, 0.8, 1.0, 1.0, "1")})
+    assert len(rows(other)) == 8
+
+
+def test_a_repair_comes_first_and_is_as_sure_as_its_cause():
+    """What is set and repaired stands before what is flown, and what is perhaps so says it."""
+    unsure = replace(EXAMPLE.effects[0], probability=0.4, advice=(Advice("look for weed"),))
+    told = to_do(replace(EXAMPLE, effects=(unsure,)))
+    assert told[0] == "Perhaps (40 %) look for weed." and told[-1].startswith("Fly next_experiment.csv")
+
+
+def test_a_sound_dive_is_asked_for_where_it_is_missing():
+    """Where something unknown acts and no flight of the sound vehicle was given, one is asked for."""
+    assumed = Finding(Severity.INFO, FLOOR_ASSUMED, "no healthy log", "Give healthy=LOG")
+    partly = replace(EXAMPLE, verdict=Verdict.PARTLY_EXPLAINED, findings=(assumed,))
+    assert sentence(SOUND_DIVE) in to_do(partly)
+    assert sentence(SOUND_DIVE) not in to_do(replace(partly, verdict=Verdict.EXPLAINED))
+    assert sentence(SOUND_DIVE) not in to_do(replace(partly, findings=()))
