@@ -1,13 +1,17 @@
 """The whole benchmark, small."""
 
 import json
+from importlib import import_module
+from operator import attrgetter
 
 import pytest
 
 from auv_torchrl.diagnosis import thresholds
+from auv_torchrl.diagnosis.identify.search import _EffectSearch
 from benchmarks.blind.ablation import OFF, ablate
 from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.examine import examine
+from benchmarks.blind.without import PARTS, Part, always, cases_of, changed_without
 from tests.command_lines import answers_of
 
 OTHERS = [f"families.{family}=0" for family in FAMILIES if family not in ("single", "no_gap")]
@@ -84,6 +88,27 @@ def test_a_threshold_that_decides_moves_an_answer(runs):
 def test_what_the_ablation_switches_off_is_a_threshold():
     """A threshold that is renamed or gone is not left among those that the ablation switches off."""
     assert set(OFF) <= set(vars(thresholds))
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_what_is_left_out_is_a_part_of_the_diagnosis(name, monkeypatch):
+    """A function that is renamed or gone is not left among the parts that are left out one at a time."""
+    for place in PARTS[name].places:
+        module, _, path = place.partition(":")
+        assert callable(attrgetter(path)(import_module(f"auv_torchrl.diagnosis.{module}")))
+
+
+@pytest.mark.slow
+def test_an_answer_that_changes_without_a_part_is_counted(runs, monkeypatch):
+    """A search in which every effect is small names none: the answers to faults change, that to no fault does not."""
+    _, folder = runs["main"]
+    part = Part("all effects are small", ("identify.search:_EffectSearch.is_small",), always(True))
+    monkeypatch.setitem(PARTS, "all_small", part)
+    monkeypatch.setattr(_EffectSearch, "is_small", _EffectSearch.is_small)  # is put back afterwards
+    results = json.loads((answers_in(folder) / "results.json").read_text())
+    changed = changed_without(cases_of([answers_in(folder).parent], 3, 1), "all_small")
+    faults = [r["case"] for r in results if r["truth"] != "no_gap"]
+    assert [one.split(":")[0].split("/")[1] for one in changed] == sorted(faults)
 
 
 @pytest.mark.slow

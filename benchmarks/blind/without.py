@@ -1,0 +1,175 @@
+"""``python -m benchmarks.blind.without FOLDER ...``: how many answers change without each part of the diagnosis.
+
+One part is left out at a time, and the first sealed logs of the folders are diagnosed again. The labels stay sealed: an
+answer is compared with that of the diagnosis as it is. A part that changes fewer than one answer in a hundred guards
+against what these logs do not have, or is not needed. A killed run goes on where it was.
+"""
+
+import argparse
+import importlib
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from benchmarks.blind.ablation import Case, difference
+from benchmarks.blind.table import Table
+
+DIAGNOSIS = "auv_torchrl.diagnosis"
+LOGS = 40  # of each folder: an answer is then a fortieth of them
+
+
+def given(place: int) -> Callable[..., Any]:
+    """A function that gives back one of its arguments, as if it had found nothing better."""
+    return lambda *arguments, **_: arguments[place]
+
+
+def always(value: Any) -> Callable[..., Any]:
+    """A function that finds the same whatever it is given."""
+    return lambda *_, **__: value
+
+
+def _follow_windows(*arguments: Any) -> Any:
+    return importlib.import_module(f"{DIAGNOSIS}.identify.following").follow_windows(*arguments)
+
+
+def _as_fitted(problem: Any, fit: Any) -> Any:
+    return fit.explanation, fit.covariance
+
+
+@dataclass(frozen=True)
+class Part:
+    """A function of the diagnosis, and what stands for it where it is left out."""
+
+    does: str
+    places: tuple[str, ...]  # module and name, or module, class and name, below auv_torchrl.diagnosis
+    instead: Callable[..., Any]
+
+
+PARTS = {
+    "search_thresholds": Part("values that are tried near by", ("identify.fit:search_thresholds",), given(1)),
+    "search_valley": Part("values that move together", ("identify.rough_values:_search_valley",), given(1)),
+    "rescued": Part(
+        "fits begun again along the motion",
+        ("identify.search:rescued", "calibrate.flights:rescued"),
+        given(1),
+    ),
+    "fitted_on": Part(
+        "fits that are fitted on", ("identify.search:fitted_on", "calibrate.flights:fitted_on"), given(1)
+    ),
+    "hand_on": Part("windows that begin anew", ("identify.following:hand_on",), given(1)),
+    "weigh_outliers": Part("outliers that count less", ("identify.following:_weigh_outliers",), lambda p, v, s: (p, s)),
+    "follow_agreeing": Part(
+        "another sensor where two contradict",
+        ("identify.search:follow_agreeing", "look:follow_agreeing"),
+        _follow_windows,
+    ),
+    "hold_unseen": Part("nuisance that no window tells is held", ("identify.following:hold_unseen",), given(0)),
+    "search_along": Part("the search again along what was found", ("look:_search_along",), given(1)),
+    "find_onset": Part("a change during the log", ("look:find_onset",), always(None)),
+    "hints_of": Part("a level vehicle's explanations for one that tilts", ("look:hints_of",), always([])),
+    "looked_along": Part("values along the motion", ("identify.neighbours:Neighbourhood._looked_along",), given(1)),
+    "merged": Part("one value for a family", ("identify.neighbours:Neighbourhood._merged",), always([])),
+    "exchanged": Part("an effect in place of another", ("identify.neighbours:Neighbourhood.exchanged",), always([])),
+    "plugged": Part("the routing of all plugs", ("identify.neighbours:Neighbourhood._plugged",), always([])),
+    "are_twins": Part("effects with equal responses", ("identify.neighbours:Neighbourhood._are_twins",), always(False)),
+    "without_small": Part("small effects left out", ("identify.search:_EffectSearch._without_small",), given(1)),
+    "is_small": Part("small effects never the best", ("identify.search:_EffectSearch.is_small",), always(False)),
+    "named_plainly": Part("plainer names", ("identify.search:_EffectSearch._named_plainly",), given(1)),
+    "measure_noise": Part(
+        "noise measured again", ("identify.search:measure_noise", "calibrate.calibration:measure_noise"), given(0)
+    ),
+    "as_sure": Part("nuisance as wide as the log shows", ("named:as_sure",), _as_fitted),
+    "worse": Part("the veto of held-out flight", ("pipeline:worse",), always(())),
+    "weigh_readings": Part(
+        "channels that do not answer", ("pipeline:weigh_readings",), lambda log, v, s, once: once(log, 0.0, 1.0)[0]
+    ),
+    "calibrate_by_prediction": Part(
+        "a prediction fit of healthy flights", ("calibrate.calibration:calibrate_by_prediction",), always(None)
+    ),
+    "measure_ambiguity": Part("scales no flight tells", ("calibrate.calibration:measure_ambiguity",), always(None)),
+    "hold_scale": Part("scales held", ("calibrate.calibration:hold_scale", "calibrate.flights:hold_scale"), given(0)),
+}
+
+
+def leave_out(part: Part) -> None:
+    """Put what stands for a part in its place, in this process."""
+    for place in part.places:
+        module, _, name = place.partition(":")
+        owner: Any = importlib.import_module(f"{DIAGNOSIS}.{module}")
+        *classes, function = name.split(".")
+        for one in classes:
+            owner = getattr(owner, one)
+        if not callable(getattr(owner, function)):
+            raise AttributeError(f"{place} is no function")
+        setattr(owner, function, part.instead)
+
+
+def changed_without(cases: Sequence[Case], name: str) -> list[str]:
+    """What the answers to some logs say otherwise without a part; it is left out of this process for good."""
+    from benchmarks.blind.examine import examine_one
+    from benchmarks.blind.seal import answers_folder
+
+    leave_out(PARTS[name])
+    found = []
+    for folder, task in cases:
+        answers = answers_folder(folder)
+        mine = answers / "without" / name
+        mine.mkdir(parents=True, exist_ok=True)
+        if not (mine / f"{task}.json").exists():
+            examine_one(folder, mine, task)
+        before, after = (json.loads((where / f"{task}.json").read_text()) for where in (answers, mine))
+        if moved := difference(before, after):
+            found.append(f"{folder.name}/{task}: {moved}")
+    return found
+
+
+def cases_of(folders: Sequence[Path], logs: int, workers: int) -> list[Case]:
+    """The first logs of some folders, all of them answered by the diagnosis as it is."""
+    from benchmarks.blind.examine import examine
+    from benchmarks.blind.seal import answers_folder, read_manifest
+
+    for folder in folders:
+        examine(folder, answers_folder(folder), workers)
+    return [(folder, task) for folder in folders for task in sorted(read_manifest(folder)["tasks"])[:logs]]
+
+
+def table(changed: dict[str, list[str]], logs: int) -> Table:
+    """Each part with how many answers change without it, the needless first."""
+    ranked = sorted(changed, key=lambda name: len(changed[name]))
+    rows = [(name, PARTS[name].does, f"{len(changed[name])} of {logs}") for name in ranked]
+    return Table("Without one part", ("part", "what it does", "answers that change"), rows)
+
+
+def main() -> None:
+    """Leave out one part after the other and count the answers that change."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.blind.without", description=__doc__)
+    parser.add_argument("folders", nargs="+", type=Path, help="of sealed logs, flown by python -m benchmarks.blind")
+    parser.add_argument("--logs", type=int, default=LOGS, help=f"of each folder ({LOGS})")
+    parser.add_argument("--only", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of one thread each")
+    asked = parser.parse_args()
+    if unknown := set(asked.only or ()) - set(PARTS):
+        parser.error(f"no parts: {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
+    from benchmarks.blind.report import markdown
+
+    cases, changed = cases_of(asked.folders, asked.logs, asked.workers), {}
+    names = asked.only or list(PARTS)
+    context = multiprocessing.get_context("forkserver")  # each process leaves out one part
+    with ProcessPoolExecutor(asked.workers, context, max_tasks_per_child=1) as pool:
+        done = pool.map(partial(changed_without, cases), names)
+        for name, moved in zip(names, tqdm(done, total=len(names), unit="part", disable=None), strict=True):
+            changed[name] = moved
+            tqdm.write("\n".join([f"{name}: {len(moved)}", *(f"  {one}" for one in moved)]))
+    print(markdown(table(changed, len(cases))))
+
+
+if __name__ == "__main__":
+    main()
