@@ -9,6 +9,9 @@ PROJECT = _PACKAGE.parent  # of a checkout; the wheel takes what package code re
 CONF = next((folder for folder in (_PACKAGE / "conf", PROJECT / "conf") if folder.is_dir()), PROJECT / "conf")
 EXAMPLE_LOG = CONF.parent / "examples" / "flight.csv"
 OWN = "AUV_CONF"  # the environment variable that names a folder of one's own
+PLAIN = ("vehicle", "scenario", "randomization")  # groups of physical numbers, which depend on nothing outside of them
+ENDINGS = (".yaml", ".yml")
+SCHEMA = "_schema"  # ends the names of schemas, which stand beside the options of a group
 
 
 def own_folder() -> Path | None:

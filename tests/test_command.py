@@ -8,7 +8,7 @@ from hydra._internal.hydra import Hydra
 
 from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input, claim_folder
-from auv_torchrl.command.entry import composing_once
+from auv_torchrl.hydra_command.entry import composing_once
 from tests.command_lines import answers_of
 
 

@@ -16,15 +16,18 @@ from hypothesis import strategies as st
 
 from auv_torchrl.agents.interrupt import interruptible
 from auv_torchrl.agents.storage import storing
-from auv_torchrl.command import BadInput, LogFile, callback, checking_input
+from auv_torchrl.command import BadInput, LogFile, checking_input
 from auv_torchrl.command.arguments import quote_files, refuse_unknown_keys
+from auv_torchrl.command.compose import compose
 from auv_torchrl.command.errors import CANNOT_WRITE, CannotWrite, writing
 from auv_torchrl.command.terminal import spell_signs
 from auv_torchrl.diagnosis import request
-from auv_torchrl.diagnosis import schema as diagnose_schema
 from auv_torchrl.diagnosis.report import write_files
+from auv_torchrl.diagnosis.schema import SCHEMAS
 from auv_torchrl.experiment.run import STORE
 from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.hydra_command import callback
+from auv_torchrl.hydra_command.explain import composed
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind import schema as blind_schema
 from tests.diagnosis.example import example
@@ -179,7 +182,7 @@ def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatc
     monkeypatch.setattr(job, "diagnose", lambda *_, **__: made)
     log = tmp_path / "a(1)=b.csv"
     log.write_text("t\n")
-    monkeypatch.setattr(sys, "argv", ["diagnose.py", f"log={log}", f"output={tmp_path / 'out'}", *QUIET])
+    monkeypatch.setattr(sys, "argv", ["diagnose.py", f"log={log}", f"output={tmp_path / 'out'}"])
     with monkeypatch.context() as patched:
         patched.setattr("pyarrow.parquet.write_table", full)
         with pytest.raises(SystemExit) as ended:
@@ -328,8 +331,8 @@ def test_files_with_spaces_between_are_a_list_where_one_of_them_is_there(tmp_pat
 )
 def test_a_key_misspelt_after_a_plus_is_refused_by_every_command(command, given, near):
     """train.py is above; nothing is added that nothing would read."""
-    diagnose_schema.register()
     blind_schema.register()
+    settings = compose("diagnose", schemas=SCHEMAS).config if command == "diagnose" else composed(command)
     with pytest.raises(BadInput, match=near):
-        refuse_unknown_keys(command, [given], ())
-    refuse_unknown_keys(command, ["seed=3", "+vehicle.rigid_body.mass=3"] if command == "diagnose" else [], ())
+        refuse_unknown_keys(lambda: settings, [given], ())
+    refuse_unknown_keys(lambda: settings, ["+vehicle.rigid_body.mass=3"] if command == "diagnose" else [], ())

@@ -15,7 +15,6 @@ from hydra import compose, initialize_config_dir
 from auv_torchrl.command.arguments import quote_files, without_config_dir
 from auv_torchrl.command.errors import BadInput
 from auv_torchrl.command.own_files import own_files
-from auv_torchrl.config_source import check_config_files
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict import Verdict
@@ -24,6 +23,7 @@ from auv_torchrl.envs import MujocoFleet
 from auv_torchrl.envs.randomize import RandomizeVehicle
 from auv_torchrl.experiment import schema
 from auv_torchrl.flightlog import read_flightlog
+from auv_torchrl.hydra_command.config_source import check_config_files
 from auv_torchrl.paths import CONF, OWN, PROJECT, config_names, config_path
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.registry import Registry

@@ -139,15 +139,15 @@ def test_a_vehicle_file_of_ones_own_is_flown_from_python(run, tmp_path):
 @pytest.mark.slow
 @pytest.mark.thorough
 def test_the_installed_commands_sweep_in_processes_over_files_of_ones_own(run, tmp_path):
-    """Jobs of a sweep find conf/, a vehicle file and an effect of one's own, in auv-diagnose and in auv-train."""
+    """auv-diagnose and jobs of a sweep of auv-train find conf/, a vehicle file and an effect of one's own."""
     (tmp_path / "mine.yaml").write_text(config_path("vehicle", "paper").read_text().replace("12.0 ", "12.1 "))
     (tmp_path / "lab" / "effects").mkdir(parents=True)
     (tmp_path / "lab" / "effects" / "growth.py").write_text(FOULING)
     rows = EXAMPLE_LOG.read_text().splitlines(keepends=True)
     (tmp_path / "short.csv").write_text("".join(rows[: len(rows) // 4]))
     parallel = ("-m", "--config-dir", "lab", "hydra/launcher=joblib")
-    run("auv-diagnose", *parallel, "log=short.csv", "vehicle=mine.yaml", FEW, "output=diagnosed")
-    diagnosis = json.loads((tmp_path / "diagnosed" / "0" / "diagnosis.json").read_text())
+    run("auv-diagnose", "short.csv", "--config-dir", "lab", "--vehicle", "mine.yaml", FEW, "--output", "diagnosed")
+    diagnosis = json.loads((tmp_path / "diagnosed" / "diagnosis.json").read_text())
     assert [effect["name"] for effect in diagnosis["effects"]] == ["thruster_gain"]
     assert "fouling" in {candidate["name"] for candidate in diagnosis["candidates"]}
     mine = ("vehicle=mine.yaml", "+randomization.fouling.factor=[1.0,2.0]", "flight.fly=false")

@@ -11,8 +11,8 @@ from hydra._internal.sources_registry import SourcesRegistry
 from hydra.core.singleton import Singleton
 from hydra.plugins.config_source import ConfigLoadError
 
-from auv_torchrl.config_source import CheckedFiles, check_config_files
 from auv_torchrl.experiment import schema
+from auv_torchrl.hydra_command.config_source import CheckedFiles, check_config_files
 from auv_torchrl.paths import CONF, PROJECT, config_path
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import MOST_BYTES, YamlFileError, read_yaml

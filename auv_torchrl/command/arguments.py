@@ -1,23 +1,16 @@
-"""Arguments of a command before Hydra reads them: names of files as people have them, and keys that there are not."""
+"""Arguments of a command before they are composed: names of files as people have them, and keys that there are not."""
 
 import re
 import shlex
-from collections.abc import Mapping, Sequence
-from functools import cache
-from os.path import expanduser
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from os.path import exists, expanduser
 from typing import Any
 
-import hydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import ChoiceSweep, Override
-from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
-from auv_torchrl.command.errors import BadInput, one_line
-from auv_torchrl.config_source import SCHEMA
-from auv_torchrl.paths import CONF, config_names
+from auv_torchrl.command.errors import BadInput
+from auv_torchrl.command.overrides import Override, OverrideError, Sweep, read_override
+from auv_torchrl.paths import CONF, SCHEMA, config_names
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle_fields import may_be_left_out
 
@@ -65,10 +58,10 @@ def _quote_argument(given: str, files: Sequence[str], sweep: bool) -> str:
     if spaced := _spaced(value):
         return f"{key}[{','.join(map(_quoted, spaced))}]"
     parsed = _parse(given)
-    if parsed is not None and not parsed.is_sweep_override():
-        plain = isinstance(parsed.value(), str | list | dict | None)  # else a name that looks like a number
+    if parsed is not None and not parsed.is_sweep:
+        plain = isinstance(parsed.value, str | list | dict | None)  # else a name that looks like a number
         return given if plain else key + _quoted(value)
-    if "," in value and not sweep and Path(value).exists():
+    if "," in value and not sweep and exists(value):
         return key + _quoted(value)
     if parsed is not None:
         return given
@@ -84,19 +77,19 @@ def _quote_argument(given: str, files: Sequence[str], sweep: bool) -> str:
 
 def _spaced(value: str) -> list[str]:
     """The files that are named with spaces between, quoted as for a shell; none where that is not what is meant."""
-    if value[0] in "[{" or len(value.split()) < 2 or Path(value).exists():
+    if value[0] in "[{" or len(value.split()) < 2 or exists(value):
         return []
     try:
         words = shlex.split(value)
     except ValueError:  # an apostrophe in a name
         words = value.split()
-    return words if any(Path(expanduser(word)).exists() for word in words) else []
+    return words if any(exists(expanduser(word)) for word in words) else []
 
 
 def _parse(given: str) -> Override | None:
     try:
-        return OverridesParser.create().parse_override(given)
-    except HydraException:
+        return read_override(given)
+    except OverrideError:
         return None
 
 
@@ -111,11 +104,11 @@ def _quoted(name: str) -> str:
     return f"'{escaped}'"
 
 
-def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequence[str]) -> None:
-    """Refuse what Hydra would take and nothing would read: ``+key=value`` without such a key, ``group=null``, a schema.
+def refuse_unknown_keys(settings: Callable[[], DictConfig], arguments: Sequence[str], groups: Sequence[str]) -> None:
+    """Refuse what nothing would read although it composes: ``+key=value`` without such a key, ``group=null``, a schema.
 
     Args:
-        config_name: of the command.
+        settings: of the command without arguments; composed where an argument adds something.
         arguments: of the command line.
         groups: folders of ``conf`` from which something may be added.
 
@@ -124,32 +117,32 @@ def refuse_unknown_keys(config_name: str, arguments: Sequence[str], groups: Sequ
     """
     for given in arguments:
         parsed = _parse(given)
-        if parsed is None or parsed.key_or_group.split(".")[0].split("/")[0] == "hydra":
+        if parsed is None or parsed.key.split(".")[0].split("/")[0] == "hydra":
             continue
-        key, added = parsed.key_or_group, given.startswith("+")
+        key, added = parsed.key, parsed.action.startswith("+")
         if added and key not in groups:
-            _refuse_unknown(config_name, key, groups)
+            _refuse_unknown(settings(), key, groups)
         if added and parsed.package is not None:
             raise BadInput(f"{given}: give +{key}=... without @{parsed.package}")
-        if not parsed.is_delete() and (CONF / key).is_dir():
-            _refuse_unread(given, key, parsed.value())
+        if parsed.action != "~" and (CONF / key).is_dir():
+            _refuse_unread(given, key, parsed.value)
 
 
 def _refuse_unread(given: str, group: str, value: Any) -> None:
     if value is None:
         raise BadInput(f"{given}: there are {', '.join(config_names(group))}")
-    for name in value.list if isinstance(value, ChoiceSweep) else [value]:
+    for name in value.values if isinstance(value, Sweep) else [value]:
         if str(name).endswith(SCHEMA) and name not in config_names(group):
-            raise BadInput(_unknown_option(group, str(name)))
+            raise BadInput(unknown_option(group, str(name)))
 
 
-def _refuse_unknown(config_name: str, key: str, groups: Sequence[str]) -> None:
-    node: Any = _composed(config_name)
+def _refuse_unknown(config: DictConfig, key: str, groups: Sequence[str]) -> None:
+    node: Any = config
     for name in key.split("."):
         if not isinstance(node, DictConfig) or not _closed(node):
             return  # what reads an open mapping checks it: effects, parameters, entries of a vehicle
         if name not in node:
-            raise BadInput(unknown_key(config_name, key, groups))
+            raise BadInput(unknown_key(config, key, groups))
         node = node._get_node(name)
     if "/" in key or (CONF / key).is_dir():
         raise BadInput(f"+{key}: it is there already: give {key}=... without +")
@@ -160,15 +153,15 @@ def _closed(node: DictConfig) -> bool:
     return OmegaConf.get_type(node) not in (dict, None)
 
 
-@cache
-def _composed(config_name: str) -> DictConfig:
-    with hydra.initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
-        return hydra.compose(config_name)
+def absent_key(config: DictConfig, key: str, given: str, groups: Sequence[str] = ()) -> str:
+    """One line about a key that cannot be set: the vehicle's file leaves it out, or there is none."""
+    if may_be_left_out(key):
+        return f"the vehicle's file leaves out {key}: give {shlex.quote(given)}"
+    return unknown_key(config, key, groups)
 
 
-def unknown_key(config_name: str, key: str, groups: Sequence[str] = ()) -> str:
+def unknown_key(config: DictConfig, key: str, groups: Sequence[str] = ()) -> str:
     """One line about a key that there is not, with those that there are."""
-    config = _composed(config_name)
     parent, _, name = key.rpartition(".")
     while parent and not isinstance(OmegaConf.select(config, parent), DictConfig):
         parent, _, name = parent.rpartition(".")
@@ -177,35 +170,17 @@ def unknown_key(config_name: str, key: str, groups: Sequence[str] = ()) -> str:
     return f"no config key {name!r}{f' in {parent}' if parent else ''}: {choices([name], known)}"
 
 
-def _unknown_option(group: str, name: str) -> str:
+def unknown_option(group: str, name: str) -> str:
+    """One line about an entry of a group that there is not, with those that there are."""
     return f"no {group} named {name!r}: there are {', '.join(config_names(group))}"
 
 
-def _without_key(given: str, file_key: str) -> str:
-    if file_key and ("/" in given or Path(given).suffix or Path(given).exists()):
-        return f"{given} is given without a key: give {shlex.quote(f'{file_key}={given}')}"
+def without_key(given: str) -> str:
+    """One line about a word that is neither a file nor ``key=value``."""
     return f"{given} is given without a key: give key=value, --help lists the keys"
 
 
-def explain(config_name: str, error: Exception, file_key: str = "") -> str:
-    """One line out of an error of Hydra or OmegaConf, with the keys there are; a bare file is given as ``file_key``."""
-    if isinstance(error, OverrideParseException):
-        key, equals, value = error.override.partition("=")
-        if not equals:
-            return _without_key(error.override, file_key)
-        why = one_line(str(error).split("\nSee https")[0])
-        return (
-            f"cannot read {error.override} ({why}): put a value with signs like , = ( [ in quotes: {key}=\"'{value}'\""
-        )
-    text = str(error).split("Config search path")[0].split("\nSee https")[0].split("\n    full_key")[0]
-    if isinstance(error, OmegaConfBaseException) and error.full_key and error.full_key not in text:
-        text = f"{error.full_key}: {text}"
-    if missing := re.search(r"Could not override '([^']+)'\.\s*To append to your config use (.*)", text):
-        if may_be_left_out(missing[1]):
-            return f"the vehicle's file leaves out {missing[1]}: give {shlex.quote(missing[2])}"
-        return unknown_key(config_name, missing[1])
-    if absent := re.search(r"Could not (?:find|load) '([^']+)/([^/']+)'", text):
-        return _unknown_option(absent[1], absent[2])
-    cause = error.__cause__
-    reason = str(cause).split("\n    full_key")[0] if cause is not None else ""
-    return one_line(f"{text.strip()}: {reason}" if reason and reason not in text else text)
+def unreadable(given: str, why: str) -> str:
+    """One line about a value with signs that mean something else."""
+    key, _, value = given.partition("=")
+    return f"cannot read {given} ({why}): put a value with signs like , = ( [ in quotes: {key}=\"'{value}'\""

@@ -1,177 +1,171 @@
-"""What stands around every command: ``hydra.main``, and an end of one line whatever happens."""
+"""A command with a plain command line: its words are read, its settings composed, its folder claimed, then it works.
+
+What needs a library is imported where it is needed: ``--help`` and completion answer without any.
+"""
 
 import functools
-import logging
-import os
-import signal
 import sys
-import threading
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
-from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-import hydra
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.hydra import Hydra
-from hydra.core.hydra_config import HydraConfig
-from hydra.core.object_type import ObjectType
-from hydra.errors import HydraException
-from hydra.types import RunMode
-from omegaconf import DictConfig
-from omegaconf.errors import OmegaConfBaseException
+from auv_torchrl.command.ending import VERSION, ending, on_cluster, terminable
+from auv_torchrl.command.errors import BAD_INPUT, BadInput, one_line, writing
+from auv_torchrl.command.options import CommandLine
+from auv_torchrl.command.run import Run
+from auv_torchrl.paths import config_names
 
-from auv_torchrl import __version__
-from auv_torchrl.agents.interrupt import interrupt
-from auv_torchrl.command.arguments import explain, quote_files, refuse_unknown_keys, spelt_out, without_config_dir
-from auv_torchrl.command.errors import BAD_INPUT, BadInput, checking_input, fail, writing
-from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
-from auv_torchrl.command.own_files import own_files
-from auv_torchrl.command.terminal import prepare_terminal
-from auv_torchrl.config_source import PLAIN, check_config_files
-from auv_torchrl.importing import replaced
-from auv_torchrl.parallel import use_cluster
-from auv_torchrl.paths import CONF
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
 
-log = logging.getLogger(__name__)
-VERSION = f"auv_torchrl {__version__}"
+Task = Callable[["DictConfig", Run], None]
+Schemas = Callable[[], Mapping[str, type]]
+_COMPLETION = ("--completion", "--complete")
+_SHOW = ("--cfg", "-c")  # --cfg job, as Hydra has it
 
 
-# long: Hydra's task and the entry point around it share what the command was given
-def command(
-    config_name: str,
-    files: tuple[str, ...] = ("output",),
-    groups: tuple[str, ...] = (),
-    short: Mapping[str, str] = MappingProxyType({}),
-    register: Callable[[], None] = lambda: None,
-    has_folder: bool = True,
-    file_key: str = "",
-) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
-    """``hydra.main`` on ``conf/<config_name>.yaml`` that ends with one line and exit code 2 on bad input.
+def command(line: CommandLine, schemas: Schemas, has_folder: bool = True) -> Callable[[Task], Callable[[], None]]:
+    """A command that ends with one line and exit code 2 on bad input.
 
     Args:
-        config_name: of the command.
-        files: keys whose values name files or folders.
-        groups: folders of ``conf`` from which ``+group=option`` may add something.
-        register: makes schemas known to Hydra, those of one's own files included; may be called again.
+        line: what may be on its command line.
+        schemas: by the name that its file gives them; asked for when the settings are composed.
         has_folder: whether it works in an output folder, which is then claimed and finished.
-        file_key: what to propose for a file that is given without a key; empty for nothing.
-        short: other names of keys: ``{"diagnosis": "diagnosis_file"}`` lets people write ``diagnosis=FILE``.
     """
 
-    def decorate(task: Callable[[DictConfig], None]) -> Callable[[], None]:
+    def decorate(task: Task) -> Callable[[], None]:
         @functools.wraps(task)
-        def job(config: DictConfig) -> None:
-            prepare_terminal()  # here too, because jobs of a sweep may run in processes of their own
-            folder = Path(HydraConfig.get().runtime.output_dir)
-            if has_folder and is_finished(folder):  # in a sweep that goes on
-                log.info("finished before: %s", folder)
-                return
-            try:
-                with writing():
-                    register()  # here too, because of the resolvers
-                    task(config)
-                    finish(folder)  # nothing where this process holds none
-            except BadInput as error:
-                if HydraConfig.get().mode is RunMode.MULTIRUN:
-                    raise  # the other jobs of the sweep go on; Hydra reports this one when they are done
-                if has_folder and error.code == BAD_INPUT:
-                    discard_start(folder, config_name)
-                fail(config_name, error)
-            finally:
-                leave(folder)
-
-        hydra_main = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)
-
         def entry() -> None:
-            os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra hands its errors on instead of printing them
-            check_config_files()
-            prepare_terminal()
-            given = sys.argv
-            try:
-                arguments, own = without_config_dir(given[1:])
-                with terminable(), own_files(own), on_cluster():
-                    register()
-                    sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
-                    refuse_unknown_keys(config_name, sys.argv[1:], groups)
-                    with composing_once(sys.argv[1:], groups), listing_options_fast():
-                        hydra_main()
-            except (HydraException, OmegaConfBaseException) as error:
-                fail(config_name, BadInput(explain(config_name, error, file_key)))
-            except BadInput as error:
-                fail(config_name, error)
-            except KeyboardInterrupt as stopped:
-                why = str(stopped) or "run the same command to go on"
-                sys.stderr.write(f"{config_name}: interrupted: {why}\n")
-                sys.exit(128 + getattr(stopped, "signum", signal.SIGINT))  # as shells have it
-            finally:
-                sys.argv = given
-                leave()
+            words = sys.argv[1:]
+            if "--version" in words:
+                print(VERSION)
+            elif words and words[0] in _COMPLETION:
+                from auv_torchrl.command.completion import answer
 
-        return telling_version(entry)
+                with ending(line.name):
+                    answer(f"auv-{line.name}", line.keys, words)
+            elif {"-h", "--help"} & set(words):
+                print(help_of(line))
+            else:
+                with ending(line.name):
+                    _start(line, words, schemas, task, has_folder)
+
+        return entry
 
     return decorate
 
 
-def telling_version(entry: Callable[[], None]) -> Callable[[], None]:
-    """The same, but ``--version`` is answered with ours: Hydra would tell its own."""
-
-    def answer() -> None:
-        if "--version" in sys.argv[1:]:
-            print(VERSION)
-        else:
-            entry()
-
-    return answer
-
-
-@contextmanager
-def composing_once(arguments: Sequence[str], groups: Sequence[str]) -> Iterator[None]:
-    """Keep Hydra from composing all settings a first time, 0.2 s, just to see whether ``hydra.mode`` is among them.
-
-    It may be where an argument sets it or adds what may set it, as an experiment does; physical numbers cannot.
-    """
-    keys = ("hydra", *(group for group in groups if group not in PLAIN))
-    if any(given.lstrip("+~").startswith(keys) for given in arguments):
-        yield
-        return
-    with replaced(Hydra, get_mode=lambda *_, **__: None):  # -m counts as ever
-        yield
+def help_of(line: CommandLine) -> str:
+    """What ``--help`` says: the text of the command's file, ``$VEHICLES`` in it as the names there are."""
+    shown = []
+    for text in line.content["help"].rstrip("\n").split("\n"):
+        group = text.strip().removeprefix("$").lower().removesuffix("s")
+        if text.strip().startswith("$"):
+            indent = " " * (len(text) - len(text.lstrip()))
+            listed = ", ".join(config_names(group))
+            text = textwrap.fill(listed, 120, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+        shown.append(text)
+    return "\n".join(shown)
 
 
-@contextmanager
-def listing_options_fast() -> Iterator[None]:
-    """Keep Hydra from copying all of its configuration for each group that ``--help`` and completion list, 1.5 s."""
+def _start(line: CommandLine, words: Sequence[str], schemas: Schemas, task: Task, has_folder: bool) -> None:
+    from omegaconf import OmegaConf
 
-    def options(
-        loader: ConfigLoaderImpl,
-        group_name: str,
-        results_filter: ObjectType | None = ObjectType.CONFIG,
-        config_name: str | None = None,
-        overrides: list[str] | None = None,
-    ) -> list[str]:
-        return loader.repository.get_group_options(group_name, results_filter)
+    from auv_torchrl.command.arguments import quote_files, without_config_dir
+    from auv_torchrl.command.compose import compose
+    from auv_torchrl.command.own_files import own_files
+    from auv_torchrl.command.terminal import prepare_terminal
 
-    with replaced(ConfigLoaderImpl, get_group_options=options):
-        yield
+    prepare_terminal()
+    words, own = without_config_dir(words)
+    with terminable(), own_files(own), on_cluster():
+        shown = next((words.index(flag) for flag in _SHOW if flag in words), None)
+        if shown is not None:
+            words = [*words[:shown], *words[shown + 2 :]]
+        overrides = quote_files(line.overrides(words), line.files)
+        composed = compose(line.name, overrides, schemas(), line.groups)
+        if shown is not None:
+            print(OmegaConf.to_yaml(composed.config), end="")
+            return
+        folder = _folder(line.name, composed.config) if has_folder else Path.cwd()
+        run = Run(folder, tuple(overrides), composed.choices)
+        with _claimed(line.name, composed.config, run) if has_folder else _logging(None):
+            task(composed.config, run)
 
 
-@contextmanager
-def on_cluster() -> Iterator[None]:
-    """Let the cluster that is named, if any, do what is done side by side."""
-    with checking_input():
-        use_cluster()
-    yield
+def _folder(name: str, config: "DictConfig") -> Path:
+    from omegaconf import OmegaConf
+
+    if not OmegaConf.is_missing(config, "output"):
+        return Path(config.output)
+    return Path("outputs", name, datetime.now().strftime("%Y-%m-%d_%H-%M-%S"))
 
 
 @contextmanager
-def terminable() -> Iterator[None]:
-    """Let SIGTERM end what is inside as Ctrl-C does, unless somebody else handles it."""
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
-    signal.signal(signal.SIGTERM, interrupt)
+def _claimed(name: str, config: "DictConfig", run: Run) -> Iterator[None]:
+    """Hold the folder while the command works in it; a refused command leaves none behind."""
+    from auv_torchrl.command.folder import claim_folder, discard_start, finish, leave
+
+    with writing():
+        claim_folder(run.folder, name, _settings(config), list(run.overrides))
     try:
-        yield
+        with _logging(run.folder / f"{name}.log"), writing():
+            _say_if_it_goes_on(run.folder)
+            yield
+            finish(run.folder)
+    except BadInput as error:
+        if error.code == BAD_INPUT:
+            discard_start(run.folder, name)
+        raise
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        leave(run.folder)
+
+
+def _settings(config: "DictConfig") -> str:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    try:
+        return OmegaConf.to_yaml(config, resolve=True)
+    except OmegaConfBaseException as error:
+        why = str(error).split("\n    full_key")[0]
+        raise BadInput(one_line(f"{error.full_key}: {why}")) from error
+
+
+def _say_if_it_goes_on(folder: Path) -> None:
+    import logging
+
+    from auv_torchrl.command.folder import goes_on
+
+    if goes_on(folder):
+        logging.getLogger(__name__).info("going on with the unfinished run in %s", folder)
+
+
+@contextmanager
+def _logging(file: Path | None) -> Iterator[None]:
+    """Plain lines on the console, and the same with time and origin in a file."""
+    import logging
+
+    from auv_torchrl.command.terminal import Console, LogFile
+
+    handlers: list[logging.Handler] = [Console(sys.stdout)]
+    handlers[0].setFormatter(logging.Formatter("%(message)s"))
+    if file is not None:
+        handlers.append(LogFile(file, encoding="utf-8"))
+        handlers[1].setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    root = logging.getLogger()
+    before = root.level
+    root.setLevel(logging.INFO)
+    for handler in handlers:
+        root.addHandler(handler)
+    try:
+        with writing():
+            yield
+    finally:
+        root.setLevel(before)
+        for handler in handlers:
+            root.removeHandler(handler)
+            handler.close()

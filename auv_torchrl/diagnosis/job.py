@@ -1,12 +1,10 @@
 """What ``diagnose.py`` does once its command line is read."""
 
 import logging
-from pathlib import Path
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from auv_torchrl.command import checking_input
+from auv_torchrl.command import Run, checking_input
 from auv_torchrl.diagnosis.memory import give_back_freed_memory
 from auv_torchrl.diagnosis.pipeline import diagnose
 from auv_torchrl.diagnosis.report import decision_table, named_files, summary_table, write_files
@@ -17,7 +15,7 @@ from auv_torchrl.progress import Progress
 log = logging.getLogger("diagnose")
 
 
-def answer(config: DictConfig) -> None:
+def answer(config: DictConfig, run: Run) -> None:
     """Read the logs, diagnose them, print the verdict, write the files."""
     with checking_input():
         request = read_request(config)
@@ -39,7 +37,7 @@ def answer(config: DictConfig) -> None:
             uncertainty=request.uncertainty,
             kept=request.kept,
         )
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    folder = run.folder
     log.info("\n%s\n", summary_table(diagnosis, request.said))  # before the files, so that a full disk does not keep it
     if config.explain:
         log.info("%s\n", decision_table(diagnosis))

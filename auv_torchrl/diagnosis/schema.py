@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Any
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
 
@@ -46,7 +45,5 @@ class CalibrateSchema(LogsSchema):
     replace: bool = MISSING
 
 
-def register() -> None:
-    """Make the schemas known to Hydra as ``diagnose_schema`` and ``calibrate_schema``."""
-    ConfigStore.instance().store("diagnose_schema", DiagnoseSchema)
-    ConfigStore.instance().store("calibrate_schema", CalibrateSchema)
+# by the name that conf/diagnose.yaml and conf/calibrate.yaml give them
+SCHEMAS = {"diagnose_schema": DiagnoseSchema, "calibrate_schema": CalibrateSchema}

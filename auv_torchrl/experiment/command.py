@@ -2,12 +2,12 @@
 
 from omegaconf import DictConfig
 
-from auv_torchrl.command import command
 from auv_torchrl.experiment import schema
+from auv_torchrl.hydra_command import hydra_command
 from auv_torchrl.importing import importing
 
 
-@command(
+@hydra_command(
     "train",
     files=("diagnosis_file", "policies", "output", "vehicle", "scenario", "randomization"),
     groups=("scenario", "experiment"),

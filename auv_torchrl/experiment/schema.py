@@ -13,11 +13,10 @@ from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.agents.config import AGENTS, FineTuning
 from auv_torchrl.command.scenario_schema import ScenarioSchema
 from auv_torchrl.compensation.excitation import Excitation
-from auv_torchrl.config_source import ENDINGS, SCHEMA
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs.make import BACKENDS
 from auv_torchrl.experiment.flight_config import FlightConfig
-from auv_torchrl.paths import config_names, config_path
+from auv_torchrl.paths import ENDINGS, SCHEMA, config_names, config_path
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS
 from auv_torchrl.yaml_file import read_yaml

@@ -1,21 +1,29 @@
 """The command ``auv-export``: a trained policy leaves the simulator."""
 
-from omegaconf import DictConfig
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from auv_torchrl.command import command
-from auv_torchrl.export.schema import register
-from auv_torchrl.importing import importing
+from auv_torchrl.command import CommandLine, Run, command
 
-register()
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+LINE = CommandLine("export", ("policy", "adapter", "output"), bare="policy")
 
 
-@command("export", files=("policy", "adapter", "output"))
-def main(config: DictConfig) -> None:
+def schemas() -> Mapping[str, type]:
+    """The types of its settings."""
+    from auv_torchrl.export.schema import SCHEMAS
+
+    return SCHEMAS
+
+
+@command(LINE, schemas)
+def main(config: "DictConfig", run: Run) -> None:
     """Write the files and the contract of a policy."""
-    with importing():  # here, not above: torch takes a second
-        from auv_torchrl.export.job import export
+    from auv_torchrl.export.job import export  # here, not above: torch takes a second
 
-    export(config)
+    export(config, run)
 
 
 if __name__ == "__main__":

@@ -10,14 +10,13 @@ from typing import Any, cast
 
 import numpy as np
 import torch
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from auv_torchrl import __version__
 from auv_torchrl.agents.networks import TanhPolicy
 from auv_torchrl.agents.policy import READABLE, SourcePolicy, load_policy
 from auv_torchrl.agents.storage import StorageError
-from auv_torchrl.command import checking_input
+from auv_torchrl.command import Run, checking_input
 from auv_torchrl.ddr.adapter import DDRAdapter
 from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.ddr.store import ADAPTER, load_adapter, load_or_pretrain
@@ -50,14 +49,14 @@ class Asked:
     fitted: bool  # whether the adapter has learnt of a changed vehicle
 
 
-def export(config: DictConfig) -> None:
+def export(config: DictConfig, run: Run) -> None:
     """Write the files and the contract."""
     torch.set_num_threads(1)
     with checking_input((ValueError, KeyError, FileNotFoundError, StorageError)):
         library("onnx", "auv-export needs", "export")
         asked = read_asked(config)
         files, about = described(asked)
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    folder = run.folder
     write_export(folder, files, about)
     log.info("%s", summary(asked, files))
     log.info("%s and the files that it describes are in %s", CONTRACT, folder)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Any
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
 
@@ -16,6 +15,4 @@ class ExportSchema:
     output: str = MISSING
 
 
-def register() -> None:
-    """Make the schema known to Hydra as ``export_schema``."""
-    ConfigStore.instance().store("export_schema", ExportSchema)
+SCHEMAS = {"export_schema": ExportSchema}  # by the name that conf/export.yaml gives it

@@ -1,22 +1,33 @@
 """The command ``auv-sim``: the physics of this package behind ArduSub."""
 
-from omegaconf import DictConfig
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from auv_torchrl.command import checking_input, command
-from auv_torchrl.link.address import parse_address
-from auv_torchrl.link.schema import register
+from auv_torchrl.command import CommandLine, Run, checking_input, command
 
-register()
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+LINE = CommandLine("sim", ("output", "vehicle", "scenario"), groups=("scenario",))
 
 
-@command("sim", files=("output", "vehicle", "scenario"), groups=("scenario",), has_folder=False)
-def main(config: DictConfig) -> None:
+def schemas() -> Mapping[str, type]:
+    """The types of its settings."""
+    from auv_torchrl.link.schema import SCHEMAS
+
+    return SCHEMAS
+
+
+@command(LINE, schemas, has_folder=False)
+def main(config: "DictConfig", run: Run) -> None:
     """Fly what ArduSub sends, once it is sure where to listen."""
+    from auv_torchrl.link.address import parse_address  # here, not above: --help needs nothing of it
+
     with checking_input():
         address = parse_address(config.bind, config.elsewhere)
-    from auv_torchrl.link.job import simulate_for_firmware  # here, not above: --help needs nothing of it
+    from auv_torchrl.link.job import simulate_for_firmware  # here: a mistaken command line needs nothing of it
 
-    simulate_for_firmware(config, address)
+    simulate_for_firmware(config, address, run)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.agents.interrupt import interruptible
-from auv_torchrl.command import BadInput, checking_input, claim_folder
+from auv_torchrl.command import BadInput, Run, checking_input, claim_folder
 from auv_torchrl.command.chosen import scenario_name
 from auv_torchrl.command.folder import finish
 from auv_torchrl.extras import command, is_installed, library
@@ -43,16 +42,15 @@ class Asked:
     folder: Path | None
 
 
-def simulate_for_firmware(config: DictConfig, address: tuple[str, int]) -> None:
+def simulate_for_firmware(config: DictConfig, address: tuple[str, int], run: Run) -> None:
     """Answer ArduSub until Ctrl-C, SIGTERM or the time that was set; then write what is to be kept."""
-    hydra = HydraConfig.get()
     with checking_input():
-        asked = read_asked(config, scenario_name(hydra.runtime.choices, hydra.overrides.task))
+        asked = read_asked(config, scenario_name(run.choices, run.overrides))
     with ExitStack() as open_until_the_end:
         with checking_input():
             listener = open_until_the_end.enter_context(open_socket(address))
         if asked.folder is not None:
-            claim(asked.folder, config, hydra.overrides.task)
+            claim(asked.folder, config, run.overrides)
         observers = open_observers(asked, open_until_the_end)
         tally = Tally()
         lockstep = Lockstep(asked.plant, asked.outputs, config.paced, [*observers, tally])

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
 from auv_torchrl.command.scenario_schema import ScenarioSchema
@@ -37,6 +36,4 @@ class SimSchema:
     output: str | None = MISSING
 
 
-def register() -> None:
-    """Make the schema known to Hydra as ``sim_schema``."""
-    ConfigStore.instance().store("sim_schema", SimSchema)
+SCHEMAS = {"sim_schema": SimSchema}  # by the name that conf/sim.yaml gives it

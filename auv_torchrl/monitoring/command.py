@@ -3,27 +3,37 @@
 The command line decides which of the three is asked for, so it stands here, above the diagnosis of one log.
 """
 
-from omegaconf import DictConfig
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-from auv_torchrl.command import checking_input, command
-from auv_torchrl.diagnosis.logs import find_logs, is_series
-from auv_torchrl.diagnosis.memory import keep_freed_memory
-from auv_torchrl.diagnosis.schema import register
+from auv_torchrl.command import CommandLine, Run, checking_input, command
 
-register()
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+FILES = ("log", "healthy", "test", "params", "mapping", "store", "output", "vehicle")
+LINE = CommandLine("diagnose", FILES, bare="log", words=("example",))
 
 
-@command(
-    "diagnose", files=("log", "healthy", "test", "params", "mapping", "store", "output", "vehicle"), file_key="log"
-)
-def main(config: DictConfig) -> None:
+def schemas() -> Mapping[str, type]:
+    """The types of its settings."""
+    from auv_torchrl.diagnosis.schema import SCHEMAS
+
+    return SCHEMAS
+
+
+@command(LINE, schemas)
+def main(config: "DictConfig", run: Run) -> None:
     """Diagnose the logs that are named, once it is sure that they are there."""
+    # here, not above: --help needs none of these, and a mistaken command line neither physics nor scipy
+    from auv_torchrl.diagnosis.logs import find_logs, is_series
+    from auv_torchrl.diagnosis.memory import keep_freed_memory
+
     with checking_input():
         found = find_logs(config)
         if config.alike and not found["healthy"]:
             raise ValueError("alike=true holds runs against sound ones: give healthy=[...], logs of sound runs")
     keep_freed_memory()
-    # here, not above: --help and a mistaken command line need neither physics nor scipy
     if config.alike:
         from auv_torchrl.monitoring.repeated_runs import answer_runs as answer
     elif is_series(config):
@@ -31,4 +41,8 @@ def main(config: DictConfig) -> None:
     else:
         from auv_torchrl.diagnosis.job import answer
 
-    answer(config)
+    answer(config, run)
+
+
+if __name__ == "__main__":
+    main()

@@ -4,10 +4,9 @@ import logging
 from os.path import realpath
 from pathlib import Path
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from auv_torchrl.command import checking_input
+from auv_torchrl.command import Run, checking_input
 from auv_torchrl.diagnosis.calibrate.parameters import read_uncertainty
 from auv_torchrl.diagnosis.logs import find_logs, names, no_logs
 from auv_torchrl.diagnosis.plain import plain, write_json
@@ -40,11 +39,11 @@ _SHAPING = (
 )  # keys that shape a result
 
 
-def answer_dives(config: DictConfig) -> None:
+def answer_dives(config: DictConfig, run: Run) -> None:
     """Follow every dive, find what changed, print the report, write the page."""
     with checking_input():
         plan, work = plan_dives(config), _work(config)
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    folder = run.folder
     with checking_input((FlightLogError,)), Progress() as progress:
         baseline, dives = follow_all(work, plan, progress)
     per_false_alarm = float(config.dives_per_false_alarm)

@@ -4,15 +4,13 @@ import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from threadpoolctl import threadpool_limits
 
-from auv_torchrl.command import checking_input
+from auv_torchrl.command import Run, checking_input
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.plain import plain, write_json
 from auv_torchrl.diagnosis.request import read_request
@@ -209,7 +207,7 @@ def _cause(evidence: RunEvidence, g: int, e: int, sensitivities: RunSensitivitie
     return Cause(name, float(evidence.probability[g, e]), parameters, tuple(instead), sentence)
 
 
-def answer_runs(config: DictConfig) -> None:
+def answer_runs(config: DictConfig, run: Run) -> None:
     """Read the runs, compare them with the healthy ones, print the report, write the file."""
     with checking_input():
         if config.test:
@@ -221,7 +219,7 @@ def answer_runs(config: DictConfig) -> None:
         progress("what each effect would do", 0.3)
         report = compare_runs(request.logs, healthy, request.vehicle, request.settings, request.vehicle_name)
         progress("done", 1.0)
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    folder = run.folder
     log.info("\n%s\n", "\n".join(lines(report)))
     write_json(folder / "alike.json", to_json(report))
     log.info("alike.json is in %s", folder)

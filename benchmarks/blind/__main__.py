@@ -8,7 +8,8 @@ import torch
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from auv_torchrl.command import checking_input, command
+from auv_torchrl.command import checking_input
+from auv_torchrl.hydra_command import hydra_command
 from auv_torchrl.settings import check
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import provenance
@@ -29,7 +30,7 @@ log = logging.getLogger(__name__)
 register()
 
 
-@command("blind", files=("folder", "publish"))
+@hydra_command("blind", files=("folder", "publish"))
 def main(config: DictConfig) -> None:
     """Each step finds what the one before left in the folder, so that a killed run goes on where it was."""
     torch.set_num_threads(1)

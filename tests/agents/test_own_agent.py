@@ -11,8 +11,8 @@ from omegaconf import OmegaConf
 from tiny_training import train_tiny
 
 from auv_torchrl.agents.config import AGENTS, load_agent_config, read_agent
-from auv_torchrl.config_source import check_config_files
 from auv_torchrl.experiment import schema
+from auv_torchrl.hydra_command.config_source import check_config_files
 from auv_torchrl.paths import CONF, OWN, PROJECT
 
 

@@ -27,8 +27,11 @@ BAD = {  # what is wrong: command line, what the answer names
     "nothing": ([], "log=flight.csv"),
     "no log in the list": (["log=[]"], "log=flight.csv"),
     "missing file": (["log=nowhere.csv"], "nowhere.csv"),
-    "a file without a key": ([str(SHIPPED)], f": give log={SHIPPED}\n"),
-    "a missing file without a key": (["my dives/1(a).BIN"], ": give 'log=my dives/1(a).BIN'\n"),
+    "two times a log": ([str(SHIPPED), "log=other.csv"], "log is given twice"),
+    "a missing file without a key": (["my dives/1(a).BIN"], "my dives/1(a).BIN"),
+    "a pattern that matches nothing": (["nowhere/*.BIN"], "no file matches nowhere/*.BIN"),
+    "an option misspelt": ([str(SHIPPED), "--helthy", "a.csv"], "did you mean --healthy?"),
+    "a sweep": ([str(SHIPPED), "-m"], "auv-diagnose has no sweeps"),
     "a word without a key": (["paper"], ": give key=value, --help lists the keys"),
     "missing healthy file": ([f"log={SHIPPED}", "healthy=nowhere.csv"], "nowhere.csv"),
     "healthy is the log": ([f"log={SHIPPED}", f"healthy={SHIPPED}"], "is the log to explain itself"),
@@ -118,8 +121,8 @@ def test_help_explains_every_setting(answers):
     code, out, _ = answers["help"]
     assert code == 0
     keys = yaml.safe_load((PROJECT / "conf" / "diagnose.yaml").read_text())
-    for key in set(keys) - {"defaults", "hydra"}:
-        assert key in out
+    for key in set(keys) - {"defaults", "help"}:
+        assert key in out or f"--{key.replace('_', '-')}" in out
 
 
 def test_a_healthy_log_that_is_the_log_is_refused(tmp_path):

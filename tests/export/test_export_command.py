@@ -16,7 +16,7 @@ LINES = {
 def answers(tmp_path_factory):
     """Of all the lines, in one process."""
     folder = tmp_path_factory.mktemp("out")
-    lines = {line: [line, "hydra/job_logging=none"] for line in LINES}
+    lines = {line: [line] for line in LINES}
     lines = {
         line: [*given, *([f"output={folder / 'new'}"] if "output" not in line else [])] for line, given in lines.items()
     }

@@ -53,7 +53,7 @@ def exported(request, tmp_path_factory):
     (run / "results.json").write_text(json.dumps({"policy": key}))
     (run / "config.yaml").write_text(f"policies: {folder / 'policies'}\n")
     save_adapter(given.adapter, key, run / ADAPTER)
-    line = [f"policy={run}", f"output={folder / 'out'}", "hydra/job_logging=none"]
+    line = [f"policy={run}", f"output={folder / 'out'}"]
     ((code, _, errors),) = answers_of("auv_torchrl.export.command", {"it": line}).values()
     assert code == 0, errors
     return given, folder / "out"

@@ -104,7 +104,7 @@ def answers(tmp_path_factory):
     """Of all the lines, in one process."""
     folder = tmp_path_factory.mktemp("used")
     (folder / "flight.csv").touch()
-    lines = {line: [line if line != "output=used" else f"output={folder}", "hydra/job_logging=none"] for line in LINES}
+    lines = {line: [line if line != "output=used" else f"output={folder}"] for line in LINES}
     lines = {line: [*given, *(["bind=127.0.0.1:0"] if "bind" not in line else [])] for line, given in lines.items()}
     return answers_of("auv_torchrl.link.command", lines)
 

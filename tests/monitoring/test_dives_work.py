@@ -239,7 +239,7 @@ def test_the_command_tells_of_dives(tmp_path):
                  f"output={tmp_path / 'c'}"],
     }  # fmt: skip
     found = answers_of("diagnose", lines)
-    for word in ("log=FOLDER", "dives=true", "reference=3", "each=changed", "dives_per_false_alarm"):
+    for word in ("auv-diagnose FOLDER", "--dives", "--reference 3", "--each changed", "--dives-per-false-alarm"):
         assert word in found["help"][1]
     for case, word in (("empty", "holds no log"), ("few", "give more"), ("each", "changed, all or none")):
         code, _, err = found[case]

@@ -1,22 +1,28 @@
 """The command ``auv-calibrate``, which is ``python calibrate.py`` in a checkout."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from omegaconf import DictConfig, OmegaConf
+from auv_torchrl.command import CommandLine, Run, checking_input, command
 
-from auv_torchrl.command import checking_input, command
-from auv_torchrl.diagnosis.logs import names
-from auv_torchrl.diagnosis.schema import register
-from auv_torchrl.flightlog.readers import READERS, choose_reader
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
 
-register()
-
+LINE = CommandLine("calibrate", ("healthy", "params", "mapping", "output", "vehicle"), bare="healthy")
 NO_LOG = "no healthy log: give healthy=[a.csv,b.csv], flights of the vehicle while it was sound"
 
 
-@command("calibrate", files=("healthy", "params", "mapping", "output", "vehicle"), has_folder=False, file_key="healthy")
-def main(config: DictConfig) -> None:
+def schemas() -> Mapping[str, type]:
+    """The types of its settings."""
+    from auv_torchrl.diagnosis.schema import SCHEMAS
+
+    return SCHEMAS
+
+
+@command(LINE, schemas, has_folder=False)
+def main(config: "DictConfig", run: Run) -> None:
     """Calibrate on the logs that are named, once it is sure that they are there and the file can be written."""
     with checking_input():
         logs, output = find_healthy(config), find_output(config)
@@ -25,12 +31,15 @@ def main(config: DictConfig) -> None:
     calibrate_to_file(config, logs, output)
 
 
-def find_healthy(config: DictConfig) -> tuple[Path, ...]:
+def find_healthy(config: "DictConfig") -> tuple[Path, ...]:
     """The logs that a config names.
 
     Raises:
         ValueError: if there is none, one twice, or one that cannot be read, is empty, or is not what its name says.
     """
+    from auv_torchrl.diagnosis.logs import names  # here, not above: --help needs nothing of it
+    from auv_torchrl.flightlog.readers import READERS, choose_reader
+
     found = tuple(Path(name) for name in names(config, "healthy"))
     if not found:
         raise ValueError(NO_LOG)
@@ -41,13 +50,15 @@ def find_healthy(config: DictConfig) -> tuple[Path, ...]:
     return found
 
 
-def find_output(config: DictConfig) -> Path:
+def find_output(config: "DictConfig") -> Path:
     """The file to write.
 
     Raises:
         ValueError: if none is named, or it is no YAML, or there is no such folder.
         FileExistsError: if it is there and may not be replaced.
     """
+    from omegaconf import OmegaConf
+
     if OmegaConf.is_missing(config, "output") or not config.output:
         raise ValueError("no output: give output=my_vehicle.yaml, the vehicle file to write")
     output = Path(config.output)
@@ -62,3 +73,7 @@ def find_output(config: DictConfig) -> Path:
     if not os.access(output.absolute().parent, os.W_OK):
         raise ValueError(f"{output.absolute().parent} may not be written: give output=FILE elsewhere")
     return output
+
+
+if __name__ == "__main__":
+    main()

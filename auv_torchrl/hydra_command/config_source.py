@@ -11,12 +11,8 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigLoadError, ConfigResult
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
-from auv_torchrl.paths import OWN, own_folder
+from auv_torchrl.paths import ENDINGS, OWN, PLAIN, SCHEMA, own_folder
 from auv_torchrl.yaml_file import YamlFileError, read_yaml
-
-PLAIN = ("vehicle", "scenario", "randomization")  # groups of physical numbers, which depend on nothing outside of them
-ENDINGS = (".yaml", ".yml")
-SCHEMA = "_schema"  # ends the names of schemas, which stand beside the options of a group
 
 
 class CheckedFiles(FileConfigSource):

@@ -14,11 +14,11 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from auv_torchrl.command.arguments import explain
 from auv_torchrl.command.errors import BadInput, fail, writing
 from auv_torchrl.command.folder import claim_folder, finish, goes_on, is_finished
-from auv_torchrl.command.sweep import SweepProgress
 from auv_torchrl.command.terminal import Console
+from auv_torchrl.hydra_command.explain import explain
+from auv_torchrl.hydra_command.sweep import SweepProgress
 from auv_torchrl.progress import show_no_progress
 
 log = logging.getLogger(__name__)
