@@ -29,7 +29,7 @@ env: $(READY) ## set up .venv with the locked versions
 VERSION := -c 'import sys; print(*sys.version_info[:2], sep=".")'
 FOUND := $(if $(wildcard $(BASE)),$(shell $(BIN)/python $(VERSION) 2>/dev/null || echo broken))
 GIVEN := $(if $(filter-out file default,$(origin PYTHON)),$(shell $(PYTHON) $(VERSION) 2>/dev/null || echo missing))
-STALE := $(if $(FOUND),$(if $(filter-out $(or $(GIVEN),3.11 3.12),$(FOUND)),stale))
+STALE := $(if $(FOUND),$(if $(filter-out $(or $(GIVEN),3.11 3.12 3.13 3.14),$(FOUND)),stale))
 .PHONY: stale
 stale: ;
 
@@ -37,17 +37,21 @@ stale: ;
 # imported: pip would compile all there are, for as long as it installs.
 INSTALL = $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable
 $(BASE): pyproject.toml constraints.txt $(STALE)
-	@$(PYTHON) -c pass || { echo "$(PYTHON) does not run: Python 3.11 or 3.12 is needed, make PYTHON=/path/to/python3.12 env" >&2; exit 1; }
-	@$(PYTHON) -c 'import sys; (3, 11) <= sys.version_info[:2] <= (3, 12) or sys.exit(f"Python 3.11 or 3.12 is needed, $(PYTHON) is {sys.version.split()[0]}: make PYTHON=python3.12 env")'
+	@$(PYTHON) -c pass || { echo "$(PYTHON) does not run: Python 3.11 to 3.14 is needed, make PYTHON=/path/to/python3.12 env" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; (3, 11) <= sys.version_info[:2] <= (3, 14) or sys.exit(f"Python 3.11 to 3.14 is needed, $(PYTHON) is {sys.version.split()[0]}: make PYTHON=python3.12 env")'
 	$(PYTHON) -m venv $(if $(STALE),--clear) $(VENV)
 	$(INSTALL) .
 	touch $@
 
+# dm-control needs labmaze, which has no wheel for later ones.
+TRAINS = $(BIN)/python -c 'import sys; sys.version_info[:2] <= (3, 12) or sys.exit(f"Python 3.11 or 3.12 is needed to train and to develop, $(VENV) has {sys.version.split()[0]}: make PYTHON=python3.12 $@")'
 $(TRAIN): $(BASE)
+	@$(TRAINS)
 	$(INSTALL) '.[train]'
 	touch $@
 
 $(READY): $(BASE)
+	@$(TRAINS)
 	$(INSTALL) '.[dev,export,fly,page]'
 	touch $(TRAIN) $@
 

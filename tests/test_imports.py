@@ -4,6 +4,7 @@ import ast
 import gc
 import json
 import os
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -138,6 +139,16 @@ if program:
 print()
 print(json.dumps(sorted(sys.modules)))
 """
+CATCHING = """
+    import io
+    sys.stderr = io.StringIO()
+    try:
+        import_module(program).main()
+    except SystemExit as ended:
+        print()
+        print(json.dumps([ended.code, sys.stderr.getvalue()]))
+        sys.exit(0)
+"""
 OF_TRAINING = (
     "torch", "tensordict", "torchrl", "gymnasium", "mujoco", "dm_control", "rerun", "pandas", "pyarrow", "matplotlib",
     "tensorboard", "safetensors", "hydra",
@@ -163,6 +174,17 @@ def test_a_log_is_diagnosed_where_only_the_diagnosis_is_installed(tmp_path):
     assert found["verdict"] == "explained" and found["gap"]["confirmed"] is None
     assert "not_confirmed" in [finding["code"] for finding in found["findings"]]
     assert (tmp_path / "out" / "report.html").is_file() and not (tmp_path / "out" / "diagnosis.rrd").exists()
+
+
+@pytest.mark.parametrize("program", [TRAIN, EXPORT])
+def test_what_trains_says_how_to_get_what_it_needs(program, tmp_path):
+    """In one line, where only the diagnosis is installed."""
+    code = WITHOUT.replace("import_module(program).main()", CATCHING)
+    name = program.split(".")[1].replace("experiment", "train")
+    said = printed(code, [[], OF_TRAINING, program, [] if name == "train" else ["runs/mine"]])
+    assert said[0] == 2 and re.fullmatch(
+        rf"{name}: auv-{name} needs \w+, .* pip install 'auv_torchrl\[train\]'\n", said[1]
+    )
 
 
 def test_a_diagnosis_imports_nothing_of_training_where_it_is_installed():

@@ -25,7 +25,12 @@ def checkout(tmp_path):
     """A folder with the Makefile, pythons that say which version they are, and a finished .venv of 3.11."""
     for name in ("Makefile", "pyproject.toml", "constraints.txt"):
         shutil.copy2(PROJECT / name, tmp_path)
-    for name, version in (("python3.12", (3, 12)), ("python3.13", (3, 13)), (".venv/bin/python", (3, 11))):
+    for name, version in (
+        ("python3.12", (3, 12)),
+        ("python3.13", (3, 13)),
+        ("python3.15", (3, 15)),
+        (".venv/bin/python", (3, 11)),
+    ):
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(PYTHON.replace("VERSION", str(version)))
@@ -43,12 +48,22 @@ def make(folder, *arguments):
 def test_a_python_that_does_not_do_is_refused_by_name_also_where_an_environment_is_there(checkout):
     """One line says what is needed, and .venv is left as it is."""
     for python, why in (
-        ("python3.13", "Python 3.11 or 3.12 is needed, python3.13 is 3.13"),
+        ("python3.15", "Python 3.11 to 3.14 is needed, python3.15 is 3.15"),
         ("nopython", "does not run"),
     ):
         refused = make(checkout, f"PYTHON={python}", "env")
         assert refused.returncode != 0 and why in refused.stderr and "Traceback" not in refused.stderr
         assert (checkout / ".venv" / ".ready").is_file()
+
+
+def test_a_python_that_diagnoses_and_does_not_train_is_taken_for_that_alone(checkout):
+    """Nothing that trains has wheels for 3.13, and the line says which Python to name."""
+    assert "python3.13 -m venv --clear .venv" in make(checkout, "-n", "PYTHON=python3.13", "diagnose").stdout
+    (checkout / ".venv" / "bin" / "python").write_text(PYTHON.replace("VERSION", "(3, 13)"))
+    (checkout / ".venv" / ".train").unlink()
+    refused = make(checkout, "train")
+    assert refused.returncode != 0 and "needed to train and to develop, .venv has 3.13" in refused.stderr
+    assert make(checkout, "-n", "diagnose").stdout.startswith(".venv/bin/python diagnose.py")
 
 
 def test_an_environment_that_fits_is_kept(checkout):

@@ -1,5 +1,6 @@
 """How every command begins and ends: signals, the cluster, and an end of one line whatever happens."""
 
+import os
 import signal
 import sys
 import threading
@@ -23,6 +24,14 @@ def ending(name: str) -> Iterator[None]:
         why = str(stopped) or "run the same command to go on"
         sys.stderr.write(f"{name}: interrupted: {why}\n")
         sys.exit(128 + getattr(stopped, "signum", signal.SIGINT))  # as shells have it
+
+
+def say(text: str) -> None:
+    """Print, and end quietly where nobody reads on, as after ``auv-diagnose --help | head``."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python fails again at its end
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from auv_torchrl.command.ending import VERSION, ending, on_cluster, terminable
+from auv_torchrl.command.ending import VERSION, ending, on_cluster, say, terminable
 from auv_torchrl.command.errors import BAD_INPUT, BadInput, one_line, writing
 from auv_torchrl.command.options import CommandLine
 from auv_torchrl.command.run import Run
@@ -41,14 +41,14 @@ def command(line: CommandLine, schemas: Schemas, has_folder: bool = True) -> Cal
         def entry() -> None:
             words = sys.argv[1:]
             if "--version" in words:
-                print(VERSION)
+                say(VERSION)
             elif words and words[0] in _COMPLETION:
                 from auv_torchrl.command.completion import answer
 
                 with ending(line.name):
                     answer(f"auv-{line.name}", line.keys, words)
             elif {"-h", "--help"} & set(words):
-                print(help_of(line))
+                say(help_of(line))
             else:
                 with ending(line.name):
                     _start(line, words, schemas, task, has_folder)
@@ -88,7 +88,7 @@ def _start(line: CommandLine, words: Sequence[str], schemas: Schemas, task: Task
         overrides = quote_files(line.overrides(words), line.files)
         composed = compose(line.name, overrides, schemas(), line.groups)
         if shown is not None:
-            print(OmegaConf.to_yaml(composed.config), end="")
+            say(OmegaConf.to_yaml(composed.config).rstrip())
             return
         folder = _folder(line.name, composed.config) if has_folder else Path.cwd()
         run = Run(folder, tuple(overrides), composed.choices)

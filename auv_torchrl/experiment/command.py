@@ -1,22 +1,18 @@
-"""The command ``auv-train``, which is ``python train.py`` in a checkout."""
+"""The command ``auv-train``, ``python train.py`` in a checkout, once it is sure that what trains is installed."""
 
-from omegaconf import DictConfig
-
-from auv_torchrl.experiment import schema
-from auv_torchrl.hydra_command import hydra_command
-from auv_torchrl.importing import importing
+from auv_torchrl.command import checking_input
+from auv_torchrl.command.ending import ending
+from auv_torchrl.extras import require
 
 
-@hydra_command(
-    "train",
-    files=("diagnosis_file", "policies", "output", "vehicle", "scenario", "randomization"),
-    groups=("scenario", "experiment"),
-    register=schema.register,
-    short={"diagnosis": "diagnosis_file"},  # Hydra would look for FILE in the folder conf/diagnosis
-)
-def main(config: DictConfig) -> None:
-    """Run the experiment of a config that Hydra has checked."""
-    with importing():  # here, not above: --help and a mistaken command line need nothing of it
-        from auv_torchrl.experiment.job import train
+def main() -> None:
+    """Run the command; without the extra ``train`` it ends with one line that says how to get it."""
+    with ending("train"), checking_input():
+        require(("hydra", "torch"), "auv-train needs", "train")
+    from auv_torchrl.experiment.entry import train_command  # here, not above: Hydra need not be installed
 
-    train(config)
+    train_command()
+
+
+if __name__ == "__main__":
+    main()

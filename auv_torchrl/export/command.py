@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from auv_torchrl.command import CommandLine, Run, command
+from auv_torchrl.command import CommandLine, Run, checking_input, command
+from auv_torchrl.extras import require
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -21,6 +22,8 @@ def schemas() -> Mapping[str, type]:
 @command(LINE, schemas)
 def main(config: "DictConfig", run: Run) -> None:
     """Write the files and the contract of a policy."""
+    with checking_input():
+        require(["torch"], "auv-export needs", "train")
     from auv_torchrl.export.job import export  # here, not above: torch takes a second
 
     export(config, run)
