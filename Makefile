@@ -18,7 +18,7 @@ export MPLBACKEND := Agg
 # Where it is set, each process would compile the libraries anew, for 8 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env train diagnose sweep test test-all test-fast check format bench blind real fuzz clean
+.PHONY: help env train diagnose sweep test test-all test-fast check format bench blind real fuzz docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -52,7 +52,7 @@ $(TRAIN): $(BASE)
 
 $(READY): $(BASE)
 	@$(TRAINS)
-	$(INSTALL) '.[dev,export,fly,page]'
+	$(INSTALL) '.[dev,docs,export,fly,page]'
 	touch $(TRAIN) $@
 
 train: $(TRAIN) ## train, break and adapt: SCENARIO=reversed VEHICLE=paper
@@ -100,6 +100,9 @@ real: $(READY) ## logs of real vehicles: AUV_TORCHRL_DATA=FOLDER JOBS=2
 fuzz: $(READY) ## read logs of all formats altered at random: DRAWS=5000
 	$(BIN)/python -m tests.flightlog.fuzz --draws $(or $(DRAWS),5000)
 
+docs: $(READY) ## the documents as a site, into site/
+	$(BIN)/mkdocs build --strict --quiet
+
 clean: ## remove the environment and caches, keep outputs
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis *.egg-info
+	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

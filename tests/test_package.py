@@ -13,6 +13,7 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+from packaging.metadata import Metadata
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import CONF, EXAMPLE_LOG, PROJECT, config_path
@@ -85,6 +86,18 @@ def test_the_wheel_holds_the_configuration_and_nothing_of_the_tests(wheel):
         and "auv-log = " in commands
         and "auv-page = " in commands
     )
+
+
+def test_the_metadata_are_what_an_index_takes(wheel):
+    """As twine checks them: fields by the specification, and README as Markdown."""
+    with zipfile.ZipFile(wheel) as content:
+        (name,) = (name for name in content.namelist() if name.endswith(".dist-info/METADATA"))
+        metadata = Metadata.from_email(content.read(name), validate=True)
+    assert metadata.description_content_type == "text/markdown" and metadata.description
+    assert (metadata.license_expression, str(metadata.requires_python)) == ("MIT", ">=3.11")
+    assert wheel.stat().st_size < 2e6
+    base = {one.name for one in metadata.requires_dist or [] if one.marker is None}
+    assert "numpy" in base and not base & {"hydra-core", "torch", "pandas"}
 
 
 def test_what_is_imported_is_declared_and_the_other_way_round():
