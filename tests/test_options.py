@@ -129,6 +129,37 @@ done
     assert set(SCRIPTS) == {"bash", "zsh", "fish"}
 
 
+@pytest.mark.parametrize("words", [["--help"], ["example", "--cfg", "job"]])
+def test_nobody_has_to_read_to_the_end(words):
+    """As after ``auv-diagnose --help | head -1``."""
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, str(PROJECT / "diagnose.py"), *words]
+    ended = subprocess.run(
+        command, stdout=write, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": ""}
+    )
+    os.close(write)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_the_console_goes_on_where_nobody_reads():
+    """The log of the run has all; there is no word about the pipe."""
+    code = """
+import logging, sys
+from auv_torchrl.command import Console
+log = logging.getLogger("diagnose")
+log.addHandler(Console(sys.stdout))
+for _ in range(2):
+    log.error("found")
+"""
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-c", code]
+    ended = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, cwd=PROJECT)
+    os.close(write)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
 def test_logs_are_named_by_options_too(dives):
     """As for the other commands; a file alone is looked into."""
     assert _parsed(["a.BIN", "--healthy", "b c.BIN"])[::2] == ("info", {"healthy": "b c.BIN"})

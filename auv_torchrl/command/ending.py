@@ -27,11 +27,16 @@ def ending(name: str) -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """Print, and end quietly where nobody reads on, as after ``auv-diagnose --help | head``."""
+    """Print, and go on quietly where nobody reads on, as after ``auv-diagnose --help | head``."""
     try:
         print(text, flush=True)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python fails again at its end
+        nobody_reads()
+
+
+def nobody_reads() -> None:
+    """Let what is still printed go nowhere, or Python fails once more at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import logging
 import sys
 from typing import TextIO
 
+from auv_torchrl.command.ending import nobody_reads
 from auv_torchrl.progress import beside_progress
 
 _SIGNS = {
@@ -56,6 +57,13 @@ class Console(logging.StreamHandler[TextIO]):
         """Write it where the progress stands, which moves on."""
         with beside_progress():
             super().emit(record)
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
+        """Go on quietly where nobody reads on, as after ``auv-diagnose example | head``; defects are reported."""
+        if not isinstance(sys.exc_info()[1], BrokenPipeError):
+            return super().handleError(record)
+        self.setLevel(logging.CRITICAL + 1)
+        nobody_reads()
 
 
 class LogFile(logging.FileHandler):
