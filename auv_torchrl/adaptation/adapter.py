@@ -47,7 +47,7 @@ class InFlightAdapter(ThrusterTransform):
     """
 
     def __init__(self, vehicle: Vehicle, task: Task, config: AdaptationConfig, count: int):
-        super().__init__(vehicle)
+        super().__init__(vehicle, reports=(PHASE, ALARM, STATISTIC, MAP, EXPECTED))
         self.config = config
         low, high = (array(limit) for limit in self.actuation.share_limits)
         c = self.actuation.coefficients

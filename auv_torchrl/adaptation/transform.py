@@ -1,6 +1,7 @@
 """Between a policy of four channels and an environment of thruster commands: what every map to the thrusters shares."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,11 @@ class ThrusterTransform(CommandMap):
 
     Args:
         vehicle: one vehicle (empty batch), the source.
+        reports: entries that the map writes beside ``applied_action``.
     """
 
-    def __init__(self, vehicle: Vehicle):
-        super().__init__()
+    def __init__(self, vehicle: Vehicle, reports: Sequence[str] = ()):
+        super().__init__(reports=reports)
         self.actuation = Actuation(vehicle)
         c = prepare(vehicle)
         self._terms, self._coefficients = ActiveTerms.of(c), c
@@ -75,8 +77,8 @@ class ThrusterTransform(CommandMap):
         self.withheld(wanted, command)
         return torch.from_numpy(command.astype(np.float32)).to(action.device)
 
-    def command(self, action: Tensor, tensordict: TensorDictBase) -> Tensor:
-        """Thruster commands (N, n) for the action."""
+    def command(self, action: Tensor, *measured: Tensor) -> Tensor:
+        """Thruster commands (N, n) for the action alone: what is measured is learnt from after the step."""
         return self.translate(action)
 
     def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:

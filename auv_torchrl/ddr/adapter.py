@@ -1,6 +1,6 @@
 """The adapter of DDR: the source policy's action through F, R and H to the target's command, and G learnt in flight."""
 
-from typing import cast
+from typing import Any, cast
 
 import torch
 from tensordict import TensorDictBase
@@ -10,11 +10,10 @@ from auv_torchrl.ddr.actuation import Channels, Thrusters
 from auv_torchrl.ddr.affine import AffineMap
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.ddr.dither import Dither
-from auv_torchrl.ddr.learner import MapLearner
+from auv_torchrl.ddr.learner import LearnerPerVehicle, MapLearner
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.ddr.transform import CommandMap
-from auv_torchrl.envs.start import MEASURED
 
 
 class DDRAdapter(CommandMap):
@@ -26,13 +25,16 @@ class DDRAdapter(CommandMap):
     Args:
         models: F and R of the source vehicle.
         config: settings; ``map: thrusters`` needs an environment whose actions are thruster commands.
+        count: number of vehicles N, where the settings ask for a map for each; one shared map serves any number.
     """
 
-    def __init__(self, models: SourceModels, config: AdapterConfig | None = None):
-        super().__init__()
+    def __init__(self, models: SourceModels, config: AdapterConfig | None = None, count: int = 1):
+        super().__init__(reads=("quaternion", "velocity"))
         self.config = config or AdapterConfig()
         self.models = models
-        self.learner = MapLearner(make_map(models, self.config), models.states, self.config)
+        self.count = 1 if self.config.shared else count
+        learners = [MapLearner(make_map(models, self.config), models.states, self.config) for _ in range(self.count)]
+        self.learner: Any = learners[0] if self.config.shared else LearnerPerVehicle(learners)
         self.dither = Dither(self.config.seed)
         self.register_buffer("_learning", torch.zeros((), dtype=torch.bool))
 
@@ -46,14 +48,28 @@ class DDRAdapter(CommandMap):
         cast(Tensor, self._learning).fill_(bool(value))
 
     @property
+    def maps(self) -> tuple[AffineMap, ...]:
+        """G, whose :meth:`AffineMap.invert` is H: the one, or that of each vehicle."""
+        return self.learner.maps
+
+    @property
     def g(self) -> AffineMap:
-        """G, whose :meth:`AffineMap.invert` is H."""
-        return self.learner.g
+        """G of all vehicles.
+
+        Raises:
+            ValueError: if each of several vehicles has its own.
+        """
+        if self.count > 1:
+            raise ValueError(
+                f"adapter.shared=false: there are {self.count} maps, one for each vehicle: take one of "
+                "adapter.maps, or give adapter.shared=true"
+            )
+        return self.maps[0]
 
     @property
     def outputs(self) -> int:
         """Number of commands."""
-        return self.g.space.size
+        return self.maps[0].space.size
 
     @torch.no_grad()
     def translate(self, state: Tensor, action: Tensor) -> Tensor:
@@ -63,17 +79,18 @@ class DDRAdapter(CommandMap):
             tau = self.models.R(state, self.models.F(state, tau))
         else:
             tau = self.models.actuation.intended(tau)
-        control = self.g.invert(state, tau)
-        if self.config.dither > 0 and self.learning and self.learner.uncertain:
+        control, space = self.learner.invert(state, tau), self.maps[0].space
+        uncertain = self.learner.uncertain
+        if self.config.dither > 0 and self.learning and uncertain.any():
             dither = self.config.dither * self.dither.signs(control.shape).to(control)
-            control = self.g.space.shrink(control + dither)
-        command = self.g.space.decode(control)
+            control = torch.where(uncertain, space.shrink(control + dither), control)
+        command = space.decode(control)
         sane = (action.isfinite().all(-1) & command.isfinite().all(-1))[:, None]
         return torch.where(sane, command, 0.0)
 
-    def command(self, action: Tensor, tensordict: TensorDictBase) -> Tensor:
-        """Commands (N, k) for the action and the measured motion."""
-        return self.translate(self._motion(tensordict), action)
+    def command(self, action: Tensor, *measured: Tensor) -> Tensor:
+        """Commands (N, k) for the action and the measured quaternion and velocity."""
+        return self.translate(self.models.state_of(*measured).float(), action)
 
     def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:
         """Learn from the transition."""
@@ -87,8 +104,7 @@ class DDRAdapter(CommandMap):
         self.learner.observe(now, command, self.models.R(now, then), valid)
 
     def _motion(self, tensordict: TensorDictBase) -> Tensor:
-        quaternion, velocity = (tensordict.get((MEASURED, key)) for key in ("quaternion", "velocity"))
-        return self.models.state_of(quaternion, velocity).float()
+        return self.models.state_of(*(tensordict.get(key) for key in self.out_keys_inv[1:])).float()
 
 
 def make_map(models: SourceModels, config: AdapterConfig) -> AffineMap:

@@ -20,12 +20,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Adaptation:
-    """A fitted adapter and how it came about."""
+    """A fitted adapter and how it came about; of several maps the whole, and the worst condition and error."""
 
     adapter: DDRAdapter
-    target_data_s: float  # flown on the target, by one vehicle
+    target_data_s: float  # flown on the target, by the one vehicle or by each
     fit_s: float  # wall time of the final fit
-    pairs: int  # informative ones, in the bag
+    pairs: int  # informative ones, in the bags
     residual: float  # root mean square of Eq. 8 over the bag, channels
     condition: float  # of G
     standard_error: float  # of the weights of G, largest
@@ -44,6 +44,7 @@ def adapt(
     policy: TensorDictModuleBase,
     models: SourceModels,
     config: AdapterConfig | None = None,
+    count: int = 1,
 ) -> Adaptation:
     """Fly the target with the source policy plus dither, learn G, and return the adapter with H ready to use.
 
@@ -52,13 +53,14 @@ def adapt(
         policy: the source policy u_s, observation to action.
         models: F and R of the source vehicle.
         config: settings.
+        count: number of target vehicles, each of which learns its own map; one is flown where the map is shared.
 
     Returns:
         The adapter, not learning any more, with no environment attached.
     """
-    adapter = DDRAdapter(models, config)
+    adapter = DDRAdapter(models, config, count)
     adapter.learning = True
-    target = make_target(1)
+    target = make_target(adapter.count)
     env = TransformedEnv(target, adapter)
     steps = round(adapter.config.target_data_s / target.task.control_dt)
     with torch.no_grad():
@@ -69,16 +71,16 @@ def adapt(
     began = time.perf_counter()
     adapter.learner.refit()
     fit_s = time.perf_counter() - began
-    pairs = adapter.learner.bag.pairs()
-    error = adapter.g(pairs.state, pairs.control) - pairs.source
+    bags = [(learner.g, learner.bag.pairs()) for learner in adapter.learner.learners]
+    error = torch.cat([g(pairs.state, pairs.control) - pairs.source for g, pairs in bags])
     adaptation = Adaptation(
         adapter=adapter,
         target_data_s=steps * target.task.control_dt,
         fit_s=fit_s,
-        pairs=len(pairs.state),
+        pairs=len(error),
         residual=float(error.square().mean().sqrt()),
-        condition=float(adapter.g.condition),
-        standard_error=float(adapter.g.standard_error),
+        condition=max(float(g.condition) for g in adapter.maps),
+        standard_error=max(float(g.standard_error) for g in adapter.maps),
     )
     log.info("%s", adaptation)
     return adaptation

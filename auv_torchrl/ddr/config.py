@@ -18,6 +18,7 @@ class AdapterConfig:
     """
 
     map: Annotated[str, OneOf(MAPS)] = "affine"
+    shared: bool = True  # one map for all vehicles of a fleet, or one for each
     composition: Annotated[str, OneOf(COMPOSITIONS)] = "short"  # H(x, u_s) or H(x, R(x, F(x, u_s)))
     target_data_s: Annotated[float, In("(0, 3600]")] = 4.0
     dither: Annotated[float, In("[0, 1)")] = 0.2

@@ -1,11 +1,15 @@
 """Learning the map while flying: bag, threshold, gradient step, refit (Lu et al. 2023, section 4.1)."""
 
+from collections.abc import Sequence
+from typing import cast
+
 import torch
 from torch import Tensor, nn
 
 from auv_torchrl.ddr.affine import AffineMap
 from auv_torchrl.ddr.bag import Bag, Pairs, bag_size
 from auv_torchrl.ddr.config import AdapterConfig
+from auv_torchrl.quantities import counted
 
 
 class MapLearner(nn.Module):
@@ -74,6 +78,20 @@ class MapLearner(nn.Module):
                 self.g.refine(self.bag.pairs())
                 self.uncertain.fill_(False)
 
+    @property
+    def learners(self) -> list["MapLearner"]:
+        """This one."""
+        return [self]
+
+    @property
+    def maps(self) -> tuple[AffineMap, ...]:
+        """The one map."""
+        return (self.g,)
+
+    def invert(self, state: Tensor, tau: Tensor) -> Tensor:
+        """H: controls (N, k) within limits for source channels (N, 4) in states (N, s)."""
+        return self.g.invert(state, tau)
+
     @torch.no_grad()
     def refit(self) -> None:
         """Fit the map from scratch to what is in the bag."""
@@ -81,3 +99,55 @@ class MapLearner(nn.Module):
             self.g.fit(self.bag.pairs())
             self.g.refine(self.bag.pairs())
         self.residual.zero_()
+
+
+class LearnerPerVehicle(nn.Module):
+    """A map for each vehicle of a fleet, learnt from the flight of this vehicle alone.
+
+    Args:
+        learners: one for each vehicle, in the order of the rows.
+    """
+
+    def __init__(self, learners: Sequence[MapLearner]):
+        super().__init__()
+        self.each = nn.ModuleList(learners)
+
+    @property
+    def learners(self) -> list[MapLearner]:
+        """One for each vehicle."""
+        return cast(list[MapLearner], list(self.each))
+
+    @property
+    def maps(self) -> tuple[AffineMap, ...]:
+        """G of each vehicle."""
+        return tuple(learner.g for learner in self.learners)
+
+    @property
+    def uncertain(self) -> Tensor:
+        """(N, 1) bool, which maps are to be refitted."""
+        return torch.stack([learner.uncertain for learner in self.learners])[:, None]
+
+    def observe(self, state: Tensor, command: Tensor, source: Tensor, valid: Tensor) -> None:
+        """Learn from one transition of each of the N vehicles; arguments as of :class:`MapLearner`."""
+        for row, learner in enumerate(self.learners):
+            only = slice(row, row + 1)
+            learner.observe(state[only], command[only], source[only], valid[only])
+
+    def invert(self, state: Tensor, tau: Tensor) -> Tensor:
+        """H of each vehicle: controls (N, k) within limits for source channels (N, 4) in states (N, s).
+
+        Raises:
+            ValueError: if there are more or fewer rows than maps.
+        """
+        if len(tau) != len(self.each):
+            raise ValueError(
+                f"adapter.shared=false: there are maps for {counted(len(self.each), 'vehicle')}, and the fleet has "
+                f"{len(tau)}: give DDRAdapter(..., count={len(tau)})"
+            )
+        rows = zip(self.maps, state.split(1), tau.split(1), strict=True)
+        return torch.cat([g.invert(own, wanted) for g, own, wanted in rows])
+
+    def refit(self) -> None:
+        """Fit each map from scratch to what is in its bag."""
+        for learner in self.learners:
+            learner.refit()

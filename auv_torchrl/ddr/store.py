@@ -77,6 +77,7 @@ def save_adapter(adapter: DDRAdapter, policy: str, path: Path) -> None:
     """
     tensors = {name: tensor.contiguous() for name, tensor in adapter.state_dict().items()}
     settings = {"policy": policy, "config": asdict(adapter.config), "hidden": adapter.models.hidden}
+    settings["count"] = adapter.count
     write_whole(path, save(tensors, {"settings": json.dumps(settings), "digest": digest(tensors, settings)}))
 
 
@@ -100,7 +101,7 @@ def load_adapter(path: Path, policy: str, vehicle: Vehicle, task: Task) -> DDRAd
         if kept["digest"] != digest(tensors, settings):
             raise ValueError("it was changed: its digest differs")
         models = SourceModels(vehicle, task, settings["hidden"]).requires_grad_(False)
-        adapter = DDRAdapter(models, AdapterConfig(**settings["config"]))
+        adapter = DDRAdapter(models, AdapterConfig(**settings["config"]), settings.get("count", 1))
         if settings["policy"] == policy:
             adapter.load_state_dict(tensors)
     except Exception as error:  # safetensors, json and torch each raise their own

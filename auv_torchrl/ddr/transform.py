@@ -1,6 +1,7 @@
 """What stands between a policy and a fleet: a map of its actions to commands, as a TorchRL transform."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any, cast
 
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor
 from torchrl.data import Bounded, Composite, TensorSpec
 from torchrl.envs.transforms import Compose, Transform
 
-from auv_torchrl.envs.start import BODY, EXPECTED, expected_along
+from auv_torchrl.envs.start import BODY, EXPECTED, MEASURED, expected_along
 from auv_torchrl.quantities import counted
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import CONTROLLED
@@ -20,18 +21,27 @@ ACTION, APPLIED, OBSERVATION = "action", "applied_action", "observation"
 class CommandMap(Transform):
     """Turns the actions of a policy (N, 4) into commands (N, k), and reports those as ``applied_action``.
 
-    The rollout keeps the policy's action under ``action``, or under what ``out_keys_inv`` is set to before the map goes
-    into an environment; the environment takes the commands under ``in_keys_inv``. Commands are finite and within
-    [-1, 1] whatever the policy or a measurement says: an action that is not a number becomes no thrust. What a map
-    knows of the vehicle it reads from ``("measured", ...)``; it leaves ``observation`` as it is.
+    ``out_keys_inv`` are the entries that the map reads before a step: the policy's action, which the rollout keeps, and
+    what is measured of the vehicle. Another first entry may be set before the map goes into an environment. The
+    environment takes the commands under ``in_keys_inv``. A map leaves ``observation`` as it is.
+
+    Commands are finite and within [-1, 1] whatever the policy or a measurement says: an action that is not a number
+    becomes no thrust.
 
     Around a ``SerialEnv`` or ``ParallelEnv`` of K fleets the batch is (K, N), and a map has K N vehicles as rows. There
     it learns in the process of whoever steps the environment. In a worker of its own (a fleet with a map inside, or a
     collector in another process) it learns there, and comes back by ``state_dict``.
+
+    Args:
+        reads: entries of ``("measured", ...)`` that the map needs beside the action.
+        reports: entries that it writes beside ``applied_action``.
     """
 
-    def __init__(self) -> None:
-        super().__init__(in_keys=[], out_keys=[APPLIED], in_keys_inv=[ACTION], out_keys_inv=[ACTION])
+    def __init__(self, reads: Sequence[str] = (), reports: Sequence[str] = ()) -> None:
+        measured = [(MEASURED, key) for key in reads]
+        super().__init__(
+            in_keys=[], out_keys=[APPLIED, *reports], in_keys_inv=[ACTION], out_keys_inv=[ACTION, *measured]
+        )
 
     @property
     @abstractmethod
@@ -39,8 +49,8 @@ class CommandMap(Transform):
         """Number of commands k."""
 
     @abstractmethod
-    def command(self, action: Tensor, tensordict: TensorDictBase) -> Tensor:
-        """Commands (N, k) for actions (N, 4) of the policy and the measurement in ``tensordict``."""
+    def command(self, action: Tensor, *measured: Tensor) -> Tensor:
+        """Commands (N, k) for actions (N, 4) of the policy and what ``out_keys_inv`` names behind them, (N, ...)."""
 
     def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
         """Called when episodes begin in some rows, (r,); may write to ``tensordict``; does nothing."""
@@ -48,10 +58,13 @@ class CommandMap(Transform):
     def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:
         """Called after every step with the commands (N, k) that were executed; may write to ``after``; does nothing."""
 
+    @torch.no_grad()
+    def _inv_apply_transform(self, state: Tensor, *measured: Tensor) -> Tensor:
+        return self.command(state, *measured)
+
     def _inv_call(self, tensordict: TensorDictBase) -> TensorDictBase:
-        rows, (executed,), (wanted,) = _rows(tensordict), self.in_keys_inv, self.out_keys_inv
-        with torch.no_grad():
-            command = self.command(rows.get(wanted), rows)
+        rows, (executed,) = _rows(tensordict), self.in_keys_inv
+        command = self._inv_apply_transform(*(rows.get(key) for key in self.out_keys_inv))
         return tensordict.set(executed, command.reshape(*tensordict.batch_size, -1))
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
@@ -71,7 +84,7 @@ class CommandMap(Transform):
 
     def transform_action_spec(self, action_spec: TensorSpec) -> TensorSpec:
         """The policy acts in the four channels, whatever the vehicle takes."""
-        spec, (key,), (wanted,) = cast(Composite, action_spec), self.in_keys_inv, self.out_keys_inv
+        spec, (key,), wanted = cast(Composite, action_spec), self.in_keys_inv, self.out_keys_inv[0]
         executed = spec[key]
         if executed.shape[-1] != self.outputs:
             raise ValueError(

@@ -10,7 +10,7 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from auv_torchrl.envs.start import ALONG, BODY, read_start
+from auv_torchrl.envs.start import ALONG, BODY, VEHICLE, read_start, read_vehicles, reset_spec
 from auv_torchrl.physics import State
 from auv_torchrl.simulator import Simulator
 from auv_torchrl.simulator.arrays import with_rows
@@ -19,7 +19,7 @@ from auv_torchrl.simulator.scene import SIZE, Scene
 from auv_torchrl.tasks import Task
 from auv_torchrl.tasks.judge import Judge
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
-from auv_torchrl.vehicle_tensors import tensors, vehicle_of
+from auv_torchrl.vehicle_tensors import tensors
 
 Array = Any
 LARGEST = 1e6  # of an action, which is meant to be in [-1, 1]: what is squared in a reward stays finite
@@ -38,8 +38,8 @@ class FleetEnv(EnvBase):
 
     ``reset(td, set_state=True)`` starts from ``td["start"]`` with ``position``, ``quaternion`` and ``velocity``, and
     ``along`` where episodes do not begin at the beginning of the task;
-    every reset returns the starts of the running episodes under the same key. A ``vehicle`` entry (parameters of
-    :class:`Vehicle` by name, put there by a transform) replaces the vehicles. Both act only in the rows that are reset.
+    every reset returns the starts of the running episodes under the same key. A ``vehicle`` entry of what ``reset`` is
+    given replaces the vehicles; :attr:`reset_spec` declares it. Both act only in the rows that are reset.
 
     An action that is no finite number ends the episode of its vehicle as a state that diverges does: the vehicle is
     given 0 in its place, a warning names it, and what is reported and rewarded stays finite.
@@ -131,6 +131,7 @@ class FleetEnv(EnvBase):
         )
         start = {key: spec.clone() for key, spec in {**body, ALONG: values(1)}.items()}
         self.state_spec = entries({"start": entries(start)})
+        self.reset_spec = reset_spec(self.vehicle)
         actions = thrusters if self.task.thruster_commands else len(CONTROLLED_INDEX)
         self._action_shape = torch.Size((*shape, actions))
         self.action_spec = Bounded(-1.0, 1.0, self._action_shape, dtype=torch.float32, device=device)
@@ -144,11 +145,11 @@ class FleetEnv(EnvBase):
 
     def _reset(self, tensordict: TensorDictBase | None = None, set_state: bool = False, **_: Any) -> TensorDict:
         given = {} if tensordict is None else tensordict
-        mask, vehicle = given.get("_reset"), given.get("vehicle")
+        mask = given.get("_reset")
         rows = torch.arange(self.num_envs) if mask is None else mask.reshape(self.num_envs).cpu().nonzero()[:, 0]
         *parts, along = read_start(given.get("start"), rows) if set_state else self._drawn(len(rows))
         self._begun = True
-        self.simulator.place(rows, *parts, vehicles=None if vehicle is None else vehicle_of(vehicle[rows]))
+        self.simulator.place(rows, *parts, vehicles=read_vehicles(given.get(VEHICLE), rows, self.reset_spec))
         index = self.simulator.arrays.index(rows.numpy())
         self._ahead = with_rows(self._ahead, index, self.simulator.arrays.native(along[:, 0]))
         for key, placed in zip((*BODY, ALONG), (*self._state[:3], self._ahead[:, None]), strict=True):

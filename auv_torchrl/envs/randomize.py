@@ -10,7 +10,7 @@ from torchrl.envs.transforms import Transform
 
 from auv_torchrl.array_api import host
 from auv_torchrl.effects import Effect, get_effect
-from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.envs.start import VEHICLE
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle
 from auv_torchrl.vehicle_tensors import tensordict_of, tensors
@@ -22,10 +22,11 @@ Ranges = list[tuple[Effect, dict[str, tuple[float, float]]]]
 class RandomizeVehicle(Transform):
     """Hands the fleet freshly drawn vehicles for the rows that are reset.
 
-    Every draw starts from the nominal vehicle, so that repeated resets never accumulate. Values are uniform and
-    independent, per member where a family is given; where ``ranges`` have ``together``, the first ones are mixed by
-    it, so that their correlation is that of its rows, and a few lie a little beyond their range. The draws come from
-    the fleet's own random source, so that one seed repeats a whole run, unless ``seed`` gives them one of their own.
+    The fleet's ``reset_spec`` declares the entry by which they go. Every draw starts from the nominal vehicle, so that
+    repeated resets never accumulate. Values are uniform and independent, per member where a family is given; where
+    ``ranges`` have ``together``, the first ones are mixed by it, so that their correlation is that of its rows, and a
+    few lie a little beyond their range. The draws come from the fleet's own random source, so that one seed repeats a
+    whole run, unless ``seed`` gives them one of their own.
 
     Args:
         nominal: one vehicle, empty batch.
@@ -73,23 +74,30 @@ class RandomizeVehicle(Transform):
         return low, high
 
     def _reset_env_preprocess(self, tensordict: TensorDictBase | None) -> TensorDictBase:
-        fleet = self._fleet()
+        env = self._environment()
         if tensordict is None:
-            tensordict = TensorDict({}, fleet.batch_size, device=fleet.device)
+            tensordict = TensorDict({}, env.batch_size, device=env.device)
+        (count,) = env.batch_size
         mask = tensordict.get("_reset", None)
-        rows = torch.arange(fleet.num_envs) if mask is None else mask.reshape(fleet.num_envs).cpu().nonzero()[:, 0]
-        drawn = self.draw(len(rows), self._own or fleet.generator)
-        if self._vehicles is None or self._vehicles.batch_size[0] != fleet.num_envs:
-            self._vehicles = tensordict_of(self._nominal.expand(fleet.num_envs).clone())
+        rows = torch.arange(count) if mask is None else mask.reshape(count).cpu().nonzero()[:, 0]
+        drawn = self.draw(len(rows), self._own or env.generator)
+        if self._vehicles is None or self._vehicles.batch_size[0] != count:
+            self._vehicles = tensordict_of(self._nominal.expand(count).clone())
         self._vehicles[rows] = tensordict_of(drawn)
-        return tensordict.set("vehicle", self._vehicles)
+        return tensordict.set(VEHICLE, self._vehicles)
 
-    def _fleet(self) -> FleetEnv:
-        env = self.parent
-        while env is not None and not isinstance(env, FleetEnv):
-            env = getattr(env, "base_env", None)
-        if env is None:
-            raise RuntimeError("RandomizeVehicle: no fleet below it: put it in a TransformedEnv of a FleetEnv")
+    def _environment(self) -> Any:
+        """The environment below, whose reset takes vehicles; between them are transforms alone.
+
+        Raises:
+            RuntimeError: for any other, to which vehicles would be handed in vain.
+        """
+        env: Any = getattr(self.parent, "base_env", self.parent)
+        if VEHICLE not in getattr(env, "__dict__", {}).get("reset_spec", {}):  # its own: no other hands vehicles on
+            raise RuntimeError(
+                "RandomizeVehicle: what is below it takes no vehicles at a reset: put it in the TransformedEnv of a "
+                "FleetEnv; a SerialEnv or ParallelEnv is made of such environments"
+            )
         return env
 
 

@@ -10,10 +10,12 @@ from torchrl.data import Composite, Unbounded
 from auv_torchrl.authority import check_control
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.vehicle_tensors import vehicle_of
 
 BODY = {"position": 3, "quaternion": 4, "velocity": 6}  # entries of a start, with their lengths
 ALONG = "along"  # s along the task: of a start, where it begins; of a report, where the vehicle is
 TIME = "time"
+VEHICLE = "vehicle"  # of what a reset is given: parameters of the vehicles by name
 MEASURED = "measured"  # the fleet's report of position, quaternion and velocity
 EXPECTED = "expected"  # by a map that predicts: the same when the next command acts, and ``time`` then
 
@@ -57,6 +59,33 @@ def read_start(start: TensorDictBase | None, rows: Tensor) -> tuple[Tensor, ...]
         raise ValueError("fleet: start.quaternion is not of unit length: give w, x, y, z of a rotation")
     parts[1] = torch.nn.functional.normalize(parts[1], dim=-1)
     return tuple(parts)
+
+
+def reset_spec(vehicle: Vehicle) -> Composite:
+    """What a fleet's ``reset`` takes beside its state, of a batch of vehicles on torch: ``vehicle``, in the rows reset.
+
+    No step carries the parameters along: there are some 300 numbers of each vehicle. They are float64 on the CPU,
+    whatever device the fleet is on.
+    """
+    fields = {name: Unbounded(field.shape, dtype=torch.float64, device="cpu") for name, field in vehicle.items()}
+    return Composite({VEHICLE: Composite(fields, shape=vehicle.batch_size)}, shape=vehicle.batch_size)
+
+
+def read_vehicles(entry: TensorDictBase | None, rows: Tensor, declared: Composite) -> Vehicle | None:
+    """The vehicles of the rows that are reset, from a ``vehicle`` entry; None without one.
+
+    Raises:
+        ValueError: for an entry that is not what is declared, see :func:`reset_spec`.
+    """
+    if entry is None:
+        return None
+    wanted = {name: spec.shape for name, spec in declared[VEHICLE].items()}
+    found = {name: value.shape for name, value in entry.items()}
+    if odd := {name for name, _ in wanted.items() ^ found.items()}:
+        raise ValueError(
+            f"fleet: reset's entry '{VEHICLE}': missing, unknown or misshapen are {', '.join(sorted(odd))}"
+        )
+    return vehicle_of(entry[rows])
 
 
 def expected_along(tensordict: TensorDictBase) -> Tensor:

@@ -136,7 +136,7 @@ def source_policy(experiment: Experiment) -> SourcePolicy:
 
 
 def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
-    """F and R of the source vehicle, then seconds of flight of one target vehicle, then G and H."""
+    """F and R of the source vehicle, then seconds of flight of a target vehicle, or one for each map, then G and H."""
     lock = experiment.policies / "models.lock"  # jobs of a sweep wait instead of training too
     with checking_input(), storing(experiment.policies), locked(lock, "learns the models"):
         models = load_or_pretrain(experiment.vehicle, experiment.task, experiment.policies)
@@ -149,7 +149,7 @@ def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
         )  # fmt: skip
     adaptation = adapt(
         lambda count: experiment.fleet(count, experiment.scenario, to_thrusters),
-        policy.module, models, experiment.adapter,
+        policy.module, models, experiment.adapter, len(experiment.starts),
     )  # fmt: skip
     adaptation.adapter.to("cpu")  # where it is looked at; each flight takes a copy to its fleet's device
     return adaptation
@@ -158,7 +158,7 @@ def fit_map(experiment: Experiment, policy: SourcePolicy) -> Adaptation:
 def fly_adapted(experiment: Experiment, policy: SourcePolicy, adaptation: Adaptation, composition: str) -> Flight:
     """The starts again with the fitted map, in its short or its long form."""
     fitted = adaptation.adapter
-    adapter = DDRAdapter(deepcopy(fitted.models), replace(fitted.config, composition=composition))
+    adapter = DDRAdapter(deepcopy(fitted.models), replace(fitted.config, composition=composition), fitted.count)
     adapter.load_state_dict(fitted.state_dict())
     to_thrusters = experiment.adapter.map == "thrusters"
     fleet = experiment.fleet(len(experiment.starts), experiment.scenario, to_thrusters)
@@ -204,9 +204,10 @@ def summarize(
 
 
 def linear_map(adapter: DDRAdapter) -> ControlMap:
-    """H about rest, away from the limits; of a network map its affine part."""
-    matrix = adapter.g.unlimited.double()
-    offset = -matrix @ adapter.g.bias.double()
+    """H about rest, away from the limits; of a network map its affine part, of several maps the first vehicle's."""
+    g = adapter.maps[0]
+    matrix = g.unlimited.double()
+    offset = -matrix @ g.bias.double()
     size = matrix.shape[0]
     rows = CONTROLLED if size == len(CONTROLLED) else tuple(f"thruster {i + 1}" for i in range(size))
     return ControlMap(matrix.numpy(), offset.numpy(), rows)

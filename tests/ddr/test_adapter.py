@@ -43,14 +43,14 @@ def test_the_rollout_keeps_the_action_of_the_policy_beside_the_executed_one(mode
 
 
 def test_a_policy_may_write_another_entry(models, fleet, policy, scenario):
-    """With ``out_keys_inv`` changed, the policy acts there, and the vehicle and the map do what they do without it."""
+    """With another first of ``out_keys_inv`` the policy acts there, and vehicle and map do what they do without it."""
     flights, adapters = [], [DDRAdapter(models, AdapterConfig(seed=3)) for _ in range(2)]
-    adapters[1].out_keys_inv = ["channels"]
+    adapters[1].out_keys_inv = ["channels", *adapters[1].out_keys_inv[1:]]
     renamed = TensorDictModule(policy.module, in_keys=["observation"], out_keys=["channels"])
     for adapter, acting in zip(adapters, (policy, renamed), strict=True):
         env = TransformedEnv(fleet(2, scenario("reversed")), adapter)
         check_env_specs(env)  # of random actions nothing is to be learnt
-        assert env.action_keys == list(adapter.out_keys_inv)
+        assert env.action_keys == adapter.out_keys_inv[:1]
         adapter.learning = True
         env.set_seed(5)
         flights.append(env.rollout(20, acting, break_when_any_done=False))

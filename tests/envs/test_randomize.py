@@ -1,9 +1,12 @@
 """Randomization: from the nominal, per vehicle, in the rows that are reset, from files that are checked."""
 
+from functools import partial
+
 import pytest
 import torch
 import yaml
-from torchrl.envs import TransformedEnv
+from tensordict import TensorDict
+from torchrl.envs import SerialEnv, StepCounter, TransformedEnv
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs import BACKENDS, FleetEnv, RandomizeVehicle, make_fleet
@@ -11,7 +14,7 @@ from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle_tensors import tensordict_of, tensors
 
 PAPER = load_vehicle("paper")
 CONTINUOUS = {name: effect for name, effect in EFFECTS.items() if not effect.parameters[0].discrete}
@@ -132,3 +135,45 @@ def test_randomization_needs_a_fleet_below_it():
     """On its own the transform says where it belongs."""
     with pytest.raises(RuntimeError, match="TransformedEnv of a FleetEnv"):
         RandomizeVehicle(PAPER, {})._reset_env_preprocess(None)
+
+
+SPREAD = {"thruster_gain": {"gain": [0.5, 1.5]}}
+
+
+def test_vehicles_go_by_a_declared_entry_that_no_step_carries():
+    """What a reset takes is declared by name and shape, and neither a reset nor a rollout gives it back."""
+    env = randomized(SPREAD)
+    declared = {name: spec.shape for name, spec in fleet_of(env).reset_spec["vehicle"].items()}
+    assert declared == {name: field.shape for name, field in fleet_of(env).vehicle.items()}
+    flown = env.rollout(12, break_when_any_done=False)
+    assert "vehicle" not in flown.keys(True) and "vehicle" not in env.reset()
+
+
+def test_a_vehicle_entry_that_is_not_what_is_declared_is_refused():
+    """A parameter that is missing, or has another shape, is named."""
+    fleet = make_fleet("torch", PAPER, StationKeeping(), 2, seed=0)
+    given = TensorDict({"vehicle": tensordict_of(PAPER.expand(2).clone())}, [2])
+    fleet.reset(given, set_state=False)
+    for wrong in (given.exclude(("vehicle", "gain")), given.clone().set(("vehicle", "gain"), torch.ones(2, 5))):
+        with pytest.raises(ValueError, match="'vehicle': missing, unknown or misshapen are gain"):
+            fleet.reset(wrong, set_state=False)
+
+
+def test_vehicles_that_would_not_arrive_are_refused():
+    """Around several fleets, or an environment that drops what it does not know, nothing would be randomized."""
+    fleets = SerialEnv(2, lambda: make_fleet("torch", PAPER, StationKeeping(), 2, seed=0))
+    kept_apart = TransformedEnv(randomized({}), StepCounter(), auto_unwrap=False)
+    for below in (fleets, kept_apart):
+        with pytest.raises(RuntimeError, match="takes no vehicles at a reset"):
+            TransformedEnv(below, RandomizeVehicle(PAPER, SPREAD), auto_unwrap=False).reset()
+
+
+def test_fleets_side_by_side_draw_as_they_would_alone():
+    """A ``SerialEnv`` of randomized fleets: each draws from its own seed."""
+    make = [partial(randomized, SPREAD, 3, seed) for seed in (1, 2)]
+    env = SerialEnv(2, make)
+    env.reset()
+    for found, alone in zip(env._envs, make, strict=True):
+        expected = alone()
+        expected.reset()
+        assert torch.equal(fleet_of(found).vehicle.gain, fleet_of(expected).vehicle.gain)
