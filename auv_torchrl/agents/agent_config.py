@@ -14,8 +14,6 @@ if TYPE_CHECKING:  # the command line needs the settings alone
     from auv_torchrl.tasks import Task
     from auv_torchrl.vehicle import Vehicle
 
-REPORTING = ("csv", "tensorboard")  # the settings that do not shape the policy
-
 
 @dataclass(frozen=True)
 class AgentConfig(ABC):
@@ -37,8 +35,6 @@ class AgentConfig(ABC):
     evaluation_starts: Annotated[int, In("[1, 10000]")]
     evaluation_box_m: Annotated[float, In("(0, 1000]")] | None
     stop_below_m: Annotated[float, In("(0, 1000]")] | None
-    csv: bool
-    tensorboard: bool
 
     def __post_init__(self) -> None:
         """Refuse values with which training cannot run."""
@@ -64,8 +60,8 @@ class AgentConfig(ABC):
         return 1 + (self.learning_rate_end - 1) * (frames / (self.stretches * self.stretch_frames))
 
     def shaping(self) -> dict[str, Any]:
-        """The settings that shape the policy, as plain values."""
-        return {"name": self.name, **{key: value for key, value in asdict(self).items() if key not in REPORTING}}
+        """All settings, which shape the policy, as plain values."""
+        return {"name": self.name, **asdict(self)}
 
     def tuned(self, tuning: "FineTuning", last: Mapping[str, float]) -> "AgentConfig":
         """The settings with which a policy is trained on.

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-from auv_torchrl.agents.agent_config import REPORTING, AgentConfig, FineTuning
+from auv_torchrl.agents.agent_config import AgentConfig, FineTuning
 from auv_torchrl.paths import config_path
 from auv_torchrl.registry import Registry
 from auv_torchrl.settings import In, OneOf, choices, settings_of
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # the command line needs the settings alone
     from auv_torchrl.vehicle import Vehicle
 
 __all__ = [
-    "AGENTS", "REPORTING", "AgentConfig", "FineTuning", "GradientConfig", "OffPolicyConfig", "PPOConfig", "SACConfig",
+    "AGENTS", "AgentConfig", "FineTuning", "GradientConfig", "OffPolicyConfig", "PPOConfig", "SACConfig",
     "TD3Config", "load_agent_config", "read_agent",
 ]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""What a person sees of a training: how far it is, a CSV and, by choice, TensorBoard."""
+"""What a person sees of a training: how far it is, and its learning curve as a CSV."""
 
 import csv
 import io
@@ -18,31 +18,23 @@ CurvePoint = dict[str, float]
 
 
 class CurveReport:
-    """Reports a learning curve while it grows.
+    """Reports a learning curve while it grows, and writes it as a whole to ``progress.csv`` after every stretch.
 
-    TorchRL's loggers only append: after a kill they would hold what was done since the checkpoint twice.
+    So the file never disagrees with the checkpoint, unlike one that is appended to.
 
     Args:
-        folder: where ``progress.csv`` and ``tensorboard/`` go.
+        folder: where ``progress.csv`` goes.
         frames: transitions of the whole training.
         curve: rows of the part before a resumption.
-        csv: write the CSV, as a whole after every stretch, so that it never disagrees with the checkpoint.
-        tensorboard: write TensorBoard events.
     """
 
-    def __init__(self, folder: Path, frames: int, curve: list[CurvePoint], csv: bool, tensorboard: bool):
+    def __init__(self, folder: Path, frames: int, curve: list[CurvePoint]):
         self.folder = folder
-        self.csv = csv
         self.done, self.frames, self.note = curve[-1]["frames"] if curve else 0, frames, ""
         self.begun = self.done  # of those before a resumption nobody can tell how long they took here
         self.progress = Progress()
         self.progress.__enter__()
         self.advance(0)
-        self.writer = None
-        if tensorboard:
-            from torch.utils.tensorboard import SummaryWriter  # takes a second to import
-
-            self.writer = SummaryWriter(str(folder / "tensorboard"), purge_step=int(self.done) + 1)
 
     def advance(self, frames: int) -> None:
         """Say that so many more transitions are done."""
@@ -54,18 +46,11 @@ class CurveReport:
         newest = curve[-1]
         errors = " and ".join(quantity(newest[name], "m") for name in ("error_m", "best_m"))
         self.note = f"error and best one {errors}"
-        if self.csv:
-            write_whole(self.folder / "progress.csv", _as_csv(curve).encode())
-        if self.writer is not None:
-            for name, value in newest.items():
-                if name != "frames":
-                    self.writer.add_scalar(f"train/{name}", value, newest["frames"])
+        write_whole(self.folder / "progress.csv", _as_csv(curve).encode())
 
     def close(self) -> None:
-        """Say no more and flush."""
+        """Say no more."""
         self.progress.__exit__()
-        if self.writer is not None:
-            self.writer.close()
 
 
 def _as_csv(curve: Sequence[CurvePoint]) -> str:

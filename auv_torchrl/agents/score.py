@@ -1,14 +1,17 @@
 """How well a policy regulates: its mean position error late in the episode, from fixed starts."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
+from torch import Tensor
 from torchrl.envs import EnvBase, step_mdp
 
 from auv_torchrl.envs.fleet import FleetEnv
 from auv_torchrl.evaluation import STEADY_FROM_S, task_of
+
+SHOWN_EVERY = 2  # control steps between two pictures of a film
 
 
 class Score(NamedTuple):
@@ -40,3 +43,14 @@ class Examiner:
             state = state["next"] if self.bare else step_mdp(state)
         error = torch.stack(errors).mean(0)
         return Score(float(error.mean()), float(error.max()))
+
+    @torch.no_grad()
+    def film(self, policy: TensorDictModuleBase) -> tuple[Tensor, float]:
+        """Pictures (T, 3, height, width), uint8, of one episode of the first start, and how many there are a second."""
+        state, pictures = self.fleet.reset(self.starts.clone(), set_state=True), []
+        camera: Any = self.fleet  # of a fleet, which transforms hand on
+        for step in range(self.task.steps):
+            if step % SHOWN_EVERY == 0:
+                pictures.append(torch.from_numpy(camera.render().copy()).permute(2, 0, 1))
+            state = step_mdp(self.fleet.step(policy(state)))
+        return torch.stack(pictures), 1.0 / (SHOWN_EVERY * self.task.control_dt)

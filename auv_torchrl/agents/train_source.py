@@ -9,6 +9,7 @@ import torch
 from torchrl.envs import EnvBase, TransformedEnv
 
 from auv_torchrl.agents.config import AgentConfig
+from auv_torchrl.agents.loggers import LoggerConfig
 from auv_torchrl.agents.policy import SourcePolicy, fingerprint, load_policy, save_policy
 from auv_torchrl.agents.score import Examiner
 from auv_torchrl.agents.storage import storing
@@ -37,6 +38,7 @@ def train_source(
     backend: str,
     folder: Path,
     device: torch.device | str = "cpu",
+    logger: LoggerConfig | None = None,
 ) -> SourcePolicy:
     """The best policy of a training with these ingredients, on ``device``.
 
@@ -54,6 +56,7 @@ def train_source(
         backend: "mujoco" or "torch".
         folder: the store, for example ``outputs/policies``.
         device: of networks, transitions and fleets.
+        logger: where the training is logged, if it is not taken from the store; None for ``progress.csv`` alone.
 
     Raises:
         CheckpointError: if the checkpoint is damaged or of another training.
@@ -65,7 +68,7 @@ def train_source(
     ingredients = describe(vehicle, task, agent_config, randomization, seed, backend, device)
 
     def trainer(training: Path, key: str) -> Trainer:
-        return make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key, device)
+        return make_trainer(vehicle, task, agent_config, randomization, seed, backend, training, key, device, logger)
 
     return kept_or_trained(ingredients, trainer, folder, device)
 
@@ -167,6 +170,7 @@ def make_trainer(
     folder: Path,
     key: str,
     device: torch.device | str = "cpu",
+    logger: LoggerConfig | None = None,
 ) -> Trainer:
     """The trainer with its randomized training fleet and its examiner."""
 
@@ -177,7 +181,7 @@ def make_trainer(
         return TransformedEnv(fleet, RandomizeVehicle(vehicle, agent_config.ranges(randomization), seed=fleet_seed))
 
     examiner = make_examiner(vehicle, task, agent_config, backend, device=device)
-    return Trainer(training_fleet, examiner, agent_config, seed, folder, key)
+    return Trainer(training_fleet, examiner, agent_config, seed, folder, key, logger)
 
 
 def make_examiner(

@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from tensordict.nn import TensorDictModuleBase
@@ -18,8 +18,9 @@ from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.config import AgentConfig
 from auv_torchrl.agents.interrupt import Interrupted, interruptible
+from auv_torchrl.agents.loggers import LoggerConfig, TrainingLog
 from auv_torchrl.agents.progress import CurvePoint, CurveReport
-from auv_torchrl.agents.score import Score
+from auv_torchrl.agents.score import Examiner, Score
 from auv_torchrl.agents.storage import CheckpointError, load_checkpoint, save_checkpoint
 
 CHECKPOINT = "checkpoint.pt"
@@ -39,6 +40,7 @@ class Trainer:
         seed: of everything random.
         folder: where the checkpoint and the learning curve go.
         fingerprint: of everything that shapes the policy; a checkpoint of another one is refused.
+        logger: where the learning curve is logged beside ``progress.csv``; None for nowhere.
     """
 
     def __init__(
@@ -49,10 +51,12 @@ class Trainer:
         seed: int,
         folder: Path,
         fingerprint: str,
+        logger: LoggerConfig | None = None,
     ):
         from auv_torchrl.agents.learners import make_learner  # a policy that was kept is read without all of them
 
         self.config, self.seed, self.folder, self.fingerprint = config, seed, folder, fingerprint
+        self.logger = logger or LoggerConfig()
         self.examine = examine
         self.make_fleet = make_fleet
         torch.manual_seed(seed)
@@ -89,24 +93,27 @@ class Trainer:
         config = self.config
         threads = torch.get_num_threads()
         torch.set_num_threads(1)  # tensors this small gain nothing from more, and lose much beside other processes
-        progress = CurveReport(
-            self.folder, config.stretches * config.stretch_frames, self.curve, config.csv, config.tensorboard
-        )
+        progress = CurveReport(self.folder, config.stretches * config.stretch_frames, self.curve)
+        logged = TrainingLog(self.logger, self.folder, self.fingerprint)
         try:
             with interruptible() as asked_to_stop:
                 while not self.finished:
                     self._run_stretch(progress)
                     progress.report(self.curve)
                     self.save()
+                    logged.point(self.curve[-1])
                     if signum := asked_to_stop():  # in the last stretch too: the next run finds it finished
                         raise Interrupted(
                             f"training stopped at {self.frames} transitions and saved to {self.folder / CHECKPOINT}: "
                             "run the same command to go on",
                             signum,
                         )
+                if logged.video:
+                    logged.film(*cast(Examiner, self.examine).film(self.learner.best), step=self.frames)
         finally:
             torch.set_num_threads(threads)
             progress.close()
+            logged.close()
 
     @property
     def finished(self) -> bool:

@@ -7,22 +7,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.objectives import LossModule, SACLoss, SoftUpdate, TD3Loss
 
-from auv_torchrl.agents.closed_form import ClosedForm
-from auv_torchrl.agents.losses import FusedSACLoss
-
-
-class FusedSoftUpdate(SoftUpdate):
-    """``SoftUpdate`` in one call over all tensors: 4 us instead of 145 us for twin critics."""
-
-    def __init__(self, loss: SACLoss, *, tau: float):
-        super().__init__(loss, tau=tau)
-        self._share = tau
-        self._online = [p.data for p in leaves(loss, "qvalue_network_params")]
-        self._target = [p.data for p in leaves(loss, "target_qvalue_network_params")]
-
-    def step(self) -> None:
-        """Move the target critics towards the critics."""
-        torch._foreach_lerp_(self._target, self._online, self._share)  # pyright: ignore[reportPrivateImportUsage]
+from auv_torchrl.agents.fused import ClosedForm, FusedSACLoss, FusedSoftUpdate, leaves
 
 
 class Updater(ABC):
@@ -68,7 +53,10 @@ class Updater(ABC):
 
 
 class SACUpdater(Updater):
-    """Actor, critics and temperature together, then the target critics by ``tau``."""
+    """Actor, critics and temperature together, then the target critics by ``tau``.
+
+    A :class:`FusedSACLoss` is stepped by its own gradients and target update, any other one by autograd and TorchRL's.
+    """
 
     told = ("loss_qvalue", "loss_actor", "alpha", "entropy")
 
@@ -79,8 +67,9 @@ class SACUpdater(Updater):
             {"params": [loss.log_alpha], "lr": alpha_learning_rate},
         ]
         super().__init__(loss, groups)
-        self.target_update = FusedSoftUpdate(loss, tau=tau)
-        self._closed_form = ClosedForm(loss) if isinstance(loss, FusedSACLoss) and loss.has_closed_form else None
+        fused = isinstance(loss, FusedSACLoss)
+        self.target_update = FusedSoftUpdate(loss, tau=tau) if fused else SoftUpdate(loss, tau=tau)
+        self._closed_form = ClosedForm(loss) if fused and loss.has_closed_form else None
 
     def step(self, batch: TensorDictBase, actor: bool = True) -> TensorDictBase:
         """As of every updater."""
@@ -123,8 +112,3 @@ class TD3Updater(Updater):
         """Go on from :meth:`state_dict`."""
         super().load_state_dict(state)
         self.steps = state["steps"]
-
-
-def leaves(loss: LossModule, network: str) -> list[Tensor]:
-    """The tensors of one of the loss's networks, in a fixed order."""
-    return list(getattr(loss, network).values(include_nested=True, leaves_only=True))

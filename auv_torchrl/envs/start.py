@@ -79,12 +79,10 @@ def read_vehicles(entry: TensorDictBase | None, rows: Tensor, declared: Composit
     """
     if entry is None:
         return None
-    wanted = {name: spec.shape for name, spec in declared[VEHICLE].items()}
-    found = {name: value.shape for name, value in entry.items()}
-    if odd := {name for name, _ in wanted.items() ^ found.items()}:
-        raise ValueError(
-            f"fleet: reset's entry '{VEHICLE}': missing, unknown or misshapen are {', '.join(sorted(odd))}"
-        )
+    both: Any = (declared[VEHICLE], entry)
+    wanted, found = ({str(name): part.shape for name, part in each.items()} for each in both)
+    if odd := sorted(name for name in wanted.keys() | found.keys() if wanted.get(name) != found.get(name)):
+        raise ValueError(f"fleet: reset's entry '{VEHICLE}': missing, unknown or misshapen are {', '.join(odd)}")
     return vehicle_of(entry[rows])
 
 

@@ -131,7 +131,7 @@ def source_policy(experiment: Experiment) -> SourcePolicy:
     """Trained now, or kept from a run with the same ingredients."""
     return train_source(
         experiment.vehicle, experiment.task, experiment.agent, experiment.randomization, experiment.seed,
-        experiment.backend, experiment.policies, device=experiment.device,
+        experiment.backend, experiment.policies, device=experiment.device, logger=experiment.logger,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from omegaconf import MISSING, OmegaConf
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.agents.config import AGENTS, FineTuning
+from auv_torchrl.agents.loggers import LoggerConfig
 from auv_torchrl.command.scenario_schema import ScenarioSchema
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
@@ -52,6 +53,7 @@ class TrainSchema:
     diagnose: bool = False
     excitation: Any = field(default_factory=schema_of(Excitation))
     tuning: Any = field(default_factory=schema_of(FineTuning))
+    logger: Any = field(default_factory=schema_of(LoggerConfig))
     backend: Backend = MISSING  # type: ignore[valid-type]
     device: str = MISSING
     seed: Seed = MISSING

@@ -12,6 +12,7 @@ from tensordict import TensorDict
 
 from auv_torchrl.adaptation import AdaptationConfig
 from auv_torchrl.agents.config import AgentConfig, FineTuning, read_agent
+from auv_torchrl.agents.loggers import LoggerConfig
 from auv_torchrl.authority import check_control
 from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.compensation.excitation import Excitation
@@ -51,6 +52,7 @@ class Experiment:
     diagnose: bool  # or whether to find out
     excitation: Excitation
     tuning: FineTuning
+    logger: LoggerConfig
     backend: str
     device: str
     seed: int
@@ -137,6 +139,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         diagnose=config.diagnose,
         excitation=Excitation(**_plain(config.excitation)),
         tuning=FineTuning(**_plain(config.tuning)),
+        logger=LoggerConfig(**_plain(config.logger)),
         backend=config.backend.name,
         device=config.device,
         seed=config.seed,

@@ -6,11 +6,12 @@ import pytest
 import torch
 from tensordict import TensorDict
 from torchrl.envs.utils import ExplorationType, set_exploration_type
+from torchrl.objectives import SACLoss, SoftUpdate
 
-from auv_torchrl.agents.closed_form import ClosedForm
-from auv_torchrl.agents.losses import FusedSACLoss, make_loss
+from auv_torchrl.agents.fused import ClosedForm, FusedSACLoss, leaves
+from auv_torchrl.agents.losses import make_loss
 from auv_torchrl.agents.networks import make_actor, make_policy, tanh_normal
-from auv_torchrl.agents.updater import SACUpdater, leaves
+from auv_torchrl.agents.updater import SACUpdater
 
 pytestmark = pytest.mark.filterwarnings("ignore:No target network updater")  # losses on their own, in these tests
 SETTINGS = {"observations": 7, "actions": 3, "gamma": 0.97, "target_entropy": -3.0, "alpha_init": 0.2}
@@ -90,6 +91,12 @@ def test_a_loss_of_ones_own_is_differentiated():
     expected = loss(batch)
     torch.manual_seed(1)
     torch.testing.assert_close(SACUpdater(loss, 0.0, 0.0, 0.5).step(batch).detach(), expected.detach())
+
+
+def test_the_stock_loss_is_stepped_by_parts_of_torchrl_alone():
+    """``agent.loss=stock`` is ``SACLoss`` and ``SoftUpdate``, and nothing that is written out."""
+    updater = SACUpdater(make_loss("stock", hidden=(16,), **SETTINGS), 1e-3, 1e-3, 0.05)
+    assert (type(updater.loss), type(updater.target_update)) == (SACLoss, SoftUpdate)
 
 
 def test_actor_loss_gives_critics_no_gradient():

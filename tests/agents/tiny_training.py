@@ -32,7 +32,7 @@ def train_tiny(folder: Path, **changes) -> SourcePolicy:
     """``changes`` are arguments of ``train_source``, ``agent``, or settings of that agent."""
     arguments = {
         "vehicle": load_vehicle("paper"), "task": TASK, "randomization": RANDOMIZATION, "seed": 5,
-        "backend": "torch", "device": "cpu",
+        "backend": "torch", "device": "cpu", "logger": None,
     }  # fmt: skip
     arguments.update({key: changes.pop(key) for key in list(changes) if key in arguments})
     return train_source(agent_config=tiny_config(**changes), folder=folder, **arguments)
