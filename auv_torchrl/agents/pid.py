@@ -73,12 +73,7 @@ class PID(TensorDictModuleBase):
         """Write ``action``."""
         position, quaternion, velocity, time, now = (tensordict[key] for key in self.in_keys[:5])
         along = (expected_along(tensordict) if self._expects else now)[..., 0]
-        reference = self.task.reference(along)
-        to_body = rotation_matrix(quaternion).mT
-        away = matvec(to_body, reference.position - position)
-        turn = wrap_angle(heading_of(reference.quaternion) - heading_of(quaternion))
-        error = torch.cat((away, turn.unsqueeze(-1)), dim=-1).float()
-        speed = (velocity - reference.moving(to_body))[..., list(CONTROLLED_INDEX)].float()
+        error, speed = (part.float() for part in deviation(self.task, position, quaternion, velocity, along))
         action = self.proportional * error - self.derivative * speed
         if self._feed_forward is not None:
             action = action + self._feed_forward(along).float()
@@ -92,6 +87,18 @@ class PID(TensorDictModuleBase):
         begins = time < CONTROL_DT / 2
         self._sum = torch.where(begins, 0.0, grown.clamp(-INTEGRAL_LIMIT, INTEGRAL_LIMIT))
         return self._sum
+
+
+def deviation(
+    task: Task, position: Tensor, quaternion: Tensor, velocity: Tensor, along: Tensor
+) -> tuple[Tensor, Tensor]:
+    """How far the reference is away, m and rad, and the speed relative to it (..., 4), along the axes of the body."""
+    reference = task.reference(along)
+    to_body = rotation_matrix(quaternion).mT
+    away = matvec(to_body, reference.position - position)
+    turn = wrap_angle(heading_of(reference.quaternion) - heading_of(quaternion))
+    speed = (velocity - reference.moving(to_body))[..., list(CONTROLLED_INDEX)]
+    return torch.cat((away, turn.unsqueeze(-1)), dim=-1), speed
 
 
 def _gain(name: str, values: Sequence[float]) -> Tensor:

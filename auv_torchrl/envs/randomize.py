@@ -1,11 +1,12 @@
 """Domain randomization: every vehicle draws its effects anew at each of its resets."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
+from torchrl.data import Composite, TensorSpec, Unbounded
 from torchrl.envs.transforms import Transform
 
 from auv_torchrl.array_api import host
@@ -32,23 +33,30 @@ class RandomizeVehicle(Transform):
         nominal: one vehicle, empty batch.
         ranges: ``{effect: {parameter or family: [low, high]}}``, as in ``conf/randomization/*.yaml``.
         seed: of the draws; None takes them from the fleet.
+        told: name of an entry that tells what was drawn, each value in [-1, 1] of its range; None tells nothing.
 
     Raises:
         ValueError: for ranges that :func:`read_ranges` refuses.
     """
 
-    def __init__(self, nominal: Vehicle, ranges: Mapping[str, Any] | None, seed: int | None = None) -> None:
-        super().__init__(in_keys=[], out_keys=[])
+    def __init__(
+        self, nominal: Vehicle, ranges: Mapping[str, Any] | None, seed: int | None = None, told: str | None = None
+    ) -> None:
+        super().__init__(in_keys=[], out_keys=[] if told is None else [told])
         self._nominal = nominal.map(host)
         self.ranges = read_ranges(nominal, ranges)
         self._mixed = _read_together(ranges, sum(len(parameters) for _, parameters in self.ranges))
         self._bounds = self._most() if self._mixed is not None else ()
         self._own = None if seed is None else torch.Generator().manual_seed(seed)
         self._vehicles: TensorDict | None = None
+        self._shares = torch.zeros(0, 0)  # of what the vehicles were drawn with, in [-1, 1]
 
     def draw(self, count: int, generator: torch.Generator) -> Vehicle:
         """``count`` vehicles, each drawn from the nominal one, on torch."""
-        vehicle = self._nominal.expand(count)
+        return self._made(self._values(count, generator)[0])
+
+    def _values(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        """Numbers (count, k) that are drawn, and where they lie in their ranges, in [-1, 1]."""
         members = [limits for _, parameters in self.ranges for limits in parameters.values()]
         low, high = torch.tensor(members, dtype=torch.float64).reshape(-1, 2).unbind(-1)
         share = torch.rand(count, len(members), generator=generator, dtype=torch.float64)
@@ -58,6 +66,11 @@ class RandomizeVehicle(Transform):
             first = len(self._mixed)
             share[:, :first] = 0.5 + (share[:, :first] - 0.5) @ self._mixed.T  # correlated about the middle
             values = (low + (high - low) * share).clamp(*self._bounds)
+        return values, 2 * share.float() - 1
+
+    def _made(self, values: Tensor) -> Vehicle:
+        """The nominal vehicle with other numbers (count, k)."""
+        vehicle = self._nominal.expand(len(values))
         columns = iter(values.unbind(-1))
         for effect, parameters in self.ranges:
             vehicle = effect.apply(vehicle, {member: next(columns) for member in parameters})
@@ -80,11 +93,29 @@ class RandomizeVehicle(Transform):
         (count,) = env.batch_size
         mask = tensordict.get("_reset", None)
         rows = torch.arange(count) if mask is None else mask.reshape(count).cpu().nonzero()[:, 0]
-        drawn = self.draw(len(rows), self._own or env.generator)
+        values, shares = self._values(len(rows), self._own or env.generator)
+        drawn = self._made(values)
         if self._vehicles is None or self._vehicles.batch_size[0] != count:
             self._vehicles = tensordict_of(self._nominal.expand(count).clone())
+            self._shares = shares.new_zeros(count, shares.shape[-1])
         self._vehicles[rows] = tensordict_of(drawn)
+        self._shares[rows] = shares
         return tensordict.set(VEHICLE, self._vehicles)
+
+    def _call(self, next_tensordict: TensorDictBase) -> TensorDictBase:
+        for told in self.out_keys:
+            next_tensordict.set(told, self._shares.to(next_tensordict.device, copy=True))
+        return next_tensordict
+
+    def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
+        return self._call(tensordict_reset)
+
+    def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
+        """Declare what tells of the draws, where it does."""
+        spec, count = cast(Composite, observation_spec), sum(len(parameters) for _, parameters in self.ranges)
+        for told in self.out_keys:
+            spec[told] = Unbounded(torch.Size((*spec.shape, count)), dtype=torch.float32, device=spec.device)
+        return observation_spec
 
     def _environment(self) -> Any:
         """The environment below, whose reset takes vehicles; between them are transforms alone.

@@ -23,6 +23,10 @@ SHORT = {
     "told the target (oracle)": "told*",
     "robust SAC": "robust",
     "diagnosed, then closed": "closed",
+    "adaptive LQR": "aLQR",
+    "L1 augmentation": "L1",
+    "SAC, trained on": "SAC on",
+    "history-conditioned (RMA)": "RMA",
     "particle weights, trained again": "particles",
 }
 

@@ -3,16 +3,29 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
-from auv_torchrl.agents.config import AgentConfig, FineTuning, load_agent_config
+from auv_torchrl.agents.config import AgentConfig, FineTuning, SACConfig, load_agent_config
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.baselines import FixedSigns, RecursiveLeastSquares, pulse_test, weigh_particles
+from auv_torchrl.baselines import (
+    LQR,
+    AdaptiveLQR,
+    FixedSigns,
+    HistoryPolicy,
+    L1Augmentation,
+    RecursiveLeastSquares,
+    pulse_test,
+    retrain,
+    train_encoder,
+    train_told,
+    weigh_particles,
+)
 from auv_torchrl.compensation.close import Closed, close
 from auv_torchrl.compensation.diagnosed import Diagnosed
 from auv_torchrl.compensation.excitation import Excitation
@@ -32,6 +45,8 @@ from benchmarks.control.source import BACKEND, ranges, source_policy, training_s
 BUDGET = Excitation(episodes=4, episode_s=15.0)  # of target data, for every method that learns before the judged flight
 NEVER_SETTLED = 1e-9  # standard error of DDR's map: the dither stays on, for the flight is paid for
 RETRAINING_FRAMES = 51_200  # transitions of a training for one scenario, a third of the source policy's
+HISTORY_AGENT = ("gradient", {"total_frames": 307_200, "hidden": [128, 128]})  # twice conf/agent/gradient.yaml
+HISTORY_RANGES = {"thruster_gain": {"gain": [-1.0, 1.7]}}
 INTEGRAL = (0.5, 0.5, 0.5, 0.2)  # 1/(m s) and 1/(rad s)
 
 
@@ -168,6 +183,46 @@ def tuning_s(closed: Closed) -> float:
     return training_s(closed.policy) if closed.tuned else 0.0
 
 
+def retrained(bench: Bench) -> Attempt:
+    """Fly the target with u_s, which explores, and train it on by soft actor-critic as the transitions come."""
+    agent = load_agent_config("sac")
+    assert isinstance(agent, SACConfig)
+    began = time.process_time()
+    task = replace(bench.task(), episode_s=BUDGET.episode_s)
+    found = retrain(bench.source, bench.fleet(BUDGET.episodes, task=task), BUDGET.seconds, agent)
+    spent = time.process_time() - began
+    return Attempt(bench.fly(found.policy), found.target_data_s, spent)
+
+
+def history(bench: Bench) -> Attempt:
+    """A policy that infers the gains of the thrusters from its last half second."""
+    began = time.process_time()
+    made = history_policy(bench.vehicle, bench.policies)
+    spent = time.process_time() - began
+    flight = bench.fly(made.policy.module, made.transform(), True)
+    return Attempt(flight, 0.0, max(spent, training_s(made.policy)))
+
+
+@cache
+def history_policy(vehicle: Vehicle, store: Path) -> HistoryPolicy:
+    """Trained once for all scenarios, over gains of thrusters that may be dead or reversed."""
+    task = replace(StationKeeping(), thruster_commands=True)
+    policy = train_told(vehicle, task, load_agent_config(*HISTORY_AGENT), HISTORY_RANGES, 0, BACKEND, store)
+    return train_encoder(policy, vehicle, task, HISTORY_RANGES, BACKEND)
+
+
+def augmented(bench: Bench) -> Attempt:
+    """Oppose what the source vehicle's equations do not explain."""
+    return Attempt(bench.fly(bench.policy, L1Augmentation(bench.vehicle, bench.task(), bench.count), True))
+
+
+def regulated(bench: Bench, adaptive: bool) -> Attempt:
+    """The linear-quadratic regulator of the source vehicle, or of the vehicle that it estimates."""
+    policy = LQR(bench.vehicle, bench.task())
+    adaptation = AdaptiveLQR(bench.vehicle, bench.task(), bench.count) if adaptive else None
+    return Attempt(bench.fly(policy, adaptation, adaptive))
+
+
 def robust(bench: Bench) -> Attempt:
     """One policy trained over wide ranges of all effects that a vehicle may meet."""
     policy = source_policy(bench.vehicle, bench.policies, ranges("wide"))
@@ -183,6 +238,9 @@ METHODS: dict[str, Callable[[Bench], Attempt]] = {
     "u_s": lambda b: Attempt(b.fly(b.policy)),
     "PID": lambda b: Attempt(b.fly(PID(b.task()))),
     "PID with integral": lambda b: Attempt(b.fly(PID(b.task(), integral=INTEGRAL))),
+    "LQR": lambda b: regulated(b, adaptive=False),
+    "adaptive LQR": lambda b: regulated(b, adaptive=True),
+    "L1 augmentation": augmented,
     "pulse test, fixed signs": signs,
     "recursive least squares": lambda b: Attempt(
         b.fly(b.policy, RecursiveLeastSquares(b.vehicle, b.task(), b.count), True)
@@ -194,4 +252,6 @@ METHODS: dict[str, Callable[[Bench], Attempt]] = {
     "told the target (oracle)": told,
     "robust SAC": robust,
     "particle weights, trained again": particles,
+    "SAC, trained on": retrained,
+    "history-conditioned (RMA)": history,
 }

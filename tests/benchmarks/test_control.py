@@ -50,11 +50,13 @@ def test_every_method_flies_the_same_starts(bench, monkeypatch):
     monkeypatch.setattr(methods, "BUDGET", Excitation(episodes=2, episode_s=7.5))
     flights = {}
     for method in ("u_s", "PID with integral", "pulse test, fixed signs", "recursive least squares", "DDR, 4 channels",
-                   "DDR to the thrusters", "online, in flight", "told the target (oracle)"):  # fmt: skip
+                   "DDR to the thrusters", "online, in flight", "told the target (oracle)", "LQR", "adaptive LQR",
+                   "L1 augmentation"):  # fmt: skip
         flights[method] = METHODS[method](bench).flight
         torch.testing.assert_close(flights[method].position[:, 0], flights["u_s"].position[:, 0])
     mean = {method: Metrics.of(flight).mean_m for method, flight in flights.items()}
-    for method in ("DDR, 4 channels", "DDR to the thrusters", "online, in flight", "told the target (oracle)"):
+    for method in ("DDR, 4 channels", "DDR to the thrusters", "online, in flight", "told the target (oracle)",
+                   "adaptive LQR"):  # fmt: skip
         assert mean[method] < 0.8 * mean["u_s"], method
 
 
