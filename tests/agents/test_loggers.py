@@ -1,14 +1,12 @@
 """A training is logged by TorchRL's loggers."""
 
-import csv
-
 import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tiny_training import train_tiny
 
 from auv_torchrl.agents import loggers
-from auv_torchrl.agents.loggers import LOGGERS, LoggerConfig
+from auv_torchrl.agents.loggers import LOGGERS, LoggerConfig, TrainingLog
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.yaml_file import read_yaml
 
@@ -34,10 +32,11 @@ def test_the_curve_is_in_tensorboard(tmp_path):
 
 def test_the_curve_is_in_csv(tmp_path):
     """``logger=csv`` writes a file for each value, of pairs of transitions and value."""
-    policy = train_tiny(tmp_path, logger=LoggerConfig("csv"))
-    with (tmp_path / policy.metadata["hash"] / "csv" / "scalars" / "train" / "error_m.csv").open() as file:
-        rows = [(int(step), float(value)) for step, value in csv.reader(file)]
-    assert rows == [(point["frames"], point["error_m"]) for point in policy.metadata["curve"]]
+    logged = TrainingLog(LoggerConfig("csv"), tmp_path, "key")
+    for frames, error in ((100, 0.5), (200, 0.25)):
+        logged.point({"frames": frames, "error_m": error})
+    logged.close()
+    assert (tmp_path / "csv" / "scalars" / "train" / "error_m.csv").read_text().split() == ["100,0.5", "200,0.25"]
 
 
 @pytest.mark.parametrize("name", ["tensorboard", "wandb", "mlflow"])

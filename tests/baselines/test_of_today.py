@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-import pytest
 import torch
 import yaml
 from scipy.linalg import solve_discrete_are
@@ -40,12 +39,12 @@ def fleet(name, count, task=TASK):
     return TorchFleet(VEHICLE, task, count, scenario=read_scenario(name or "nominal", config, VEHICLE), seed=0)
 
 
-def late_error(policy, name, transform=None, count=4):
+def late_error(policy, name, transform=None, count=2):
     task = CHANNELS if transform is None else TASK
     env = fleet(name, count, task)
     env = env if transform is None else TransformedEnv(env, transform)
-    flight = fly(env, policy, draw_starts(task, count, seed=1), 279)
-    return float(flight.position_error[:, 200:].mean())
+    flight = fly(env, policy, draw_starts(task, count, seed=1), 219)
+    return float(flight.position_error[:, 160:].mean())
 
 
 def test_the_gain_is_that_of_the_riccati_equation():
@@ -71,14 +70,14 @@ def test_a_regulator_holds_the_source_vehicle_and_an_adaptive_one_a_changed_one(
     regulator = LQR(VEHICLE, CHANNELS)
     assert late_error(regulator, None) < 0.02
     assert late_error(regulator, "reversed") > 0.1
-    assert late_error(regulator, "reversed", AdaptiveLQR(VEHICLE, TASK, 4)) < 0.03
+    assert late_error(regulator, "reversed", AdaptiveLQR(VEHICLE, TASK, 2)) < 0.03
 
 
 def test_l1_opposes_a_force_and_cannot_turn_a_sign():
     """With 20 N of weight less than two thirds of the error are left; a reversed thruster is made no better."""
     pilot = PID(TASK)
-    assert late_error(pilot, "heavy", L1Augmentation(VEHICLE, TASK, 4)) < 0.67 * late_error(pilot, "heavy")
-    assert late_error(pilot, "reversed", L1Augmentation(VEHICLE, TASK, 4)) > 0.05
+    assert late_error(pilot, "heavy", L1Augmentation(VEHICLE, TASK, 2)) < 0.67 * late_error(pilot, "heavy")
+    assert late_error(pilot, "reversed", L1Augmentation(VEHICLE, TASK, 2)) > 0.05
 
 
 def test_their_transforms_keep_the_contract_of_the_environment():
@@ -150,11 +149,11 @@ def test_retraining_flies_the_target_for_what_it_says_and_no_longer():
     assert any(not torch.equal(a, b) for a, b in zip(before, after, strict=True))
 
 
-@pytest.mark.parametrize("count", [1, 3])
-def test_histories_begin_anew_with_the_episode(count, tmp_path):
+def test_histories_begin_anew_with_the_episode():
     """What a vehicle did before its reset is forgotten, and what the others did is kept."""
     from auv_torchrl.baselines.history import Infer
 
+    count = 3
     infer = Infer(torch.nn.Flatten(), (len(TASK.observation_names), 6), 3)
     env = TransformedEnv(fleet(None, count), infer)
     now = env.rollout(5)[:, -1]["next"]

@@ -11,6 +11,7 @@ from auv_torchrl.paths import PROJECT
 
 SCRIPTS = {  # transitions that reach a few updates, vehicles, and the package that this project does not bring
     "torchrl_sac": ("192", "8", None),
+    "own_reward": ("192", "2", None),
     "cleanrl_sac": ("1040", "8", None),
     "sb3_sac": ("1016", "8", "stable_baselines3"),
 }
