@@ -11,13 +11,14 @@ from auv_torchrl.settings import OneOf, check_fields
 if TYPE_CHECKING:  # the command line needs the settings alone
     from torch import Tensor
 
-LOGGERS = {  # by name: the packages that its scalars need, and those of a video
+LOGGERS = {  # by name: the modules that its scalars need, and those of a video
     "none": ((), ()),
     "csv": ((), ("torchcodec",)),
-    "tensorboard": (("tensorboard",), ("moviepy",)),
+    "tensorboard": (("tensorboard",), ("moviepy.editor",)),
     "wandb": (("wandb",), ("moviepy",)),
     "mlflow": (("mlflow",), ("torchcodec",)),
 }
+BROUGHT_BY = {"moviepy.editor": "'moviepy<2'"}  # torch writes TensorBoard's videos by what moviepy 2 has no more
 PROJECT = "auv_torchrl"  # by which Weights & Biases and MLflow know the trainings
 
 
@@ -38,12 +39,21 @@ class LoggerConfig:
         if self.video and self.name == "none":
             raise ValueError("logger.video is true, and logger=none keeps no video: choose another logger")
         scalars, videos = LOGGERS[self.name]
-        for package in (*scalars, *(videos if self.video else ())):
-            if find_spec(package) is None:
-                asks = "logger.video=true with " if package in videos else ""
+        for module in (*scalars, *(videos if self.video else ())):
+            if not is_there(module):
+                asks = "logger.video=true with " if module in videos else ""
                 raise ValueError(
-                    f"{asks}logger={self.name} needs {package}, which is not installed: pip install {package}"
+                    f"{asks}logger={self.name} needs {module}, which is not installed: pip install "
+                    f"{BROUGHT_BY.get(module, module)}"
                 )
+
+
+def is_there(module: str) -> bool:
+    """Whether a module is installed; it is not imported."""
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:  # not even the package that it is a part of
+        return False
 
 
 class TrainingLog:

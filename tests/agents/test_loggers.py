@@ -42,12 +42,17 @@ def test_the_curve_is_in_csv(tmp_path):
 @pytest.mark.parametrize("name", ["tensorboard", "wandb", "mlflow"])
 def test_what_is_not_installed_is_named_before_the_training(name, monkeypatch):
     """With the command that brings it."""
-    monkeypatch.setattr(loggers, "find_spec", lambda package: None)
+    monkeypatch.setattr(loggers, "is_there", lambda module: False)
     with pytest.raises(ValueError, match=f"logger={name} needs {name}, .*pip install {name}"):
         LoggerConfig(name)
-    monkeypatch.setattr(loggers, "find_spec", lambda package: object() if package == name else None)
-    with pytest.raises(ValueError, match=f"logger.video=true with logger={name} needs (moviepy|torchcodec), which"):
+    monkeypatch.setattr(loggers, "is_there", lambda module: module == name)
+    with pytest.raises(ValueError, match=f"logger.video=true with logger={name} needs (moviepy|torchcodec)"):
         LoggerConfig(name, video=True)
+
+
+def test_a_part_of_a_package_that_is_not_there_is_not_there():
+    """Neither is the package itself."""
+    assert loggers.is_there("json.decoder") and not loggers.is_there("no_such_package.part")
 
 
 def test_a_video_needs_a_logger():
@@ -70,7 +75,7 @@ def test_the_trained_policy_is_filmed(tmp_path, monkeypatch):
 
         def close(self): ...
 
-    monkeypatch.setattr(loggers, "find_spec", lambda package: object())
+    monkeypatch.setattr(loggers, "is_there", lambda module: True)
     monkeypatch.setattr(loggers, "_make", lambda name, folder, key: Camera())
     policy = train_tiny(tmp_path, logger=LoggerConfig("tensorboard", video=True))
     ((name, video, step, fps),) = logged
