@@ -17,6 +17,7 @@ from auv_torchrl.command.errors import BadInput
 from auv_torchrl.command.overrides import OverrideError, read_override
 from auv_torchrl.diagnosis import schema as diagnosis_schema
 from auv_torchrl.export import schema as export_schema
+from auv_torchrl.fly import schema as fly_schema
 from auv_torchrl.hydra_command.config_source import check_config_files
 from auv_torchrl.link import schema as link_schema
 from auv_torchrl.paths import CONF, config_names
@@ -146,3 +147,11 @@ def test_a_value_is_read_as_hydra_reads_it(text):
 def test_a_key_is_read_as_hydra_reads_it(key):
     """Settings, groups, and what is none."""
     assert ours(f"{key}=1") == hydras(f"{key}=1")
+
+
+def test_a_setting_that_is_called_as_a_folder_of_conf_is_a_setting():
+    """``vehicle`` of auv-export and a task of auv-fly are values, for their files take nothing from these folders."""
+    given = compose("export", ["vehicle=mine.yaml", "format=mjcf"], export_schema.SCHEMAS)
+    assert given.config.vehicle == "mine.yaml" and not given.choices
+    task = compose("fly", ["task={name: circle, radius_m: 2}"], fly_schema.SCHEMAS).config.task
+    assert dict(task) == {"name": "circle", "radius_m": 2}

@@ -17,9 +17,9 @@ from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
 LIGHT = {"numpy", "omegaconf", "hydra", "antlr4", "jinja2", "logging"}  # what --help of a plain command does without
-TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM, EXPORT, PAGE = (
+TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM, EXPORT, FLY, PAGE = (
     f"auv_torchrl.{part}.command"
-    for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export", "page")
+    for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export", "fly", "page")
 )
 CALL = """
 import json, sys
@@ -47,6 +47,8 @@ LINES = [  # program, arguments, exit code; training last, for its settings stay
     (SIM, ["bind=0.0.0.0:9002"], 2),
     (EXPORT, ["--help"], 0),
     (EXPORT, ["polcy=outputs/policies/x"], 2),
+    (FLY, ["--help"], 0),
+    (FLY, ["conection=tcp:127.0.0.1:5760"], 2),
     (LOG, ["--help"], 0),
     (PAGE, ["--help"], 0),
     (PAGE, ["--host", "0.0.0.0"], 2),
@@ -157,7 +159,7 @@ OF_TRAINING = (
 
 @pytest.mark.parametrize(
     "module",
-    ["monitoring.command", "monitoring.dive_job", "monitoring.repeated_runs", "diagnosis.job", "link.job",
+    ["monitoring.command", "monitoring.dive_job", "monitoring.repeated_runs", "diagnosis.job", "link.job", "fly.job",
      "diagnosis.calibrate.job", "flightlog.job", "sensors", "simulator", "authority", "scenario", "sysid"],
 )  # fmt: skip
 def test_what_only_training_needs_need_not_be_installed(module):

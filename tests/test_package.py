@@ -83,6 +83,7 @@ def test_the_wheel_holds_the_configuration_and_nothing_of_the_tests(wheel):
         and "auv-calibrate = " in commands
         and "auv-sim = " in commands
         and "auv-export = " in commands
+        and "auv-fly = " in commands
         and "auv-log = " in commands
         and "auv-page = " in commands
     )

@@ -12,6 +12,7 @@ from hydra import initialize_config_dir
 from auv_torchrl.command.compose import compose
 from auv_torchrl.diagnosis.calibrate import command as calibrate
 from auv_torchrl.experiment import schema
+from auv_torchrl.export import command as export
 from auv_torchrl.flightlog.command import _parsed
 from auv_torchrl.hydra_command.config_source import check_config_files
 from auv_torchrl.monitoring import command as diagnose
@@ -21,6 +22,7 @@ from auv_torchrl.paths import CONF, PROJECT
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
 LONGEST = 8_000  # bytes
 PLAIN = {"auv-diagnose": diagnose, "diagnose.py": diagnose, "auv-calibrate": calibrate, "calibrate.py": calibrate}
+PLAIN["auv-export"] = export
 BLOCKS = re.findall(r"^```\n(.*?)^```", README, re.S | re.M)
 LINES = [line for block in BLOCKS for line in block.splitlines() if line and not line.startswith(" ")]
 

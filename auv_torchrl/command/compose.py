@@ -55,7 +55,7 @@ def compose(
     plain = _composed(name, {}, {}, schemas)
     refuse_unknown_keys(lambda: plain.config, arguments, groups)
     overrides = [_read(given, plain, groups) for given in arguments]
-    chosen = {one.key: one.value for one in overrides if one.action == "" and _is_group(one.key)}
+    chosen = {one.key: one.value for one in overrides if one.action == "" and one.key in plain.choices}
     added = {one.key: one.value for one in overrides if one.action.startswith("+") and one.key in groups}
     composed = _composed(name, chosen, added, schemas)
     OmegaConf.set_struct(composed.config, True)
@@ -80,10 +80,6 @@ def _read(given: str, plain: Composed, groups: Sequence[str]) -> Override:
     if one.package is not None or "/" in one.key or one.key.split(".")[0] not in {*plain.config, *groups}:
         raise BadInput(unknown_key(plain.config, one.key, groups))
     return one
-
-
-def _is_group(key: str) -> bool:
-    return key.isidentifier() and (CONF / key).is_dir()
 
 
 def _composed(name: str, chosen: Mapping[str, Any], added: Mapping[str, Any], schemas: Mapping[str, type]) -> Composed:

@@ -16,7 +16,17 @@ _SIGNS = {
     "\u202f": " ", "\u00a0": " ",
 }  # fmt: skip
 _HANDLER = "auv_torchrl.signs"
-_OURS = ("auv_torchrl", "benchmarks", "train", "diagnose", "calibrate", "sim", "export", "blind")  # names of loggers
+_OURS = (
+    "auv_torchrl",
+    "benchmarks",
+    "train",
+    "diagnose",
+    "calibrate",
+    "sim",
+    "export",
+    "fly",
+    "blind",
+)  # names of loggers
 
 
 def _spelt(error: UnicodeError) -> tuple[str | bytes, int]:

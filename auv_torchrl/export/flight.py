@@ -28,13 +28,14 @@ class ExportedPolicy:
 
     Args:
         folder: that ``auv-export`` wrote.
+        task: another task that is seen in the same way, as in ``conf/task``; None for the one of the contract.
 
     Raises:
-        ContractError: for a folder that is none, or was changed.
+        ContractError: for a folder that is none, or was changed, or a task that the policy does not see in its way.
         MissingLibrary: where onnxruntime is not installed.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, task: Mapping[str, Any] | None = None):
         runtime = library("onnxruntime", "flying an export needs", "fly")
         self.contract, files = read_export(Path(folder))
         options = runtime.SessionOptions()
@@ -44,12 +45,18 @@ class ExportedPolicy:
             name: runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
             for name, data in files.items()
         }
-        self.task = read_task(self.contract["task"])
+        self.task = read_task(self.contract["task"] if task is None else task)
         seen = [entry["name"] for entry in self.contract["files"]["policy"]["inputs"][0]["entries"]]
         if list(self.task.observation_names) != seen:
             raise ContractError(
                 f"{folder}: task {self.task.name} observes {list(self.task.observation_names)} here, and the policy "
-                f"was trained on {seen}: export it anew with this version"
+                f"was trained on {seen}: export it anew with this version, or give a task that observes these"
+            )
+        trained = read_task(self.contract["task"])
+        if (self.task.control_dt, self.task.thruster_commands) != (trained.control_dt, trained.thruster_commands):
+            raise ContractError(
+                f"task {self.task.name} has another control_dt or thruster_commands than the policy was trained with: "
+                f"give {trained.control_dt:g} and {str(trained.thruster_commands).lower()}"
             )
         self.control_dt = float(self.contract["control_dt_s"])
         adapter = self.contract["adapter"]

@@ -10,8 +10,10 @@ from omegaconf import MISSING
 class ExportSchema:
     """Types of ``conf/export.yaml``; the comments are there."""
 
-    policy: str = MISSING
+    policy: str | None = MISSING
     adapter: Any = MISSING
+    vehicle: str | None = MISSING
+    format: str | None = MISSING
     output: str = MISSING
 
 

@@ -35,7 +35,7 @@ def test_any_log_has_a_picture(samples, thrusters, measured, seed):
     values[:, rng.random(samples) < 0.3] = np.nan
     values = values if measured else np.full_like(values, np.nan)
     commands = rng.uniform(-1, 1, (samples, thrusters))
-    overview = Overview(np.sort(rng.uniform(0, 1e4, samples)), (0.0,), (0,), *values[:2], commands, values[2])
+    overview = Overview(np.sort(rng.uniform(0, 1e4, samples)), (0.0,), (0,), values[0], values[1], commands, values[2])
     picture = dive(overview, [(1.0, 5.0)], onset_s=3.0)
     assert ElementTree.fromstring(picture).attrib["aria-label"].startswith("The whole log over time")
     assert not re.search(r"\b(nan|inf)\b", picture)
