@@ -21,7 +21,7 @@ Age = Callable[[str, Iterable[str]], int | None]  # of a commit, in commits that
 # How many commits may touch what a table measures before it is flown anew: a busy day, whose commits mostly change
 # words and shapes.
 QUICK = 90  # flown in minutes
-LONG = 210  # an hour of all methods, of which one is the diagnosis: three days of 70 commits
+LONG = 200  # an hour of all methods, of which one is the diagnosis: three days of 70 commits
 # The diagnosis changes by 50 to 80 commits a day, and a sealed run takes up to an hour: two days.
 SEALED = 120
 
