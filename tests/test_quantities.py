@@ -57,16 +57,21 @@ def test_a_count_has_its_plural():
 def counts_by_hand(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """Line and noun of each plural that stands behind a count: 1 of it has no singular.
 
-    Named constants are more than 1, numbers with decimals were measured, and several numbers at once have a plural.
+    Named constants are more than 1, numbers with decimals were measured, several numbers at once have a plural, and
+    what stands behind ``key=`` or comes from ``named`` is a word.
     """
     for text in (node for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)):
-        for count, behind in zip(text.values, text.values[1:], strict=False):
+        for before, count, behind in zip([None, *text.values], text.values, text.values[1:], strict=False):
+            if isinstance(before, ast.Constant) and str(before.value).endswith("="):
+                continue
             if not isinstance(count, ast.FormattedValue) or not isinstance(behind, ast.Constant):
                 continue
             source = ast.unparse(count.value)
             measured = count.format_spec is not None and ast.unparse(count.format_spec)[-2] in "efg"
             found = BY_HAND.match(str(behind.value))
-            if found and not (measured or source.isupper() or "join(" in source or source.startswith("counted(")):
+            if found and not (
+                measured or source.isupper() or "join(" in source or source.startswith(("counted(", "named("))
+            ):
                 yield count.lineno, source + found[0]
 
 
@@ -83,6 +88,7 @@ def test_no_sentence_has_a_count_before_a_plural():
         ('f"{len(rows)} rows lack a number"', ["len(rows) rows"]),
         ('f"and {more:,} broken packets"', ["more broken packets"]),
         ('f"of {n} rows {m} times"', ["n rows", "m times"]),
+        ('f"task={name} shows tails, the source of {named(channels)} runs"', []),
         ("f\"{counted(n, 'row')} of {MOST:,} rows, {share:.1f} times, {part} of the rows\"", []),
     ],
 )

@@ -7,6 +7,7 @@ from typing import Any
 
 from auv_torchrl.autopilot import FRAMES, frame_scale
 from auv_torchrl.fly.channels import ALONG, Channels, Interface, parameters_of, travel_of
+from auv_torchrl.quantities import counted
 
 SUBMARINE, ARDUPILOT = 12, 3  # HEARTBEAT.type and .autopilot
 MANUAL = 19  # number of ArduSub's mode in which inputs go straight to the mixer
@@ -76,7 +77,8 @@ def scale_of(frame: float, mixer: Sequence[Sequence[float]]) -> tuple[float, ...
     if frame not in FRAMES:
         raise UnknownVehicle(f"the vehicle has FRAME_CONFIG {frame:g}, flown are {known}: fly one of these")
     name, factors = FRAMES[int(frame)]
-    wanted = f"the policy was trained for a vehicle with {len(mixer)} thrusters, and the vehicle's frame is {name}"
+    trained = f"the policy was trained for a vehicle with {counted(len(mixer), 'thruster')}"
+    wanted = f"{trained}, and the vehicle's frame is {name}"
     if len(mixer) != len(factors):
         raise UnknownVehicle(f"{wanted}, which has {len(factors)}: give a policy that was trained for such a vehicle")
     scale = frame_scale(int(frame), mixer)

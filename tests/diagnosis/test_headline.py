@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.configured import to_change
 from auv_torchrl.diagnosis.headline import MOST_WORDS, headline_of
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.report.wording import SOUND_DIVE, either, rows, sentence, to_do
@@ -96,6 +97,8 @@ def test_a_repair_comes_first_and_is_as_sure_as_its_cause():
     unsure = replace(EXAMPLE.effects[0], probability=0.4, advice=(Advice("look for weed"),))
     told = to_do(replace(EXAMPLE, effects=(unsure,)))
     assert told[0] == "Perhaps (40 %) look for weed." and told[-1].startswith("Fly next_experiment.csv")
+    assert to_change(EXAMPLE) == {"MOT_4_DIRECTION": 1.0}
+    assert not to_change(replace(EXAMPLE, effects=(replace(EXAMPLE.effects[0], probability=0.4),)))
 
 
 def test_a_sound_dive_is_asked_for_where_it_is_missing():
