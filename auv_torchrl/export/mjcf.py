@@ -7,7 +7,7 @@ differs by direction and MuJoCo's mass does not, so that surge, sway and heave s
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -177,9 +177,3 @@ def _add_thrusters(vehicle: Vehicle, body: ET.Element, actuators: ET.Element) ->
 
 def _text(*values: float) -> str:
     return " ".join(f"{float(value):.16g}" for value in values)
-
-
-def control_of(described: Described, thrusts: Sequence[float]) -> np.ndarray:
-    """``ctrl`` of the model for thrusts (n,) in N: the thrusters come first, and drag takes none."""
-    drags = int(np.count_nonzero(np.diag(described.vehicle.linear_drag)))
-    return np.concatenate((np.asarray(thrusts, dtype=float), np.zeros(drags)))

@@ -11,7 +11,7 @@ import yaml
 from auv_torchrl.export.ardusub import ardusub
 from auv_torchrl.export.fossen import fossen, rows
 from auv_torchrl.export.marks import Kind, read_described
-from auv_torchrl.export.mjcf import boxes, control_of, mjcf
+from auv_torchrl.export.mjcf import boxes, mjcf
 from auv_torchrl.export.sdf import sdf
 from auv_torchrl.paths import config_path
 from auv_torchrl.sensors import CHANNELS
@@ -45,7 +45,7 @@ def apart(described):
     model = mujoco.MjModel.from_xml_string(mjcf(described))
     data = mujoco.MjData(model)
     for force in thrusts(vehicle, command):
-        data.ctrl[:] = control_of(described, force)
+        data.ctrl[: len(force)] = force  # behind them are those of drag, which take none
         for _ in range(round(DT / model.opt.timestep)):
             mujoco.mj_step(model, data)
     there = data.qpos[:3] * (1, -1, -1)  # z is up there
