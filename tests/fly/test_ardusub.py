@@ -1,7 +1,4 @@
-"""The firmware itself between our physics and our policy, where the variable ARDUSUB names its program.
-
-No machine of this project has had that program: the test has not been run against it yet.
-"""
+"""The firmware itself between our physics and our policy, where the variable ARDUSUB names its program."""
 
 import json
 import os
@@ -13,7 +10,7 @@ import pytest
 
 from auv_torchrl.paths import PROJECT
 
-PARAMETERS = "FRAME_CONFIG 2\nSIM_RATE_HZ 400\nARMING_CHECK 0\n"
+PARAMETERS = "FRAME_CONFIG 2\nSIM_RATE_HZ 400\nBARO_EXT_BUS 1\nBARO_SPEC_GRAV 1.024\nBATT_MONITOR 0\nBTN4_FUNCTION 4\n"
 TRIES = 12  # of a flight, until the firmware has a position: 10 s each
 
 
