@@ -142,6 +142,23 @@ class Diver:
         self._until(lambda: self.talk.mode(mode), lambda: self._mode == mode, f"mode {mode}")
         self._until(lambda: self.talk.command(ARM, 1.0), lambda: self.armed, "arming")
 
+    def disarm(self) -> None:
+        """Disarm, and wait until the log is written.
+
+        Raises:
+            Refused: where that does not happen.
+        """
+        self._until(lambda: self.talk.command(ARM, 0.0), lambda: not self.armed, "disarming")
+        self.wait(WRITTEN_S)
+
+    def push(self, wanted: Sequence[float], seconds: float) -> None:
+        """Keep the sticks (4,) where they are."""
+        end = self.stack.now() + seconds
+        while self.stack.now() < end:
+            self._move(wanted, Channels(Interface.RC))
+            self._beat()
+            self.talk.listen(self.stack.now() + _EVERY_S)
+
     @property
     def armed(self) -> bool:
         """Whether its thrusters may turn."""
@@ -175,8 +192,7 @@ class Diver:
             self.talk.listen(self.stack.now() + _EVERY_S)
             if not self.armed:
                 raise Refused(f"disarmed after {time_s:.0f} s: {'; '.join(self.texts[-3:])}")
-        self._until(lambda: self.talk.command(ARM, 0.0), lambda: not self.armed, "disarming")
-        self.wait(WRITTEN_S)
+        self.disarm()
 
     def _move(self, wanted: Sequence[float], channels: Channels) -> None:
         if self.talk.vehicle is None:
