@@ -4,7 +4,7 @@ ARDUSUB names the firmware's program. Prints the table as Markdown; ``--publish`
 Each dive and each answer is kept under ``outputs/trial`` as soon as it is there, by a digest of the code: a killed run
 goes on where its command is given again, and one with ``--minutes`` ends after the case in which these are over.
 
-``--small`` needs no firmware: it diagnoses the dives that are recorded in ``tests/link/recorded``.
+``benchmarks.trial.once`` flies one dive, and needs no firmware where that is recorded.
 """
 
 import argparse
@@ -23,7 +23,6 @@ from benchmarks import published as tables
 from benchmarks.trial import firmware, page, work
 from benchmarks.trial.cases import Case, draw_cases
 from benchmarks.trial.dive import Refused
-from benchmarks.trial.recorded import small
 
 log = logging.getLogger(__name__)
 PAGE, SECTION = PROJECT / "docs" / "results" / "trial.md", "trial"
@@ -55,11 +54,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, help="no further case is begun after these")
     parser.add_argument("--nice", type=int, default=0, help="of the diagnoses, where others use the machine")
     parser.add_argument("--publish", action="store_true", help=f"write the table into {PAGE.name}")
-    parser.add_argument("--small", action="store_true", help="recorded dives, without the firmware")
     options = parser.parse_args()
     show_progress()
-    if options.small:
-        sys.exit(small())
     command = f"python -m benchmarks.trial --cases {options.cases} --seed {options.seed}"
     try:
         firmware.program()

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.link.plant import Plant
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 FRAMES = {1: "bluerov2", 2: "bluerov2_heavy"}  # FRAME_CONFIG, vectored and vectored_6dof; and the vehicle file
@@ -31,6 +32,7 @@ class Case:
     frame: int
     effects: Effects = field(default_factory=dict)  # of the vehicle
     parameters: Mapping[str, float] = field(default_factory=dict)  # of the firmware
+    mirrored: tuple[int, ...] = ()  # thrusters two of whose phase wires are exchanged
     truth: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # what a diagnosis should name
     is_curable: bool = True  # whether anything that an owner does to the vehicle takes it away
 
@@ -77,7 +79,10 @@ def _of_kind(number: int, kind: str, frame: int, rng: np.random.Generator, n: in
     if kind == "healthy":
         return Case(number, kind, frame)
     if kind == "direction":
-        return Case(number, kind, frame, {}, {f"MOT_{n}_DIRECTION": -1.0}, {"thruster_gain": {f"gain_{n}": -1.0}})
+        turned = {"thruster_gain": {f"gain_{n}": -1.0}}
+        return Case(number, kind, frame, parameters={f"MOT_{n}_DIRECTION": -1.0}, truth=turned)
+    if kind == "reversed":
+        return Case(number, kind, frame, mirrored=(n,), truth={"thruster_gain": {f"gain_{n}": -1.0}})
     if kind == "plugs":
         other = int(rng.choice([m for m in range(1, thrusters + 1) if m != n]))
         truth = {"thruster_swap": {f"command_{n}": float(other), f"command_{other}": float(n)}}
@@ -88,7 +93,6 @@ def _of_kind(number: int, kind: str, frame: int, rng: np.random.Generator, n: in
         flow = {"north": size * np.cos(angle), "east": size * np.sin(angle)}
         return acting("current", {axis: round(float(v), 3) for axis, v in flow.items()}, is_curable=False)
     return acting(*{
-        "reversed": ("thruster_gain", {f"gain_{n}": -1.0}),
         "dead": ("thruster_gain", {f"gain_{n}": 0.0}),
         "weak": ("thruster_gain", {f"gain_{n}": round(rng.uniform(0.4, 0.7), 2)}),
         "one_way": (str(rng.choice(("forward_gain", "reverse_gain"))), {f"gain_{n}": 0.0}),
@@ -97,6 +101,27 @@ def _of_kind(number: int, kind: str, frame: int, rng: np.random.Generator, n: in
         "depth_sensor": ("depth_scale", {"factor": round(1 + sign * rng.uniform(0.15, 0.3), 2)}),
         "compass": ("heading_bias", {"angle": round(sign * rng.uniform(0.25, 0.6), 2)}),
     }[kind])  # fmt: skip
+
+
+class Wired(Plant):
+    """A vehicle some of whose thrusters take each command for its opposite.
+
+    That is what exchanged phase wires do: the propeller turns the other way, and gives what it gives that way. A gain
+    of -1 is another thing, a thruster that pushes backwards as strongly as it should push ahead.
+
+    Args:
+        mirrored: these thrusters.
+        plant: the arguments of a :class:`Plant`.
+    """
+
+    def __init__(self, mirrored: tuple[int, ...], *plant: Any):
+        self._mirrored = mirrored
+        super().__init__(*plant)
+
+    def step(self, command: list[float], step_s: float) -> bool:
+        """Hold the command, as the thrusters take it."""
+        turned = [-c if n in self._mirrored else c for n, c in enumerate(command, start=1)]
+        return super().step(turned, step_s)
 
 
 def built(frame: int, seed: int) -> Vehicle:

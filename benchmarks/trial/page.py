@@ -21,6 +21,14 @@ def is_cured(result: Result) -> bool:
     return repeated is not None and repeated["verdict"] == "no_gap"
 
 
+def is_gone(case: Case, result: Result) -> bool:
+    """Whether the repeated dive shows nothing of what was wrong, whatever else is named there."""
+    repeated = result["repeated"]
+    if repeated is None or repeated["verdict"] not in ("no_gap", "explained"):
+        return False
+    return not any(f"{effect} " in repeated["named"] for effect in case.truth)
+
+
 def is_named(result: Result) -> bool:
     """Whether the true cause is named with its thruster and value, and nothing else is."""
     return result["diagnosed"]["score"] == Score.RIGHT.name
@@ -52,6 +60,7 @@ def row(case: Case, result: Result) -> tuple[str, ...]:
 def wrong(case: Case) -> str:
     """What is wrong with a vehicle."""
     parts = [f"{name} {value:g}" for name, value in case.parameters.items()]
+    parts += [f"phase wires of thruster {n}" for n in case.mirrored]
     parts += [f"{effect} {' '.join(f'{k} {v}' for k, v in own.items())}" for effect, own in case.effects.items()]
     return ", ".join(parts) or "nothing"
 
@@ -77,7 +86,11 @@ def counts(results: Sequence[tuple[Case, Result]], drawn: int) -> Iterator[str]:
     yield f"{len(results)} of {drawn} drawn cases were flown, on {' and '.join(sorted(frames))}.\n"
     yield f"- Faults named right: {_of(is_named(r) for _, r in faulty)}, half right: {half}."
     yield f"- False alarms on healthy vehicles: {_of(is_false_alarm(c, r) for c, r in healthy)}."
-    yield f"- Cured by the advice: {_of(is_cured(r) for _, r in curable)} that an owner can cure."
+    more = sum(is_gone(c, r) and not is_cured(r) for c, r in curable)
+    yield (
+        f"- Cured by the advice: {_of(is_cured(r) for _, r in curable)} that an owner can cure; in {more} more the "
+        "repeated dive shows nothing of what was wrong, and something else is named there."
+    )
     yield (
         f"- ArduSub's MOTOR_DETECT is right about {_of(r['detected']['names'] for _, r in motors)} vehicles with a "
         f"reversed, weak or dead thruster (the diagnosis: {_of(is_named(r) for _, r in motors)}), and calls "

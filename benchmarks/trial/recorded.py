@@ -1,38 +1,103 @@
-"""The trial without the firmware: dives that it flew once are diagnosed again."""
+"""What the firmware said and wrote once: an exchange of packets, and the logs of two dives.
+
+The exchange holds each servo packet as it came and each answer to 1e-5 of its unit, from the first frame on.
+"""
 
 import json
-import logging
 import lzma
-from collections.abc import Iterator
+from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
+from auv_torchrl.files import write_whole
+from auv_torchrl.link.protocol import Reading, parse
 from auv_torchrl.paths import PROJECT
-from benchmarks.trial.work import answer
 
-log = logging.getLogger(__name__)
 FOLDER = PROJECT / "tests" / "link" / "recorded"
-ABOUT = "dives.json"
+ABOUT, EXCHANGE = "dives.json", "exchange.npz.xz"
+UNIT = 1e-5
+_BACK = 2  # times that answers are differenced: of a motion little is left then
 
 
-def small(folder: Path = FOLDER) -> int:
-    """Diagnose what is recorded and print what is said; 0 where all of it is as it has to be."""
-    wrong = [name for name, right in verdicts(folder) if not right]
-    return 1 if wrong else 0
+class Recorder:
+    """Keeps what goes both ways."""
+
+    def __init__(self) -> None:
+        self._servos: list[tuple[int, ...]] = []
+        self._answers: list[tuple[float, ...]] = []
+
+    def add(self, packet: bytes, reading: Reading) -> None:
+        """A packet was answered by a reading."""
+        servos = parse(packet)
+        assert servos is not None
+        self._servos.append((servos.rate_hz, servos.frame, *servos.pwm))
+        self._answers.append(tuple(np.hstack(reading).tolist()))
+
+    def write(self, path: Path) -> None:
+        """Write them, packed."""
+        servos = np.diff(np.array(self._servos, dtype=np.int32), axis=0, prepend=0)
+        answers = np.round(np.array(self._answers) / UNIT).astype(np.int64)
+        for _ in range(_BACK):
+            answers = np.diff(answers, axis=0, prepend=0)
+        plain = BytesIO()
+        # column by column: numbers of one kind pack better side by side
+        np.savez(plain, servos=servos.T.astype(np.int32), answers=answers.T.astype(np.int32))
+        write_whole(path, lzma.compress(plain.getvalue(), preset=9))
 
 
-def verdicts(folder: Path) -> Iterator[tuple[str, bool]]:
-    """Each recorded dive, and whether the answer is the one that it has to be."""
-    told: dict[str, Any] = json.loads((folder / ABOUT).read_text())
-    for name, expected in told["dives"].items():
-        with TemporaryDirectory() as unpacked:
-            path = Path(unpacked) / f"{name}.BIN"
-            path.write_bytes(lzma.decompress((folder / f"{name}.BIN.xz").read_bytes()))
-            found, seconds = answer(path, [], told["vehicle"])
-        named = {k: p.value for e in found.effects if e.is_likely for k, p in e.parameters.items() if not p.is_nominal}
-        log.info("%s: %s, %s (%.0f s)", name, found.verdict.key, named, seconds)
-        near = named.keys() == expected["named"].keys() and all(
-            abs(named[k] - value) < 0.2 for k, value in expected["named"].items()
+def read_exchange(path: Path = FOLDER / EXCHANGE) -> tuple[np.ndarray, np.ndarray]:
+    """Servo packets (T, 18), rate, frame and pulses; and answers (T, 17) as in ``Reading``."""
+    with np.load(BytesIO(lzma.decompress(path.read_bytes()))) as packed:
+        servos, answers = packed["servos"].T.astype(np.int64), packed["answers"].T.astype(np.int64)
+    for _ in range(_BACK):
+        answers = np.cumsum(answers, axis=0)
+    return np.cumsum(servos, axis=0), answers * UNIT
+
+
+def unpack(vehicle: str, scenario: str | None, set_first: Mapping[str, float], to: Path) -> None:
+    """Unpack the recorded log of the dive whose name ``to`` has.
+
+    Raises:
+        ValueError: for one that is not recorded, naming those that are.
+    """
+    recorded: dict[str, Any] = json.loads((FOLDER / ABOUT).read_text(encoding="utf-8"))
+    asked = {"vehicle": vehicle, "scenario": scenario, "set": dict(set_first)}
+    if recorded.get(to.name) != asked:
+        known = "; ".join(f"{name} of {one}" for name, one in recorded.items())
+        raise ValueError(
+            f"{to.name} of {asked} is not recorded (there are {known}): fly it, with ARDUSUB and without --recorded"
         )
-        yield name, found.verdict.key == expected["verdict"] and near
+    write_whole(to, lzma.decompress((FOLDER / f"{to.name}.xz").read_bytes()))
+
+
+_HEAD, _FMT, _FMT_LENGTH = (
+    b"\xa3\x95",
+    128,
+    89,
+)  # of a message of a DataFlash log; the message that describes another one
+
+
+def thinned(log: bytes, kept: frozenset[str]) -> bytes:
+    """A DataFlash log with the messages of some names alone, as the firmware wrote them.
+
+    Raises:
+        ValueError: where the log does not hold one message behind the other.
+    """
+    lengths, names, parts, at = {_FMT: _FMT_LENGTH}, {_FMT: "FMT"}, [], 0
+    while at + 3 <= len(log):
+        kind = log[at + 2]
+        if log[at : at + 2] != _HEAD or kind not in lengths:
+            raise ValueError(f"no message begins at byte {at}")
+        message = log[at : at + lengths[kind]]
+        if kind == _FMT and len(message) == _FMT_LENGTH:
+            described = message[3]
+            lengths[described], names[described] = message[4], message[5:9].rstrip(b"\0").decode("ascii")
+            if names[described] in kept or described == _FMT:
+                parts.append(message)
+        elif names[kind] in kept:
+            parts.append(message)
+        at += lengths[kind]
+    return b"".join(parts)

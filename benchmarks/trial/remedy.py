@@ -56,3 +56,8 @@ def mended(effects: Effects, remedy: Remedy) -> dict[str, dict[str, Any]]:
         there = left.get(effect, {})
         left[effect] = {name: there.get(name, 0.0) + value for name, value in own.items()}
     return left
+
+
+def still_mirrored(mirrored: tuple[int, ...], remedy: Remedy) -> list[int]:
+    """Thrusters whose phase wires stay exchanged; a parameter of the firmware leaves them as they are."""
+    return [n for n in mirrored if ("thruster_gain", f"gain_{n}") not in remedy.repaired]

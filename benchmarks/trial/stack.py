@@ -11,6 +11,7 @@ from auv_torchrl.link.lockstep import Lockstep, Observer
 from auv_torchrl.link.plant import Plant
 from auv_torchrl.link.protocol import LARGEST_BYTES
 from benchmarks.trial.firmware import RATE_HZ, Firmware
+from benchmarks.trial.recorded import Recorder
 
 _PATIENT_S = 60.0  # of the wall clock, without a packet of the firmware
 _LOOK_EVERY = RATE_HZ // 50  # frames between looks at what the firmware says
@@ -31,6 +32,7 @@ class Stack:
         parameters: of the firmware, where the folder is new.
         outputs: for each thruster the output that drives it; None for output n of thruster n.
         observers: who follow the flight.
+        recorder: who keeps what goes both ways.
     """
 
     def __init__(
@@ -40,8 +42,9 @@ class Stack:
         parameters: Mapping[str, float],
         outputs: tuple[int, ...] | None = None,
         observers: tuple[Observer, ...] = (),
+        recorder: Recorder | None = None,
     ):
-        self.plant, self.lost = plant, False
+        self.plant, self.lost, self._recorder = plant, False, recorder
         outputs = outputs or tuple(range(1, plant.vehicle.thrusters + 1))
         self.lockstep = Lockstep(plant, outputs, paced=False, observers=observers)
         self._physics, self._ground = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
@@ -101,6 +104,8 @@ class Stack:
                     raise FirmwareEnded(f"{self.firmware.folder}: exit status {self.firmware.ended}") from None
         if (line := self.lockstep.answer(packet, sender)) is not None:
             self._physics.sendto(line, sender)
+            if self._recorder is not None:
+                self._recorder.add(packet, self.plant.reading())
 
     def _heard(self) -> bytes:
         data = b""

@@ -18,14 +18,14 @@ from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.fly.known import scale_of
-from auv_torchrl.link.plant import Plant, Start
+from auv_torchrl.link.plant import Start
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
 from benchmarks.scoring import Score, fault, score_diagnosis, sound
 from benchmarks.trial import motor_detection
-from benchmarks.trial.cases import FRAMES, HEALTHY_DIVES, Case, Effects, built, of_the_day
+from benchmarks.trial.cases import FRAMES, HEALTHY_DIVES, Case, Effects, Wired, built, of_the_day
 from benchmarks.trial.dive import Diver, Refused, draw_sticks
-from benchmarks.trial.remedy import mended, remedy_of
+from benchmarks.trial.remedy import mended, remedy_of, still_mirrored
 from benchmarks.trial.stack import FirmwareEnded, Stack
 
 log = logging.getLogger(__name__)
@@ -46,13 +46,14 @@ class Dive:
     effects: Effects
     parameters: Mapping[str, float]  # of a firmware that is new
     set_first: Mapping[str, float]  # over MAVLink, before it
+    mirrored: tuple[int, ...] = ()  # thrusters
 
 
 def simulate(dive: Dive, folder: Path, seed: int) -> Stack:
     """Firmware and vehicle, ready to fly."""
     vehicle = of_the_day(built(dive.frame, seed), seed, dive.frame, dive.number)
     scenario = read_scenario("case", {"effects": dive.effects}, vehicle) if dive.effects else Scenario("healthy")
-    plant = Plant(vehicle, scenario, Start(down=DOWN_M, held=True))
+    plant = Wired(dive.mirrored, vehicle, scenario, Start(down=DOWN_M, held=True))
     return Stack(plant, folder, {"FRAME_CONFIG": dive.frame, **dive.parameters})
 
 
@@ -81,7 +82,8 @@ def fly(dive: Dive, folder: Path, log_path: Path, seed: int) -> Result:
 def detected(case: Case, folder: Path, seed: int) -> Result:
     """What ArduSub's own motor detection says about the vehicle."""
     shutil.rmtree(folder, ignore_errors=True)
-    stack = simulate(Dive(case.frame, HEALTHY_DIVES + case.number, case.effects, case.parameters, {}), folder, seed)
+    dive = Dive(case.frame, HEALTHY_DIVES + case.number, case.effects, case.parameters, {}, case.mirrored)
+    stack = simulate(dive, folder, seed)
     try:
         diver = Diver(stack)
         diver.begin(stack.plant.start.let_down_s)
@@ -127,7 +129,7 @@ def judged(log_path: Path, healthy: Sequence[Path], case: Case) -> Result:
         "score": score_diagnosis(content, truth, vehicle).name,
         "cpu_s": seconds,
         "remedy": {"parameters": dict(remedy.parameters), "said": remedy.said,
-                   "left": mended(case.effects, remedy)},
+                   "left": mended(case.effects, remedy), "mirrored": still_mirrored(case.mirrored, remedy)},
     }  # fmt: skip
 
 
@@ -166,12 +168,14 @@ def run(case: Case, folder: Path, seed: int, aside: Executor) -> Result:
     own.mkdir(parents=True, exist_ok=True)
     first, again = own / "dive.BIN", own / "repeated.BIN"
     flown = _kept(own / "flown.json", lambda: fly(
-        Dive(case.frame, number, case.effects, case.parameters, {}), _fresh(own / "ardusub"), first, seed))  # fmt: skip
+        Dive(case.frame, number, case.effects, case.parameters, {}, case.mirrored), _fresh(own / "ardusub"), first,
+        seed))  # fmt: skip
     said = _kept(own / "diagnosed.json", lambda: aside.submit(judged, first, healthy, case).result())
     result = {"flown": flown, "diagnosed": said, "repeated": None}
     remedy = said.get("remedy")
     if case.truth and remedy and remedy["said"]:
-        mended_one = Dive(case.frame, number, remedy["left"], {}, remedy["parameters"])
+        wires = tuple(remedy["mirrored"])
+        mended_one = Dive(case.frame, number, remedy["left"], {}, remedy["parameters"], wires)
         refly = _kept(own / "reflown.json", lambda: fly(mended_one, own / "ardusub", again, seed))
         answered = _kept(own / "repeated.json", lambda: aside.submit(judged, again, healthy, case).result())
         result["repeated"] = {**refly, **answered}
