@@ -5,7 +5,7 @@ The exchange holds each servo packet as it came and each answer to 1e-5 of its u
 
 import json
 import lzma
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -81,23 +81,32 @@ _HEAD, _FMT, _FMT_LENGTH = (
 
 
 def thinned(log: bytes, kept: frozenset[str]) -> bytes:
-    """A DataFlash log with the messages of some names alone, as the firmware wrote them.
+    """A DataFlash log with the messages of some names alone, as the firmware wrote them, and what describes these."""
+    return b"".join(
+        message
+        for name, message in messages(log)
+        if name in kept or (name == "FMT" and (message[3] == _FMT or _name(message) in kept))
+    )
+
+
+def messages(log: bytes) -> Iterator[tuple[str, bytes]]:
+    """The messages of a DataFlash log with their names; the last one may be broken off.
 
     Raises:
         ValueError: where the log does not hold one message behind the other.
     """
-    lengths, names, parts, at = {_FMT: _FMT_LENGTH}, {_FMT: "FMT"}, [], 0
+    lengths, names, at = {_FMT: _FMT_LENGTH}, {_FMT: "FMT"}, 0
     while at + 3 <= len(log):
         kind = log[at + 2]
         if log[at : at + 2] != _HEAD or kind not in lengths:
             raise ValueError(f"no message begins at byte {at}")
         message = log[at : at + lengths[kind]]
         if kind == _FMT and len(message) == _FMT_LENGTH:
-            described = message[3]
-            lengths[described], names[described] = message[4], message[5:9].rstrip(b"\0").decode("ascii")
-            if names[described] in kept or described == _FMT:
-                parts.append(message)
-        elif names[kind] in kept:
-            parts.append(message)
+            lengths[message[3]], names[message[3]] = message[4], _name(message)
+        yield names[kind], message
         at += lengths[kind]
-    return b"".join(parts)
+
+
+def _name(message: bytes) -> str:
+    """Of the messages that one of kind FMT describes."""
+    return message[5:9].rstrip(b"\0").decode("ascii")
