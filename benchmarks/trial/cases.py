@@ -53,12 +53,13 @@ def draw_cases(count: int, seed: int) -> list[Case]:
     Cases of a kind on a frame go through the thrusters in an order that is drawn, so that each has its turn.
     """
     orders: dict[tuple[str, int], Iterator[int]] = {}
+    number_of = {frame: load_vehicle(name).thrusters for frame, name in FRAMES.items()}
     drawn = []
     for number in range(count):
         turn, which = divmod(number, len(KINDS))
         kind, frame = KINDS[which], list(FRAMES)[(which + turn) % len(FRAMES)]
         rng = np.random.default_rng((seed, number))
-        thrusters = load_vehicle(FRAMES[frame]).thrusters
+        thrusters = number_of[frame]
         if (kind, frame) not in orders:
             orders[kind, frame] = _again(thrusters, np.random.default_rng((seed, frame, which, 1)))
         drawn.append(_of_kind(number + 1, kind, frame, rng, next(orders[kind, frame]), thrusters))
