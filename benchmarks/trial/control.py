@@ -1,12 +1,15 @@
-"""Who holds a place through the firmware while a thruster is at fault: the source policy, the adapted one, ArduSub.
+"""``python -m benchmarks.trial.control FOLDER reversed swap``: who holds a place through the firmware under a fault.
 
-Distances are true ones, from where the vehicle was when the flight began, for t >= 10 s; simulated time.
+The source policy, the adapted one, and ArduSub's own POSHOLD, on the same vehicle. FOLDER/export_<scenario> is what
+``auv-export`` wrote of a run with that scenario. Prints a line of JSON for each flight: true distances from where it
+began, for t >= 10 s of simulated time, and ``reported_m``, those by the vehicle's own estimate.
 """
 
 import json
 import math
 import shutil
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +17,14 @@ from auv_torchrl.fly.flyer import Flyer
 from auv_torchrl.fly.pilot import Pilot, Settings
 from auv_torchrl.fly.safety import Limits
 from auv_torchrl.link.plant import Moment, Plant, Start
+from auv_torchrl.paths import PROJECT
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import read_yaml
 from benchmarks.trial.dive import Diver
 from benchmarks.trial.stack import Stack
 
+VEHICLE, FRAME = "bluerov2_heavy", 2
 POSHOLD = 16
 SECONDS, SETTLED_S, FURTHEST_M = 40.0, 10.0, 5.0
 DOWN_M = 5.0
@@ -100,15 +105,17 @@ def effects_of(scenario: str, folder: Path) -> Mapping[str, Any]:
     return read_yaml(folder / f"{scenario}.yaml", scenario)["effects"]
 
 
-def main(argv: list[str]) -> None:
-    """``folder of exports, scenarios ...``: JSON lines."""
-    from auv_torchrl.paths import PROJECT
-
-    exports, *scenarios = argv
+def main(exports: Path, scenarios: Sequence[str]) -> None:
+    """Fly all of them."""
     for scenario in scenarios:
-        effects = effects_of(scenario, PROJECT / "conf" / "scenario") if scenario != "nominal" else {}
-        export = Path(exports) / f"export_{scenario if effects else 'reversed'}"
+        effects = effects_of(scenario, PROJECT / "conf" / "scenario")
+        export = exports / f"export_{scenario}"
         flown = {"u_s": by_policy(export, False), "u_t": by_policy(export, True), "POSHOLD": by_poshold}
         for name, by in flown.items():
-            found = hold("bluerov2_heavy", 2, effects, Path(exports) / "hold", by)
-            print(json.dumps({"scenario": scenario, "by": name, **found}), flush=True)
+            found = hold(VEHICLE, FRAME, effects, exports / "ardusub", by)
+            sys.stdout.write(json.dumps({"scenario": scenario, "by": name, **found}) + "\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])
