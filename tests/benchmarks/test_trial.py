@@ -16,6 +16,7 @@ from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.trial import firmware, page, work
 from benchmarks.trial.cases import FRAMES, KINDS, Case, Wired, built, draw_cases, of_the_day
+from benchmarks.trial.control import Watcher
 from benchmarks.trial.dive import MODES, draw_sticks
 from benchmarks.trial.motor_detection import Detected, read_texts
 from benchmarks.trial.once import read_parameters, read_setting
@@ -187,6 +188,18 @@ def test_a_case_goes_on_where_it_was_left(tmp_path, monkeypatch):
     assert [name for _, name in flown] == ["dive.BIN"] and first["diagnosed"]["verdict"] == "not flown"
     assert work.is_done(case, tmp_path)
     assert json.loads((tmp_path / case.name / "result.json").read_text()) == first
+
+
+def test_how_far_a_vehicle_is_counts_from_where_the_flight_began():
+    """Not from where it was placed."""
+    watcher, plant = Watcher(), Plant(load_vehicle("bluerov2_heavy"), Scenario("a"), Start(down=3.0))
+    for _ in range(100):
+        plant.step([*[0.0] * 4, *[1.0] * 4], 0.01)
+        watcher.flown((), plant.moment)
+    first, last = watcher.distances(0.5)[0], watcher.distances(0.5)[-1]
+    assert first == pytest.approx((0.0, 0.0), abs=0.011) and last[0] == pytest.approx(0.5, abs=0.02)
+    gone = watcher.path[-1][1][2] - 3.0
+    assert gone > 0.05 and 0.0 < last[1] < gone
 
 
 def test_settings_are_read_from_a_line_and_from_a_file(tmp_path):
