@@ -1,6 +1,7 @@
 """Firmware and physics in lock-step, with a pilot whose clock is that of the simulation.
 
-Simulated time goes on only while the pilot waits, so that a flight is the same however slow the machine is.
+Simulated time goes on only while the pilot waits, so that no pilot is late however slow the machine is. The firmware's
+noise and threads make each flight another one all the same.
 """
 
 import socket
