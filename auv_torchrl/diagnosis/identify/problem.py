@@ -117,8 +117,8 @@ class Problem:
             known = known.beside(sensor_nuisance(vehicle, settings, windows.channels))
             nuisance, covariance = known.nuisance, known.nuisance_covariance
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
-        asked = {name: effect for name, effect in EFFECTS.items() if effect.is_asked(windows.channels)}
-        shown = {name: effect for name, effect in asked.items() if effect.shows_in(windows.errors.drift)}
+        asked = {name: effect for name, effect in EFFECTS.items() if effect.trial.is_asked(windows.channels)}
+        shown = {name: effect for name, effect in asked.items() if effect.trial.shows_in(windows.errors.drift)}
         candidates = tuple(make_candidates(vehicle, settings, shown))
         return Problem(
             given=windows,

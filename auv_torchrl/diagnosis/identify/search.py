@@ -227,7 +227,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
         tried = {candidate.effect for candidate in self._problem.candidates}
 
         def plainer(term: Term) -> Term:
-            same_as = EFFECTS[term.effect].same_as
+            same_as = EFFECTS[term.effect].trial.same_as
             same = [same_as(best.path.vehicle, member, term.value) if same_as else None for member in term.members]
             known = [one for one in same if one is not None and one[0] in tried]
             if len(known) < len(same):
