@@ -6,7 +6,7 @@ from auv_torchrl.diagnosis.doubt import doubts
 from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, suspects, within_floor
 from auv_torchrl.diagnosis.unanswered.wording import not_answering, stands_still
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, how_sure
-from auv_torchrl.quantities import counted, words
+from auv_torchrl.quantities import counted, percent, words
 
 MOST_WORDS = 15  # what is read at a glance
 FILE_OFF = "the vehicle's file is off in many coefficients at once"
@@ -65,6 +65,9 @@ def _sound(diagnosis: Diagnosis) -> str:
 def _where(where: Where) -> str:
     """Where most of a gap shows, or nothing."""
     thrusters = suspects(where)
+    if where.intermittence:
+        gone = f"{percent(where.intermittence.share)} of the time"
+        return f" at thruster {where.intermittence.thruster}, which gives nothing for {gone}"
     if len(thrusters) == 1:
         return f" at thruster {thrusters[0]}"
     shown = [name for name, share in where.dof.items() if share > MAINLY]
