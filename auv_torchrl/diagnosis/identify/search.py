@@ -130,8 +130,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
 
     def record(self, fitted: Fit, proposed: str, outcome: Outcome) -> Record:
         """See :meth:`Search.record`."""
-        numbers = self._field.quadratic.numbers
-        return weighed(self._problem, fitted.explanation, fitted.evidence, fitted.excess, numbers, proposed, outcome)
+        worth = fitted.evidence, fitted.excess
+        return weighed(self._problem, self._field, fitted.explanation, *worth, proposed, outcome)
 
     def is_small(self, fitted: Fit) -> bool:
         """See :meth:`Search.is_small`: by the force of each effect beside that of nuisance parameters."""
