@@ -107,16 +107,18 @@ class ComesAndGoes(OneThruster):
     def size(self) -> None:
         self.to_off, self.to_on = 1 / self.rng.uniform(*RUN_S), 1 / self.rng.uniform(*REST_S)  # 1/s
         self.on = self.rng.random(self.rows) < 0.5
+        self.gone, self.steps = 0.0, 0
 
     @override
     def turned(self, command: np.ndarray) -> np.ndarray:
         draw = self.rng.random(self.rows)
         self.on = np.where(self.on, draw > self.to_off * self.dt, draw < self.to_on * self.dt)
+        self.gone, self.steps = self.gone + float(1 - self.on.mean()), self.steps + 1
         return np.where(self.on, command, 0.0)
 
     @override
     def drawn(self) -> dict[str, Any]:
-        return {**super().drawn(), "share": self.to_off / (self.to_off + self.to_on)}
+        return {**super().drawn(), "share": self.gone / max(self.steps, 1)}
 
 
 class Stuck(OneThruster):

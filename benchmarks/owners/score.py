@@ -37,6 +37,7 @@ class Outcome:
     right: bool
     blamed: bool  # a fault of the vehicle is likelier than not
     file_off: bool  # a correction of the file is likelier than not although one cause closes more
+    share: bool | None  # of what comes and goes: whether the interval holds the share of the time
     verdict: str
     said: str
     cpu_s: float
@@ -58,6 +59,7 @@ def score_owner(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], 
         right=_RIGHT[label["family"]](label, diagnosis, claims, vehicle),
         blamed=bool(faults),
         file_off=any((effect["gap_closed"] or 0.0) < closed for effect in corrections),
+        share=_holds_share(label, diagnosis) if label["family"] == LOOSE else None,
         verdict=diagnosis["verdict"],
         said=diagnosis.get("headline") or answer.get("refused") or answer.get("error", ""),
         cpu_s=answer["cpu_s"],
@@ -80,6 +82,22 @@ def _names_the_thruster(
         return at == mine or mine in exchangeable(effect["name"], at, declared, vehicle)
 
     return bool(faults) and all(is_mine(effect) for effect in faults)
+
+
+def _holds_share(label: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> bool:
+    """Whether the thruster is said to come and go, with an interval that holds the share of the time."""
+    said, drawn = (diagnosis["where"] or {}).get("intermittence"), label["drawn"]
+    return bool(said) and said["thruster"] == drawn["thruster"] and said["low"] <= drawn["share"] <= said["high"]
+
+
+def _is_told_at_the_thruster(
+    label: Mapping[str, Any], diagnosis: Mapping[str, Any], claims: Sequence[Mapping[str, Any]], vehicle: Vehicle
+) -> bool:
+    """Whether the thruster is said to come and go, or is the only one that is named, and nothing sound beside it."""
+    said = (diagnosis["where"] or {}).get("intermittence") or {}
+    others = [effect for effect in claims if not effect["calibrates"]]
+    mine = said.get("thruster") == label["drawn"]["thruster"] and not others
+    return mine or _names_the_thruster(label, diagnosis, claims, vehicle)
 
 
 def _is_located(
@@ -116,7 +134,7 @@ def _is_silence_told(
 
 
 _RIGHT = {
-    THRUSTER: _names_the_thruster, WIRING: _is_exact_wiring, SENSOR: _is_silence_told, LOOSE: _names_the_thruster,
+    THRUSTER: _names_the_thruster, WIRING: _is_exact_wiring, SENSOR: _is_silence_told, LOOSE: _is_told_at_the_thruster,
     ELSE: _is_located,
 }  # fmt: skip
 
@@ -128,7 +146,7 @@ def owner_numbers(outcomes: Sequence[Outcome], sensors: str) -> Table:
     unexplained = [o.cpu_s for o in outcomes if o.verdict in ("unexplained", "partly_explained")]
     rows += [
         (BLAMED, "≤ 1 %", "0", Share.of(o.blamed for o in silent)),
-        (SHARE, "≥ 80 %", "≥ 90 %", "no answer has a share of the time"),
+        (SHARE, "≥ 80 %", "≥ 90 %", Share.of(o.share for o in outcomes)),
         (FILE_OFF, "≤ 1 %", "0", Share.of(o.file_off for o in outcomes)),
         (CPU, "15, 60", "8, 25", median_and_largest(unexplained)),
     ]
