@@ -43,6 +43,17 @@ def of_real(name: str, command: str) -> Labels:
     return set(next(section for section in SECTIONS if section.name == name).rows)
 
 
+def of_owners(command: str) -> Labels:
+    """Of sealed cases of owners' vehicles; the command says how many there are, and with which sensors."""
+    from benchmarks.owners import acts, cases, score, still
+
+    found, sensors = re.search(r"--cases (\d+)", command), command.split()[3]
+    labels = [f"case_{number:04d}" for number in range(1, int(found[1]) + 1)] if found else []
+    kinds = (*acts.ACTS, *still.kinds(sensors))
+    labels += [*cases.FAMILIES, *(kind.replace("_", " ") for kind in kinds)]
+    return _one([*labels, *(row[0] for row in score.owner_numbers([], sensors).rows)])
+
+
 def of_dives(command: str) -> Labels:
     """Of the benchmark over many dives."""
     from auv_torchrl.vehicle import load_vehicle

@@ -10,8 +10,9 @@ import re
 import pytest
 
 from auv_torchrl.page import jobs
-from auv_torchrl.paths import EXAMPLE_LOG
+from tests.flightlog.dataflash_writer import ALL, flown
 from tests.flightlog.shared_data import EXCERPTS
+from tests.flightlog.simulate import simulated_logs
 from tests.page.conftest import another, page_server
 
 DIVE = next(EXCERPTS.glob("*.BIN*"))
@@ -278,16 +279,21 @@ def test_a_page_goes_without_script(browser, address):
 
 
 @pytest.mark.slow
-def test_the_example_comes_to_its_verdict_by_the_diagnosis_itself(browser, tmp_path, monkeypatch):
-    """Thruster 4 is weak; its curves have the errors of prediction, before and after."""
+def test_the_log_of_an_autopilot_comes_to_its_verdict_by_the_diagnosis_itself(browser, tmp_path, monkeypatch):
+    """A reversed motor is found and a file undoes it; curves have the errors of prediction, before and after."""
     monkeypatch.setattr(jobs, "DIAGNOSE", "auv_torchrl.monitoring.command")  # others have a stand-in for it
+    (log,) = simulated_logs("bluerov2_heavy", [{"thruster_gain": {"gain_1": -1.0}}], episodes=1, seconds=40.0, seed=3)
+    written = flown(log, {**ALL, "MOT_1_DIRECTION": -1})
     with page_server(tmp_path / "page") as address, browser.new_context() as context:
         page = context.new_page()
         page.set_default_timeout(4 * TIMEOUT_MS)
         page.goto(address)
-        drop(page, "flight.csv", EXAMPLE_LOG.read_bytes()).get_by_role("button", name="Diagnose").click()
+        row = drop(page, "00000029.BIN", written)
+        assert row.locator("select").input_value() == "bluerov2_heavy"
+        row.get_by_role("button", name="Diagnose").click()
         page.wait_for_selector("iframe.report")
-        assert "Thruster 4 gives 0.55 times" in page.inner_text("h1")
+        assert "Thruster 1 gives" in page.inner_text("h1")
+        assert downloaded(page, "advice.param") == b"MOT_1_DIRECTION,1\n"
         page.wait_for_selector(".overview canvas")
         assert "Error of prediction: place, m" in page.locator(".u-title").all_inner_texts()
         assert page.locator(".span-held-out").count() == 1
