@@ -62,6 +62,15 @@ def of_dives(command: str) -> Labels:
     return _one(f"thruster {number}" for number in range(1, load_vehicle(VEHICLE).thrusters + 1))
 
 
+def of_trial(command: str) -> Labels:
+    """Of the trial through the firmware; its command says how many cases were drawn, and from which seed."""
+    from benchmarks.trial.cases import draw_cases
+
+    found = {name: re.search(rf"--{name} (\d+)", command) for name in ("cases", "seed")}
+    count, seed = (int(own[1]) if own else 0 for own in found.values())
+    return _one(case.name for case in draw_cases(count, seed))
+
+
 def _one(labels: Iterable[str]) -> Labels:
     return {(label,) for label in labels}
 
