@@ -189,8 +189,9 @@ class Neighbourhood:
         return any(frozenset((new, old)) in self.field.twins for new in added for old in there)
 
     def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
-        numbers, evidence = self.field.quadratic.numbers, self.best.evidence + gain
-        record = weighed(self.problem, self.field, what.explanation, evidence, chi2 / numbers, how, Outcome.PREDICTED)
+        misfit = chi2 / max(self.field.quadratic.numbers, 1)  # 0 where no force makes the vehicle follow any window
+        evidence = self.best.evidence + gain
+        record = weighed(self.problem, self.field, what.explanation, evidence, misfit, how, Outcome.PREDICTED)
         return Proposal(what, record)
 
 
