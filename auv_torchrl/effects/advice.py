@@ -37,14 +37,7 @@ def thruster_gain(values: Values, autopilot: Values) -> tuple[Advice, ...]:
 def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
     if gain <= -DEAD:
         weak = "" if gain <= REVERSED else "; it is weak, too: look for weed or a propeller of the other hand"
-        name = f"MOT_{thruster}_DIRECTION"
-        if abs(autopilot.get(name, 0.0)) == 1:  # else it is no direction, and its sign says nothing
-            set_to = -autopilot[name]
-            return Advice(f"set {name} to {set_to:g} (it is {autopilot[name]:g}){weak}", {name: set_to})
-        return Advice(
-            f"thruster {thruster} turns the wrong way: change the sign of {name}, or exchange two of its three "
-            f"phase wires{weak}"
-        )
+        return _turned_back(thruster, autopilot, weak)
     if gain < DEAD:
         return Advice(
             f"thruster {thruster} gives nothing: look whether its propeller is there and free, then at its plug, its "
@@ -56,8 +49,20 @@ def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
     return Advice(f"{gives}: compare its propeller and its volts with the vehicle file")
 
 
+def _turned_back(thruster: str, autopilot: Values, besides: str = "") -> Advice:
+    """Of a propeller that turns the wrong way."""
+    name = f"MOT_{thruster}_DIRECTION"
+    if abs(autopilot.get(name, 0.0)) == 1:  # else it is no direction, and its sign says nothing
+        set_to = -autopilot[name]
+        return Advice(f"set {name} to {set_to:g} (it is {autopilot[name]:g}){besides}", {name: set_to})
+    return Advice(
+        f"thruster {thruster} turns the wrong way: change the sign of {name}, or exchange two of its three "
+        f"phase wires{besides}"
+    )
+
+
 def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
-    """Of thrusters that get each other's commands."""
+    """Of thrusters that get each other's commands, or the opposite of one."""
     pairs, others = exchanged(values)
     found: list[Advice] = []
     if pairs:
@@ -72,15 +77,20 @@ def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
         either = "".join(f", or set {name} to {value:g}" for name, value in there.items())
         lost = f"thruster {to} is plugged in where thruster {by} belongs: put it on its own output{either}"
         found.append(Advice(lost, there))
-    return tuple(found)
+    return *found, *(_turned_back(thruster, autopilot) for thruster in reversed_of(values))
+
+
+def reversed_of(values: Values) -> list[str]:
+    """Thrusters that get the opposite of a command."""
+    return [which(member) for member, command in values.items() if command < 0]
 
 
 def exchanged(values: Values) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     """Pairs of thrusters that get each other's commands; then of all others each, and whose command it gets."""
-    giver = {which(member): f"{command:.0f}" for member, command in values.items()}
+    giver = {which(member): f"{abs(command):.0f}" for member, command in values.items()}
     pairs = sorted((to, by) for to, by in giver.items() if giver.get(by) == to and int(to) < int(by))
     paired = {thruster for pair in pairs for thruster in pair}
-    return pairs, [(to, by) for to, by in giver.items() if to not in paired]
+    return pairs, [(to, by) for to, by in giver.items() if to not in paired and to != by]
 
 
 def listed(pairs: Sequence[tuple[str, str]]) -> str:
