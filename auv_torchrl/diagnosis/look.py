@@ -23,7 +23,7 @@ from auv_torchrl.diagnosis.identify.paths import Fit, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Progress, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, SIMULATED
+from auv_torchrl.diagnosis.thresholds import SIMULATED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
@@ -132,7 +132,7 @@ def look_both_ways(
     sound = kept.calibration(held) if kept and not healthy else None
     if healthy:
         drafted = draft(healthy, held, settings, coefficients)
-        few = 0 < len(drafted.wrong_effects) <= MOST_EFFECTS
+        few = 0 < len(drafted.wrong_effects) <= settings.most_effects
         fault = _fault_of(healthy, vehicle, settings, report) if few else None
         if fault is None:
             sound = calibrate_draft(drafted, settings, free)

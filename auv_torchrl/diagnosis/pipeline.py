@@ -123,8 +123,11 @@ def diagnose_answering(
     vehicle, settings, healthy = given.vehicle, given.settings, given.healthy
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
-    corrected = correct_file(training, vehicle, () if healthy or given.kept else given.uncertainty, settings)
-    explained = explain(training, testing, given, corrected, report)
+    corrected, explained = Correction(vehicle), None
+    if given.uncertainty and not (healthy or given.kept):
+        explained = one_cause(training, testing, given, report)
+        corrected = correct_file(training, vehicle, given.uncertainty, settings) if explained is None else corrected
+    explained = explained or explain(training, testing, given, corrected, report)
     if corrected.effects and (quantities := worse(explained.predictions, 0, 1)):
         corrected = Correction(vehicle, findings=(calibration_vetoed(quantities),))
         explained = explain(training, testing, given, corrected, report)
@@ -242,6 +245,18 @@ def explain(
     if vetoed:  # and from starts that have nothing of what is taken back
         return Explained(looked, replace(found, best=found.none), (before, base), predicted([before, base]), vetoed)
     return Explained(looked, found, (before, after), only(predictions, 0, 2), vetoed)
+
+
+def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Progress) -> Explained | None:
+    """One effect, or none, that explains a log with the file as it is; None where nothing does.
+
+    A file that is off in many coefficients takes up a part of any fault, and no single effect explains what it does.
+    """
+    single = replace(given, settings=replace(given.settings, most_effects=1))
+    explained = explain(training, testing, single, Correction(given.vehicle), report)
+    is_explained = judge(explained.found) in (Verdict.NO_GAP, Verdict.EXPLAINED)
+    gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
+    return explained if is_explained and closes_everywhere(gap) else None
 
 
 def rests_on(looked: Looked) -> tuple[Finding, ...]:

@@ -170,7 +170,6 @@ REFITTED = 2  # rivals that are fitted to all windows beside the best
 
 # Adding and taking out effects
 WORTH_AN_EFFECT = 5.0  # log evidence that one more effect must bring
-MOST_EFFECTS = 3  # of an explanation: the prior makes four faults at once one in 125,000
 
 # A moment at which the vehicle changes
 BLOCK_S = 0.6  # s over which the missing force is averaged

@@ -208,7 +208,7 @@ def test_a_calibration_that_does_not_carry_over_is_vetoed(monkeypatch):
     few = replace(SETTINGS, ignored=tuple(name for name in EFFECTS if name not in ("buoyancy", "thruster_gain")))
     found = diagnose(log, GIVEN, test=[unseen], uncertainty=UNCERTAIN, settings=few)
     assert "calibration_vetoed" in {finding.code for finding in found.findings}
-    assert given == [(UNCERTAIN, None)] * 2
+    assert given == [(UNCERTAIN, None)] * 3  # one cause, the corrected file, and the file as it is
     assert not any(effect.calibrates for effect in found.effects)
 
 

@@ -48,6 +48,7 @@ class Settings:
     ignored: tuple[str, ...] | None
     thresholds: tuple[str, ...] | None
     excess: Annotated[float, In("[1, 1000]")]
+    most_effects: Annotated[int, In("[1, 20]")]
     tempering: Annotated[float, In("(0, 1]")]
 
     @property
