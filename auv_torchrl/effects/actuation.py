@@ -102,9 +102,7 @@ def _reversed_gain(vehicle: Vehicle, member: str, command: float) -> Same | None
 thruster_swap = Effect(
     name="thruster_swap",
     origin=Origin.ACTUATION,
-    meaning="thruster i gets the command meant for another, or the opposite where negative; `pair: [1, 2]` exchanges "
-    "two, `cycle: [1, 2, 3]` passes the command of 1 to 2, of 2 to 3 and of 3 to 1, `reversed: [4]` turns the "
-    "propeller of 4 the wrong way, as two exchanged phase wires do",
+    meaning="thruster i gets the command meant for another; where negative the opposite of it, as by exchanged wires",
     source="Lu et al. 2023, Table 2, scenario 1",
     parameters=(
         Parameter(

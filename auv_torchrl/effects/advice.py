@@ -134,16 +134,24 @@ def _one_way(thruster: str, way: str, gain: float) -> Advice:
 
 
 def neutral_offset(values: Values, autopilot: Values) -> tuple[Advice, ...]:
-    """Of thrusters that push at rest."""
-    return tuple(_neutral(which(member), offset, autopilot) for member, offset in values.items())
+    """Of thrusters that push at rest; those that stand still at one pulse in one sentence."""
+    by_pulse: dict[str, dict[str, float]] = {}
+    for member, offset in values.items():
+        by_pulse.setdefault(_still_at(which(member), offset, autopilot), {})[member] = offset
+    return tuple(_neutral(its, pulse) for pulse, its in by_pulse.items())
 
 
-def _neutral(thruster: str, offset: float, autopilot: Values) -> Advice:
+def _still_at(thruster: str, offset: float, autopilot: Values) -> str:
     direction, off = autopilot.get(f"MOT_{thruster}_DIRECTION", 0.0), PULSE * offset
-    stands = f"{NEUTRAL + direction * off:.0f} µs" if abs(direction) == 1 else f"{abs(off):.0f} µs beside {NEUTRAL:.0f}"
+    return f"{NEUTRAL + direction * off:.0f} µs" if abs(direction) == 1 else f"{abs(off):.0f} µs beside {NEUTRAL:.0f}"
+
+
+def _neutral(values: Values, pulse: str) -> Advice:
+    stand, its, each = ("stands", "its", "") if len(values) == 1 else ("stand", "their", "s")
     return Advice(
-        f"thruster {thruster} stands still at {stands}: set the trim of its output (SERVOn_TRIM) to {NEUTRAL:.0f}, and "
-        f"calibrate its speed controller with neutral at {NEUTRAL:.0f} µs, which ArduSub sends at rest"
+        f"{_numbered(values)} {stand} still at {pulse}: set the trim of {its} output{each} (SERVOn_TRIM) to "
+        f"{NEUTRAL:.0f}, and calibrate {its} speed controller{each} with neutral at {NEUTRAL:.0f} µs, "
+        "which ArduSub sends at rest"
     )
 
 

@@ -118,3 +118,5 @@ def test_the_pulse_of_a_neutral_is_told_where_the_direction_is_known():
     known, unknown = neutral_offset({"offset_2": -0.1, "offset_3": -0.1}, {"MOT_2_DIRECTION": -1.0})
     assert "stands still at 1540 µs" in known.do and "SERVOn_TRIM" in known.do
     assert "40 µs beside 1500" in unknown.do
+    (both,) = neutral_offset({"offset_2": -0.1, "offset_3": -0.1}, {})
+    assert both.do.startswith("thrusters 2, 3 stand still at 40 µs beside 1500: set the trim of their outputs")
