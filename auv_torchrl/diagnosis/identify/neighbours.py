@@ -22,7 +22,7 @@ from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
     DOUBTED,
     DOUBTED_SHARE,
-    LOOKED_ALONG,
+    FITTED_ALONG,
     SIMULATED,
     WORTH_AN_EFFECT,
 )
@@ -89,7 +89,7 @@ class Neighbourhood:
         least = self.here - self.doubt
         likely = [one for one in ranked if promise(one) > least]
         if leaves_much(problem, self.best) and len(likely) > SIMULATED:
-            likely = [*self._looked_along(likely[:LOOKED_ALONG]), *likely[LOOKED_ALONG:]]
+            likely = [*self._fitted_along(likely[:FITTED_ALONG]), *likely[FITTED_ALONG:]]
         chosen = [one.what.key for one in likely[:SIMULATED]]
         rest = [one for one in ranked if one.what.key not in chosen]
         return [*likely[:SIMULATED], *(replace(one, simulate=False) for one in rest)]
@@ -107,7 +107,7 @@ class Neighbourhood:
         gain = one.evidence - field.none().evidence
         return [self._proposal(Neighbour(one.explanation, self.follow), gain, one.chi2, "with the plugs as they act")]
 
-    def _looked_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
+    def _fitted_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
         """Proposals with their values fitted along the measured motion, the likeliest first."""
         fits = [fit_along_motion(self.problem, one.what.explanation, self.follow) for one in proposals]
         found = [
