@@ -71,6 +71,8 @@ WORK = {  # by module that a command works with, what it imports of these nevert
     "auv_torchrl.monitoring.repeated_runs": set(),
     "auv_torchrl.link.job": set(),
     "auv_torchrl.fly.job": set(),
+    "auv_torchrl.export.vehicle_job": set(),
+    "auv_torchrl.page.worker": set(),
     "auv_torchrl.page.recognise": set(),
     "auv_torchrl.page.app": {"jinja2"},  # last: every answer of it is a page
 }
