@@ -288,3 +288,12 @@ print(json.dumps(sys.stdout.getvalue()), file=out)
     settings["handlers"] = {"console": settings["handlers"]["console"]}  # no file
     settings["root"]["handlers"] = ["console"]
     assert printed(code, settings) == ""
+
+
+def test_hydra_is_reached_by_its_public_names():
+    """What stands behind them moves with its versions; the name of a logger is none of these."""
+    files = [path for part in ("auv_torchrl", "benchmarks", "tests") for path in (PROJECT / part).rglob("*.py")]
+    code = {path: set(imported_by(path)) for path in files}
+    assert any("hydra" in names for names in code.values())
+    inside, logger = ".".join(("hydra", "_")), ".".join(("hydra", "_internal", "callbacks"))
+    assert not [path for path, names in code.items() for name in names - {logger} if name.startswith(inside)]
