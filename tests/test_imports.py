@@ -1,19 +1,16 @@
 """What commands import before their work begins, by sys.modules and not by the clock."""
 
 import ast
-import gc
 import json
 import os
 import re
 import subprocess
 import sys
-from importlib import import_module
 from importlib.util import find_spec
 
 import pytest
 import yaml
 
-from auv_torchrl.importing import importing
 from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
@@ -145,20 +142,6 @@ def test_a_command_begins_its_work_without_what_it_may_not_need(imported, module
     if module not in imported:
         pytest.skip("fastapi is not installed: pip install '.[page]'")
     assert imported[module] & (LATE | HEAVY - {"scipy"}) == WORK[module]
-
-
-@pytest.mark.parametrize("enabled", [True, False])
-def test_imports_without_collections_leave_the_collector_as_it_was(enabled):
-    """Also where what is imported fails."""
-    before = gc.isenabled()
-    try:
-        (gc.enable if enabled else gc.disable)()
-        with pytest.raises(ModuleNotFoundError), importing():
-            assert not gc.isenabled()
-            import_module("no_such_module")
-        assert gc.isenabled() is enabled
-    finally:
-        (gc.enable if before else gc.disable)()
 
 
 WITHOUT = """
