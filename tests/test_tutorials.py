@@ -53,7 +53,7 @@ def test_a_dive_is_diagnosed_repaired_and_found_healthy(run, tmp_path):
     """As the page shows it; the dives of which no file is shipped, and training for the vehicle, are left out."""
     said = run("your-vehicle.md", ("00000012.BIN", "00000029.BIN", "auv-train"))
     page = (TUTORIALS / "your-vehicle.md").read_text()
-    answer = "explained: Thruster 1 gives -0.77 times its nominal thrust."
+    answer = "explained: Thruster 1 turns the wrong way."
     assert answer in page and answer in said and "Set MOT_1_DIRECTION to 1 (it is -1)." in said
     assert (tmp_path / "answer_1" / "advice.param").read_text() == "MOT_1_DIRECTION,1\n"
     assert (tmp_path / "answer_1" / "report.html").is_file()
