@@ -46,7 +46,9 @@ class SweepProgress:
 
     def _watch(self, progress: Progress, folder: Path, total: int) -> None:
         finished: set[Path] = set()
-        while not self._over.wait(_EVERY_S):
+        is_over = False
+        while not is_over:
+            is_over = self._over.wait(_EVERY_S)  # and one look behind the end, for the jobs that finished last
             with suppress(OSError):  # a job removes or replaces what was listed
                 finished |= {job for job in folder.iterdir() if job not in finished and is_finished(job)}
             progress(f"{len(finished)} of {counted(total, 'run')} finished", len(finished) / total)
