@@ -83,6 +83,20 @@ def split(log: FlightLog, test: Sequence[FlightLog]) -> tuple[FlightLog, FlightL
     return early, late, tuple(e.number for e in log.episodes)
 
 
+def spread(log: FlightLog, pieces: int, seconds: float) -> FlightLog:
+    """Pieces of a log, spread evenly over it, each so long, or as long as its episode."""
+    ends = np.cumsum([episode.duration for episode in log.episodes])
+    parts: list[Episode] = []
+    for number, middle in enumerate(ends[-1] * (np.arange(pieces) + 0.5) / pieces):
+        place = int(np.searchsorted(ends, middle))
+        episode = log.episodes[place]
+        within = episode.t[-1] - ends[place] + middle - seconds / 2
+        begin = max(episode.t[0], min(within, episode.t[-1] - seconds))
+        first, behind = np.searchsorted(episode.t, (begin, begin + seconds)).tolist()
+        parts.append(replace(episode.rows(first, behind), number=number))
+    return replace(log, episodes=tuple(parts))
+
+
 def check_lengths(
     training: FlightLog, testing: FlightLog, healthy: Sequence[FlightLog], cut: bool, settings: Settings
 ) -> None:

@@ -31,7 +31,7 @@ from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import alternatives, effect_probabilities
 from auv_torchrl.diagnosis.identify.search import Progress
-from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, stretches_of
+from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, spread, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.log_search import LogSearch, judge, search_both_attitudes
@@ -60,6 +60,7 @@ from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
+PIECES, PIECE_S = 4, 8.0  # of a log, and s: what one cause must explain before it is asked whether it explains all
 UNKNOWN_WIDTH = 0.03  # of the excess, over which "explained" turns into "something else acts"
 
 
@@ -253,10 +254,18 @@ def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Pro
     A file that is off in many coefficients takes up a part of any fault, and no single effect explains what it does.
     """
     single = replace(given, settings=replace(given.settings, most_effects=1))
+    if training.duration > 2 * PIECES * PIECE_S:  # a file that is off shows in a part, in a fraction of the time
+        part = spread(training, PIECES, PIECE_S)
+        if not is_explained(search_both_attitudes(part, given.vehicle, (), single.settings, report).found):
+            return None
     explained = explain(training, testing, single, Correction(given.vehicle), report)
-    is_explained = judge(explained.found) in (Verdict.NO_GAP, Verdict.EXPLAINED)
     gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
-    return explained if is_explained and closes_everywhere(gap) else None
+    return explained if is_explained(explained.found) and closes_everywhere(gap) else None
+
+
+def is_explained(found: Found) -> bool:
+    """Whether a log has no gap, or one that effects explain."""
+    return judge(found) in (Verdict.NO_GAP, Verdict.EXPLAINED)
 
 
 def rests_on(searched: LogSearch) -> tuple[Finding, ...]:

@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings, nuisance_parameters
-from auv_torchrl.diagnosis.lengths import MOST_S, stretches_of
-from auv_torchrl.flightlog import FlightLogError
+from auv_torchrl.diagnosis.lengths import MOST_S, spread, stretches_of
+from auv_torchrl.flightlog import Episode, FlightLog, FlightLogError
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
 
@@ -28,7 +30,7 @@ def lazy(monkeypatch):
     def begin(*_, **__):
         raise AssertionError("work began")
 
-    monkeypatch.setattr(sys.modules["auv_torchrl.diagnosis.pipeline"], "correct_file", begin)
+    monkeypatch.setattr(sys.modules["auv_torchrl.diagnosis.pipeline"], "explain", begin)
 
 
 @pytest.mark.parametrize(
@@ -106,3 +108,20 @@ def test_of_a_log_of_hours_stretches_are_looked_at():
     np.testing.assert_allclose(np.diff(begins), np.diff(begins).mean(), rtol=0.02)
     assert cut.episodes[-1].t[-1] > 17990.0
     assert [part.number for part in cut.episodes] == list(range(30))
+
+
+@given(st.lists(st.integers(2, 60), min_size=1, max_size=6), st.integers(1, 5), st.integers(1, 20))
+def test_pieces_of_a_log_lie_within_it(lengths, pieces, seconds):
+    """As many as are asked for, in their order, none longer than asked and none across two episodes."""
+    episodes = []
+    for number, size in enumerate(lengths):
+        where, rest = np.full((size, 6), float(number)), np.zeros((size, 6))
+        episodes.append(Episode(number, np.arange(float(size)), where, rest, rest))
+    log = FlightLog("log", tuple(episodes), ("x",), ())
+    part = spread(log, pieces, float(seconds))
+    assert [episode.number for episode in part.episodes] == list(range(pieces))
+    for episode in part.episodes:
+        whole = lengths[int(episode.pose[0, 0])]
+        assert len(episode) and np.ptp(episode.pose) == 0
+        assert episode.duration <= seconds and episode.duration >= min(seconds, whole - 1) - 2
+    assert (np.diff([episode.pose[0, 0] for episode in part.episodes]) >= 0).all()
