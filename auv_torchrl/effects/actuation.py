@@ -8,7 +8,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host, like, vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Same, changed, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Same, changed, of_thrusters, own, sets
 from auv_torchrl.effects.scan import Scan
 from auv_torchrl.vehicle import Vehicle
 
@@ -35,7 +35,7 @@ thruster_gain = Effect(
             varies=0.03,  # volts, which all thrusters share
         ),
     ),
-    change=_gain,
+    change=of_thrusters(_gain),
     wears={"gain": -1},
     advice=advice.thruster_gain,
     scans={"gain": Scan((0.0,), linear=True, all=True)},
@@ -126,7 +126,7 @@ thruster_misalignment = Effect(
             ordinary=0.05,
         ),
     ),
-    change=_misalignment,
+    change=of_thrusters(_misalignment),
     advice=advice.thruster_misalignment,
     scans={"angle": Scan((-1.3, -0.7, -0.3, 0.3, 0.7, 1.3), all=True)},
 )
@@ -145,7 +145,7 @@ thrust_limit = Effect(
     parameters=(
         Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {quantity}", "thruster"),
     ),
-    change=sets(limit="limit"),
+    change=of_thrusters(sets(limit="limit")),
     wears={"limit": -1},
     same_as=_dead,
     advice=advice.thrust_limit,
@@ -180,7 +180,7 @@ thruster_place = Effect(
         )
         for axis, words in (("x", "forward of"), ("y", "to starboard of"), ("z", "below"))
     ),
-    change=_place,
+    change=of_thrusters(_place),
     advice=advice.said("measure where the thrusters sit, and put it into the vehicle file (thrusters.position)"),
     is_property=True,
     is_searched=False,  # a thruster that has moved is bent, and turned
@@ -210,7 +210,7 @@ reaction_torque = Effect(
             guessed=_guessed_arm,
         ),
     ),
-    change=sets(arm="reaction"),
+    change=of_thrusters(sets(arm="reaction")),
     advice=advice.reaction_torque,
     scans={"arm": Scan((0.03,), linear=True)},
     nuisance={"arm": 0.1},  # of the torque of a propeller at one thrust

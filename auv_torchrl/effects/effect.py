@@ -229,6 +229,39 @@ class Effect:
         return self.change(vehicle, **arguments)
 
 
+def of_thrusters(change: Callable[..., Vehicle]) -> Callable[..., Vehicle]:
+    """A change of thrusters that leaves fins, which stand among them, as they are."""
+
+    def changed_alone(vehicle: Vehicle, **values: Array) -> Vehicle:
+        after = change(vehicle, **values)
+        return _among(vehicle, after, fins=False) if vehicle.fins else after
+
+    return changed_alone
+
+
+def of_fins(change: Callable[..., Vehicle]) -> Callable[..., Vehicle]:
+    """A change of fins that leaves thrusters as they are."""
+
+    def changed_alone(vehicle: Vehicle, **values: Array) -> Vehicle:
+        return _among(vehicle, change(vehicle, **values), fins=True) if vehicle.fins else vehicle
+
+    return changed_alone
+
+
+def _among(before: Vehicle, after: Vehicle, fins: bool) -> Vehicle:
+    """What changed, of the fins alone or of the thrusters alone."""
+    xp, rows = array_namespace(before.mass), before.fin_area > 0
+    new = rows if fins else ~rows
+    fields = {}
+    for name, value in after.items():
+        was = before.get(name)
+        if value is was:
+            continue
+        each = new if value.ndim == new.ndim else new[..., None]
+        fields[name] = xp.where(each, value, was)
+    return after.replace(**fields)
+
+
 def own(field: str) -> Callable[[Vehicle], Array]:
     """Nominal value of a field: its number, or one per thruster, of which a single parameter takes the mean."""
     return lambda vehicle: getattr(vehicle, field)[(0,) * vehicle.batch_dims]

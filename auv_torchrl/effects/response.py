@@ -7,7 +7,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Valley, changed, mean, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Valley, changed, mean, of_thrusters, own, sets
 from auv_torchrl.effects.scan import DELAYS, Scan
 from auv_torchrl.vehicle import Vehicle
 
@@ -51,7 +51,7 @@ dead_band = Effect(
             guessed=_guessed_width,
         ),
     ),
-    change=_dead_band,
+    change=of_thrusters(_dead_band),
     wears={"width": 1},
     advice=advice.said(
         "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
@@ -108,7 +108,7 @@ thrust_curve = Effect(
             guessed=0.15,  # T200: a fifth
         ),
     ),
-    change=_curve,
+    change=of_thrusters(_curve),
     is_property=True,
     valley=Valley("exponent", ("dead_band", "width"), _same_commands),
     advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
@@ -134,7 +134,7 @@ def _one_way(field: str, way: str, meaning: str) -> Effect:
                 "thruster",
             ),
         ),
-        change=lambda vehicle, gain: changed(vehicle, **{field: gain}),
+        change=of_thrusters(lambda vehicle, gain: changed(vehicle, **{field: gain})),
         wears={"gain": -1},
         advice=partial(advice.one_way_gain, way),
         scans={"gain": Scan((0.0,), linear=True)},
@@ -164,7 +164,7 @@ neutral_offset = Effect(
             "thruster",
         ),
     ),
-    change=sets(offset="neutral_offset"),
+    change=of_thrusters(sets(offset="neutral_offset")),
     advice=advice.neutral_offset,
     scans={"offset": Scan((-0.25, -0.1, -0.04, 0.04, 0.1, 0.25), all=True)},
 )

@@ -99,8 +99,15 @@ def straight_through_targets(
 
 
 def thrust_after(c: Coefficients, terms: ActiveTerms, thrust: Array, target: Array, elapsed: float) -> Array:
-    """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``."""
-    return target + (thrust - target) * lag_left(c, elapsed) if terms.lag else target
+    """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``.
+
+    The deflection of a fin, in rad, does the same as far as its rate allows.
+    """
+    later = target + (thrust - target) * lag_left(c, elapsed) if terms.lag else target
+    if not terms.fins:
+        return later
+    xp, most = array_namespace(c.fin_rate), c.fin_rate * elapsed
+    return xp.where(c.fin_rate > 0, thrust + xp.minimum(xp.maximum(later - thrust, -most), most), later)
 
 
 def lag_left(c: Coefficients, elapsed: float) -> Array:

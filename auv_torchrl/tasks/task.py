@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
+    from auv_torchrl.vehicle import Vehicle
+
 Array = Any
 
 
@@ -75,9 +77,23 @@ class Task(ABC):
         return round(self.episode_s / self.control_dt)
 
     @property
+    def axes(self) -> tuple[str, ...]:
+        """Degrees of freedom that an action commands, one entry each, through the mixer of the vehicle."""
+        return CONTROLLED
+
+    @property
     def needs(self) -> tuple[str, ...]:
         """Degrees of freedom that a vehicle has to push, each by itself and both ways."""
-        return CONTROLLED
+        return self.axes
+
+    @property
+    def cruise_speed(self) -> float:
+        """Speed ahead in m/s at which axes are controlled, because fins need a flow; 0 of a vehicle that hovers."""
+        return 0.0
+
+    def fitted(self, vehicle: "Vehicle") -> Self:
+        """The task for a vehicle (empty batch): where axes follow from the vehicle, with its axes."""
+        return self
 
     @property
     @abstractmethod
@@ -92,6 +108,14 @@ class Task(ABC):
     @abstractmethod
     def reference(self, time: Array) -> Reference:
         """Where vehicles should be that are ``time`` (...) s along the task."""
+
+    def wanted(self, position: Array, time: Array) -> Array:
+        """Where vehicles at positions (..., 3) should be, m: the reference, unless a task leaves some of it free."""
+        return self.reference(time).position
+
+    def miss(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
+        """How far off vehicles are, (...) m, by which the best policy is chosen: how far from where they should be."""
+        return array_namespace(position).linalg.vector_norm(position - self.wanted(position, time), axis=-1)
 
     @abstractmethod
     def observe(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:

@@ -8,16 +8,16 @@ import yaml
 from tensordict import TensorDict
 from torchrl.envs import SerialEnv, StepCounter, TransformedEnv
 
-from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs import BACKENDS, FleetEnv, RandomizeVehicle, make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.vehicle_tensors import tensordict_of, tensors
+from tests.hovering import ACTING
 
 PAPER = load_vehicle("paper")
-CONTINUOUS = {name: effect for name, effect in EFFECTS.items() if not effect.parameters[0].discrete}
+CONTINUOUS = {name: effect for name, effect in ACTING.items() if not effect.parameters[0].discrete}
 
 
 def ranges_of(name):
