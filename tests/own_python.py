@@ -2,6 +2,7 @@
 
 FOULING = """
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, changed
+from auv_torchrl.effects.trial import Trial
 
 
 def _fouling(vehicle, factor):

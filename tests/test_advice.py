@@ -10,7 +10,7 @@ from auv_torchrl.vehicle import load_vehicle
 from tests.uneven import UNEVEN, load_any
 
 VEHICLES = ("paper", "bluerov2", "bluerov2_heavy", "ardusub_sitl", UNEVEN)
-ADVISED = [effect for effect in EFFECTS.values() if not effect.is_noise and not effect.covers]
+ADVISED = [effect for effect in EFFECTS.values() if not effect.trial.is_noise and not effect.trial.covers]
 PAPER = load_vehicle("paper")
 
 

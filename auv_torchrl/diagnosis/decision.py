@@ -60,7 +60,7 @@ def _reasons(found: Found, trace: SearchTrace) -> dict[str, str]:
             reasons[name] = "not looked for"
         elif name in tried:
             reasons[name] = "no change of it shows in this log"
-        elif not effect.is_asked(problem.windows.channels):
+        elif not effect.trial.is_asked(problem.windows.channels):
             reasons[name] = "not looked for: the log measures nothing that would show it"
         else:
             reasons[name] = "not looked for: it changes nothing on this vehicle, or a filter of the autopilot hides it"

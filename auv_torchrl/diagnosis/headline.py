@@ -1,9 +1,7 @@
 """The verdict in at most :data:`MOST_WORDS` words: what stands above all else on console and page."""
 
-from collections.abc import Iterable
-
 from auv_torchrl.diagnosis.doubt import doubts
-from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, suspects, within_floor
+from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, comes_and_goes, suspects, within_floor
 from auv_torchrl.diagnosis.unanswered.wording import not_answering, stands_still
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, how_sure
 from auv_torchrl.quantities import counted, words
@@ -17,8 +15,10 @@ UNKNOWN = "something unknown acts"
 def headline_of(diagnosis: Diagnosis) -> str:
     """What was found, in one sentence that leaves out what does not fit."""
     found = diagnosis.effects
-    likely = _causes([effect for effect in found if effect.is_likely and not effect.calibrates])
-    perhaps = _causes([effect for effect in found if not effect.is_likely and not effect.calibrates])
+    likely, perhaps = (
+        [_short(effect) for effect in found if effect.is_likely is sure and not effect.calibrates]
+        for sure in (True, False)
+    )
     unanswered = not_answering(diagnosis.findings)
     if unanswered:
         return _sentence(stands_still(unanswered), *likely)
@@ -26,20 +26,18 @@ def headline_of(diagnosis: Diagnosis) -> str:
         return _sentence("the log itself is in doubt", *likely)
     if diagnosis.verdict is Verdict.NO_GAP:
         return _sentence(*(likely or [_sound(diagnosis)]))
+    comes = comes_and_goes(diagnosis.where)
+    if diagnosis.verdict is Verdict.UNEXPLAINED and comes:
+        return _sentence(comes, "its cause is not known")
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         return _sentence(f"no known effect explains what the simulator misses{_where(diagnosis.where)}")
     file = [effect for effect in found if effect.calibrates]
     off = [FILE_OFF if any(effect.is_likely for effect in file) else FILE_MAY_BE_OFF] if file else []
     if diagnosis.verdict is Verdict.PARTLY_EXPLAINED:
         if likely:
-            return _sentence(*likely, f"{UNKNOWN} too", *off)
-        return _sentence(*off, f"{UNKNOWN}{_where(diagnosis.where)}", *perhaps)
+            return _sentence(*likely, comes or f"{UNKNOWN} too", *off)
+        return _sentence(*off, comes or f"{UNKNOWN}{_where(diagnosis.where)}", *perhaps)
     return _sentence(*likely, *off, *perhaps)
-
-
-def _causes(effects: Iterable[FoundEffect]) -> list[str]:
-    """A short clause for each effect, as sure as it is."""
-    return [_short(effect) for effect in effects]
 
 
 def _short(effect: FoundEffect) -> str:

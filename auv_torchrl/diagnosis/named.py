@@ -68,7 +68,7 @@ def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tu
     for effect in sorted({effect for effect, _ in hidden}):
         members = [name for name in EFFECTS[effect].member_parameters(problem.vehicle) if (effect, name) in hidden]
         blind.append(f"{effect} ({', '.join(members)})")
-    filtered = [name for name, effect in EFFECTS.items() if not effect.shows_in(problem.windows.errors.drift)]
+    filtered = [name for name, effect in EFFECTS.items() if not effect.trial.shows_in(problem.windows.errors.drift)]
     sentences = [
         *(f"{name} hides behind the filter of the autopilot" for name in filtered),
         *unseen(problem),

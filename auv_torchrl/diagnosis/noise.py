@@ -25,7 +25,7 @@ def noise_finding(problem: Problem) -> Finding:
     stated = {"position": float(problem.vehicle.position_noise), "attitude": float(problem.vehicle.attitude_noise)}
     worse = [name for name, value in values.items() if 0 < STATED * stated[name] < value]
     simulate = ", ".join(f"{name}: {value:.2g}" for name, value in values.items())
-    effect = next(effect.name for effect in EFFECTS.values() if effect.is_noise)
+    effect = next(effect.name for effect in EFFECTS.values() if effect.trial.is_noise)
     remedy = f"To simulate it, add the effect {effect}: {{{simulate}}}" if values else ""
     if not worse:
         sentence = f"white noise of the sensors, the floor of all predictions: {sizes}"

@@ -52,6 +52,7 @@ from auv_torchrl.diagnosis.validate.predict import (
     unforeseen,
     widened,
 )
+from auv_torchrl.diagnosis.validate.refute import take_back
 from auv_torchrl.diagnosis.validate.veto import calibration_vetoed, falls_short, only, shortfalls, vetoes, worse
 from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Verdict
 from auv_torchrl.diagnosis.volts import volts_findings
@@ -225,7 +226,7 @@ def explain(
         training, corrected.vehicle, given.healthy, searched, report, given.uncertainty, given.kept,
         corrected.prior,
     )  # fmt: skip
-    found, own = looked.found, looked.found.problem.vehicle
+    found, own = take_back(looked.found, testing, given.settings), looked.found.problem.vehicle
     sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
     before = changed(given.vehicle if sound is None else sound, free=own.free)
     base = changed(corrected.vehicle if sound is None else sound, free=own.free)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Parameter
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.trial import Scan
 from auv_torchrl.settings import In, check, choices, settings_of
 from auv_torchrl.vehicle import Vehicle
 

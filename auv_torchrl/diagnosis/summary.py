@@ -2,6 +2,7 @@
 
 from auv_torchrl.diagnosis.verdict import FoundEffect, Gap, Verdict, Where
 from auv_torchrl.effects import Origin
+from auv_torchrl.quantities import percent
 
 NEAR_FLOOR = 1.5  # times the floor, below which a prediction is as good as the sensors allow
 MAINLY = 0.5  # share of the gap
@@ -72,7 +73,15 @@ def mainly(where: Where) -> str:
         goes_with = "the commands"
     if goes_with:
         parts.append(f", in step with {goes_with}")
+    if comes := comes_and_goes(where):
+        parts.append(f": {comes}")
     return "".join(parts)
+
+
+def comes_and_goes(where: Where) -> str:
+    """The clause about a thruster that gives all of its thrust or nothing; empty where there is none."""
+    one = where.intermittence
+    return f"thruster {one.thruster} gives nothing for {percent(one.share)} of the time" if one else ""
 
 
 def suspects(where: Where) -> list[int]:

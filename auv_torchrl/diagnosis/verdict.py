@@ -59,6 +59,16 @@ class Regime:
 
 
 @dataclass(frozen=True)
+class Intermittence:
+    """A thruster that gives all of its thrust or nothing, with the share of the time in which it gives nothing."""
+
+    thruster: int  # from 1
+    share: float
+    low: float  # 95 % interval
+    high: float
+
+
+@dataclass(frozen=True)
 class Where:
     """Where the gap lies; each mapping sums to 1 or is empty."""
 
@@ -66,6 +76,7 @@ class Where:
     origin: dict[str, float] = field(default_factory=dict)  # by auv_torchrl.effects.Origin
     thruster: dict[str, float] = field(default_factory=dict)  # by number, "1" is the first
     regime: tuple[Regime, ...] = ()
+    intermittence: Intermittence | None = None
     onset_s: float | None = None  # s into the log, where the vehicle changes during it
     onset_episode: int | None = None  # number of the episode in which it does
     onset_in_episode_s: float | None = None  # s since the start of that episode

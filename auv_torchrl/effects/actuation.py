@@ -8,8 +8,8 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host, like, vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Same, changed, of_thrusters, own, sets
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, of_thrusters, own, sets
+from auv_torchrl.effects.trial import Same, Scan, Trial
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -36,10 +36,12 @@ thruster_gain = Effect(
         ),
     ),
     change=of_thrusters(_gain),
-    wears={"gain": -1},
     advice=advice.thruster_gain,
-    scans={"gain": Scan((0.0,), linear=True, all=True)},
-    nuisance={"gain": 0.03},
+    trial=Trial(
+        wears={"gain": -1},
+        scans={"gain": Scan((0.0,), linear=True, all=True)},
+        nuisance={"gain": 0.03},
+    ),
 )
 
 
@@ -128,7 +130,9 @@ thruster_misalignment = Effect(
     ),
     change=of_thrusters(_misalignment),
     advice=advice.thruster_misalignment,
-    scans={"angle": Scan((-1.3, -0.7, -0.3, 0.3, 0.7, 1.3), all=True)},
+    trial=Trial(
+        scans={"angle": Scan((-1.3, -0.7, -0.3, 0.3, 0.7, 1.3), all=True)},
+    ),
 )
 
 
@@ -146,10 +150,12 @@ thrust_limit = Effect(
         Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {quantity}", "thruster"),
     ),
     change=of_thrusters(sets(limit="limit")),
-    wears={"limit": -1},
-    same_as=_dead,
     advice=advice.thrust_limit,
-    scans={"limit": Scan((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), all=True, relative=True)},
+    trial=Trial(
+        wears={"limit": -1},
+        same_as=_dead,
+        scans={"limit": Scan((0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9), all=True, relative=True)},
+    ),
 )
 
 
@@ -183,7 +189,9 @@ thruster_place = Effect(
     change=of_thrusters(_place),
     advice=advice.said("measure where the thrusters sit, and put it into the vehicle file (thrusters.position)"),
     is_property=True,
-    is_searched=False,  # a thruster that has moved is bent, and turned
+    trial=Trial(
+        is_searched=False,  # a thruster that has moved is bent, and turned
+    ),
 )
 
 
@@ -197,7 +205,6 @@ reaction_torque = Effect(
     origin=Origin.ACTUATION,
     meaning="moment of thruster i about its direction, per newton of its thrust; the sign is its sense of turning",
     source="Fossen 2021, section 9.1, propeller torque; a T200 at 16 V takes about 0.8 N m for 51.5 N: 0.016 m",
-    odds=1e-2,  # a propeller of the other hand, with its wires exchanged, is rarer than one that is worn
     parameters=(
         Parameter(
             "arm",
@@ -212,8 +219,11 @@ reaction_torque = Effect(
     ),
     change=of_thrusters(sets(arm="reaction")),
     advice=advice.reaction_torque,
-    scans={"arm": Scan((0.03,), linear=True)},
-    nuisance={"arm": 0.1},  # of the torque of a propeller at one thrust
+    trial=Trial(
+        odds=1e-2,  # a propeller of the other hand, with its wires exchanged, is rarer than one that is worn
+        scans={"arm": Scan((0.03,), linear=True)},
+        nuisance={"arm": 0.1},  # of the torque of a propeller at one thrust
+    ),
 )
 
 EFFECTS = (thruster_gain, thruster_swap, thruster_misalignment, thrust_limit, thruster_place, reaction_torque)

@@ -5,7 +5,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.array_api import vector
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, adds, changed
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.trial import Scan, Trial
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, DEGREES_OF_FREEDOM, Vehicle
 
 
@@ -38,12 +38,14 @@ added_mass = Effect(
         ),
     ),
     change=_added_mass,
-    wears={"scale": 1},
     advice=advice.said(
         "look for water caught in frames and shells; if it belongs there, enter the inertia in the vehicle file"
     ),
-    scans={"scale": Scan((0.5, 0.8, 1.25, 1.6, 2.2, 3.0), all=True)},
-    nuisance={"scale": 0.03},
+    trial=Trial(
+        wears={"scale": 1},
+        scans={"scale": Scan((0.5, 0.8, 1.25, 1.6, 2.2, 3.0), all=True)},
+        nuisance={"scale": 0.03},
+    ),
 )
 
 
@@ -65,13 +67,15 @@ payload = Effect(
     ),
     change=_payload,
     advice=advice.payload,
-    together=(
-        {"mass": 1.0, "weight": 3.0, "x": 0.0, "y": 0.0},
-        {"mass": 2.0, "weight": 10.0, "x": 0.0, "y": 0.0},
-        {"mass": 4.0, "weight": 15.0, "x": 0.0, "y": 0.0},
-        {"mass": 4.0, "weight": 30.0, "x": 0.0, "y": 0.0},
-        {"mass": 2.0, "weight": -10.0, "x": 0.0, "y": 0.0},
-        {"mass": 8.0, "weight": 10.0, "x": 0.0, "y": 0.0},
+    trial=Trial(
+        together=(
+            {"mass": 1.0, "weight": 3.0, "x": 0.0, "y": 0.0},
+            {"mass": 2.0, "weight": 10.0, "x": 0.0, "y": 0.0},
+            {"mass": 4.0, "weight": 15.0, "x": 0.0, "y": 0.0},
+            {"mass": 4.0, "weight": 30.0, "x": 0.0, "y": 0.0},
+            {"mass": 2.0, "weight": -10.0, "x": 0.0, "y": 0.0},
+            {"mass": 8.0, "weight": 10.0, "x": 0.0, "y": 0.0},
+        ),
     ),
 )
 
@@ -94,9 +98,11 @@ buoyancy = Effect(
         ),
     ),
     change=adds(force="vertical_force"),
-    shows="idle",
     advice=advice.buoyancy,
-    scans={"force": Scan((5.0,), linear=True)},
+    trial=Trial(
+        shows="idle",
+        scans={"force": Scan((5.0,), linear=True)},
+    ),
 )
 
 
@@ -125,7 +131,9 @@ mass_offset = Effect(
     ),
     change=_mass_offset,
     advice=advice.mass_offset,
-    scans={"x": Scan((0.05,), linear=True), "y": Scan((0.05,), linear=True)},
+    trial=Trial(
+        scans={"x": Scan((0.05,), linear=True), "y": Scan((0.05,), linear=True)},
+    ),
 )
 
 EFFECTS = (added_mass, payload, buoyancy, mass_offset)

@@ -10,7 +10,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import converted
 from auv_torchrl.effects.advice import Advice
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.trial import Trial
 from auv_torchrl.quantities import percent, quantity, with_unit, words
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import Vehicle
@@ -100,18 +100,6 @@ class Parameter:
         return float(self.guessed(vehicle, member) if callable(self.guessed) else self.guessed)
 
 
-Same = tuple[str, str, float]  # effect, parameter, value
-
-
-@dataclass(frozen=True)
-class Valley:
-    """Numbers that a log hardly tells apart where they move together: a fit of one at a time does not get along."""
-
-    leading: str  # parameter of the effect that declares it
-    beside: tuple[str, str]  # effect and parameter without which there is no valley
-    moves: Callable[[Vehicle, float], dict[tuple[str, str], float]]  # of all, for a step of the leading one; batch (1,)
-
-
 @dataclass(frozen=True)
 class Effect:
     """A named change of a vehicle.
@@ -126,40 +114,16 @@ class Effect:
     parameters: tuple[Parameter, ...]
     change: Callable[..., Vehicle]
     shorthand: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]] | None = None
-    odds: float = 1.0  # prior probability against that of other effects: how rare it is where a log cannot tell
     sentence: Callable[[Mapping[str, float]], str] | None = None  # of all that departs; else one for each parameter
-    same_as: Callable[[Vehicle, str, float], Same | None] | None = None  # what a value of a parameter is better called
-    valley: Valley | None = None
-    covers: tuple[str, ...] = ()  # effects that change what it sets, and are not looked for where it was fitted
-    shows: str = ""  # what a pilot sees of it where it is fitted: "axes", "idle" or "turning", answers to commands
     advice: Callable[[Mapping[str, float], Mapping[str, float]], tuple[Advice, ...]] | None = None  # what to do then
-    scans: Mapping[str, Scan] = field(default_factory=dict)  # by parameter, what the diagnosis tries; else its bounds
-    nuisance: Mapping[str, float] = field(
-        default_factory=dict
-    )  # by parameter, relative: how far sound vehicles are off
-    together: tuple[Mapping[str, float], ...] = ()  # values that the diagnosis tries, of several parameters at once
-    shown_by: tuple[str, ...] = ()  # channels without all of which nothing shows it, and it is not looked for
-    unfiltered: tuple[str, ...] = ()  # channels that show it if a sensor measured them, and not as a filter has them
-    is_rough: bool = False  # its values switch single samples, so that near by ones are tried instead of slopes
-    is_searched: bool = True  # whether the diagnosis looks for it; not for what other effects say in fewer numbers
-    wears: Mapping[str, int] = field(default_factory=dict)  # by parameter, +1 or -1: which way alone it goes by itself
     is_property: bool = False  # of a vehicle for good: a file may have it wrong, but it does not come about
-    smooths: bool = False  # commands; fitted to snapshots of them it would make up for what these lack
-    is_noise: bool = False  # white noise of sensors: the floor of predictions, measured, and not looked for either
+    trial: Trial = field(default_factory=Trial)  # how the diagnosis tries it
 
     def __post_init__(self):
         known = [p.name for p in self.parameters if not p.discrete]
-        for key, given in (("scans", self.scans), ("nuisance", self.nuisance)):
+        for key, given in (("scans", self.trial.scans), ("nuisance", self.trial.nuisance)):
             if odd := set(given) - set(known):
                 raise ValueError(f"effect {self.name}: {key} of {', '.join(sorted(odd))}: {choices(odd, known)}")
-
-    def is_asked(self, channels: Collection[str]) -> bool:
-        """Whether a log with these channels is asked for it at all."""
-        return not self.shown_by or any(channel in channels for channel in self.shown_by)
-
-    def shows_in(self, filtered: Mapping[str, float]) -> bool:
-        """Whether a log shows it of which a filter estimated some channels, by name how fast those go astray."""
-        return not any(filtered.get(channel, 0.0) > 0 for channel in self.unfiltered)
 
     def advise(
         self, vehicle: Vehicle, values: Mapping[str, float], autopilot: Mapping[str, float]

@@ -3,6 +3,7 @@
 from auv_torchrl.array_api import vector
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.trial import Trial
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -25,19 +26,21 @@ tether = Effect(
     ),
     change=_tether,
     advice=advice.said("give the tether more slack, or fly nearer to where it leads"),
-    together=(
-        {"north": 3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
-        {"north": -3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
-        {"north": 0.0, "east": 3.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
-        {"north": 0.0, "east": -3.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
-        {"north": 0.0, "east": 0.0, "down": -3.0, "stiffness": 5.0, "slack": 0.0},
-        {"north": 0.0, "east": 0.0, "down": -3.0, "stiffness": 10.0, "slack": 3.0},
-        {"north": 0.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 0.0},
-        {"north": 0.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 0.5},
-        {"north": 3.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
-        {"north": -3.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
-        {"north": 0.0, "east": 3.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
-        {"north": 0.0, "east": -3.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+    trial=Trial(
+        together=(
+            {"north": 3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+            {"north": -3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+            {"north": 0.0, "east": 3.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+            {"north": 0.0, "east": -3.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
+            {"north": 0.0, "east": 0.0, "down": -3.0, "stiffness": 5.0, "slack": 0.0},
+            {"north": 0.0, "east": 0.0, "down": -3.0, "stiffness": 10.0, "slack": 3.0},
+            {"north": 0.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 0.0},
+            {"north": 0.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 0.5},
+            {"north": 3.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+            {"north": -3.0, "east": 0.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+            {"north": 0.0, "east": 3.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+            {"north": 0.0, "east": -3.0, "down": 0.0, "stiffness": 10.0, "slack": 3.0},
+        ),
     ),
 )
 
@@ -53,7 +56,10 @@ free_surface = Effect(
     ),
     change=sets(depth="surface", air="air"),
     advice=advice.said("nothing is broken: fly clear of the surface, or enter where it lies in the vehicle file"),
-    is_searched=False,  # what was flown at the surface is left out of a log, unless the vehicle's file says where it is
+    trial=Trial(
+        # What was flown at the surface is left out of a log, unless the vehicle's file says where it is.
+        is_searched=False,
+    ),
 )
 
 EFFECTS = (tether, free_surface)

@@ -5,7 +5,7 @@ from typing import Any
 
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, of_fins
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.trial import Scan, Trial
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -43,10 +43,8 @@ fin_gain = Effect(
     ),
     change=of_fins(_gain),
     shorthand=_fins_alone("fin_gain"),
-    wears={"gain": -1},
     advice=advice.fin_gain,
-    scans={"gain": Scan((0.0,), linear=True)},
-    nuisance={"gain": 0.03},
+    trial=Trial(wears={"gain": -1}, scans={"gain": Scan((0.0,), linear=True)}, nuisance={"gain": 0.03}),
 )  # fmt: skip
 
 
@@ -68,7 +66,7 @@ fin_offset = Effect(
     change=of_fins(_offset),
     shorthand=_fins_alone("fin_offset"),
     advice=advice.fin_offset,
-    scans={"offset": Scan((-0.2, -0.1, 0.1, 0.2))},
+    trial=Trial(scans={"offset": Scan((-0.2, -0.1, 0.1, 0.2))}),
 )  # fmt: skip
 
 
@@ -89,7 +87,7 @@ fin_stuck = Effect(
     change=of_fins(_stuck),
     shorthand=_fins_alone("fin_stuck"),
     advice=advice.fin_stuck,
-    is_searched=False,  # a gain of 0 and an offset say the same
+    trial=Trial(is_searched=False),  # a gain of 0 and an offset say the same
 )
 
 EFFECTS = (fin_gain, fin_offset, fin_stuck)

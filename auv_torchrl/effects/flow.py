@@ -8,7 +8,7 @@ from auv_torchrl.array_api import diagonal_matrix, joined, like, vector
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.body import per_dof
 from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, own, sets
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.trial import Scan, Trial
 from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle
 from auv_torchrl.vehicle_fields import GRAVITY
 
@@ -84,9 +84,11 @@ hull = Effect(
         ),
     ),
     change=_hull,
-    covers=("linear_drag", "quadratic_drag", "added_mass"),
-    shows="axes",
-    is_searched=False,
+    trial=Trial(
+        covers=("linear_drag", "quadratic_drag", "added_mass"),
+        shows="axes",
+        is_searched=False,
+    ),
 )
 
 
@@ -112,10 +114,12 @@ def _drag(order: str, change: Callable[[Vehicle, Array], Vehicle]) -> Effect:
         source="Lu et al. 2023, Eq. 14 and Table 1",
         parameters=(Parameter("scale", "1", 1.0, 0.0, 10.0, told, CONTROLLED, guessed=published),),
         change=change,
-        wears={"scale": 1},
         advice=advice.said(_LOOK),
-        scans={"scale": Scan((1.5,), linear=True, all=True)},
-        nuisance={"scale": 0.03},
+        trial=Trial(
+            wears={"scale": 1},
+            scans={"scale": Scan((1.5,), linear=True, all=True)},
+            nuisance={"scale": 0.03},
+        ),
     )
 
 
@@ -145,11 +149,13 @@ drag_asymmetry = Effect(
     ),
     change=_uneven,
     is_property=True,
-    shows="axes",
     advice=advice.said(
         "look for what hangs or grows on one end; if it is meant, enter drag_asymmetry in the vehicle file"
     ),
-    scans={"asymmetry": Scan((0.3,), linear=True)},
+    trial=Trial(
+        shows="axes",
+        scans={"asymmetry": Scan((0.3,), linear=True)},
+    ),
 )
 
 linear_drag, quadratic_drag = _drag("linear", _linear), _drag("quadratic", _quadratic)
@@ -192,9 +198,11 @@ drag_coupling = Effect(
         ),
     ),
     change=_coupling,
-    shows="turning",
     advice=advice.said("look for what sits or trails on one side alone"),
-    scans={"drag": Scan((5.0,), linear=True)},
+    trial=Trial(
+        shows="turning",
+        scans={"drag": Scan((5.0,), linear=True)},
+    ),
 )
 
 
@@ -209,7 +217,9 @@ coriolis = Effect(
     change=sets(strength="coriolis"),
     is_property=True,
     advice=advice.said("enter how far Coriolis terms act in the vehicle file"),
-    scans={"strength": Scan((1.0,), linear=True)},
+    trial=Trial(
+        scans={"strength": Scan((1.0,), linear=True)},
+    ),
 )
 
 
@@ -229,7 +239,13 @@ current = Effect(
     ),
     change=_current,
     advice=advice.said("nothing is broken: fly where the water stands still, or train for this current"),
-    scans={"north": Scan((0.1,), linear=True), "east": Scan((0.1,), linear=True), "down": Scan((0.1,), linear=True)},
+    trial=Trial(
+        scans={
+            "north": Scan((0.1,), linear=True),
+            "east": Scan((0.1,), linear=True),
+            "down": Scan((0.1,), linear=True),
+        },
+    ),
 )
 
 EFFECTS = (hull, linear_drag, quadratic_drag, drag_asymmetry, drag_coupling, coriolis, current)

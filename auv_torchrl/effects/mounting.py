@@ -4,7 +4,7 @@ import math
 
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, adds
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.trial import Scan, Trial
 from auv_torchrl.vehicle import Vehicle
 
 dvl_misalignment = Effect(
@@ -12,7 +12,6 @@ dvl_misalignment = Effect(
     origin=Origin.SENSING,
     meaning="how far the Doppler log is turned about the body z axis from how the vehicle's file has it",
     source="Kinsey and Whitcomb 2007, in-situ alignment of Doppler sensors; a bracket bolted on a quarter turn off",
-    odds=1e-2,  # it is bolted on once; thrusters wear
     parameters=(
         Parameter(
             "angle",
@@ -27,7 +26,10 @@ dvl_misalignment = Effect(
     ),
     change=adds(angle="dvl_turn"),
     advice=advice.dvl_misalignment,
-    scans={"angle": Scan((-2.4, -1.57, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.57, 2.4, 3.14))},
+    trial=Trial(
+        odds=1e-2,  # it is bolted on once; thrusters wear
+        scans={"angle": Scan((-2.4, -1.57, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.57, 2.4, 3.14))},
+    ),
 )
 
 
@@ -41,7 +43,6 @@ dvl_lever_arm = Effect(
     origin=Origin.SENSING,
     meaning="from where the vehicle's file has the Doppler log to where it sits: it feels how the body turns",
     source="Fossen 2021, section 2.4; Kinsey and Whitcomb 2007",
-    odds=1e-2,  # likewise
     parameters=(
         Parameter(
             "arm",
@@ -57,8 +58,11 @@ dvl_lever_arm = Effect(
     ),
     change=adds(arm="dvl_position"),
     advice=advice.dvl_lever_arm,
-    scans={"arm": Scan((0.2,), linear=True)},
     is_property=True,
+    trial=Trial(
+        odds=1e-2,  # likewise
+        scans={"arm": Scan((0.2,), linear=True)},
+    ),
 )
 
 EFFECTS = (dvl_misalignment, dvl_lever_arm)

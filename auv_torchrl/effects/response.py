@@ -7,8 +7,8 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, Valley, changed, mean, of_thrusters, own, sets
-from auv_torchrl.effects.scan import DELAYS, Scan
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, mean, of_thrusters, own, sets
+from auv_torchrl.effects.trial import DELAYS, Scan, Trial, Valley
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -52,13 +52,15 @@ dead_band = Effect(
         ),
     ),
     change=of_thrusters(_dead_band),
-    wears={"width": 1},
     advice=advice.said(
         "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
     ),
-    scans={"width": Scan((0.0, 2.5, 7.5, 10.0, 12.5, 15.0, 20.0, 25.0))},
-    nuisance={"width": 0.03},
-    is_rough=True,
+    trial=Trial(
+        wears={"width": 1},
+        scans={"width": Scan((0.0, 2.5, 7.5, 10.0, 12.5, 15.0, 20.0, 25.0))},
+        nuisance={"width": 0.03},
+        is_rough=True,
+    ),
 )
 
 
@@ -110,9 +112,11 @@ thrust_curve = Effect(
     ),
     change=of_thrusters(_curve),
     is_property=True,
-    valley=Valley("exponent", ("dead_band", "width"), _same_commands),
     advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
-    scans={"exponent": Scan((0.7, 0.85, 1.2, 1.5, 1.8, 2.2, 2.6)), "asymmetry": Scan((0.3,), linear=True)},
+    trial=Trial(
+        valley=Valley("exponent", ("dead_band", "width"), _same_commands),
+        scans={"exponent": Scan((0.7, 0.85, 1.2, 1.5, 1.8, 2.2, 2.6)), "asymmetry": Scan((0.3,), linear=True)},
+    ),
 )
 
 
@@ -135,9 +139,11 @@ def _one_way(field: str, way: str, meaning: str) -> Effect:
             ),
         ),
         change=of_thrusters(lambda vehicle, gain: changed(vehicle, **{field: gain})),
-        wears={"gain": -1},
         advice=partial(advice.one_way_gain, way),
-        scans={"gain": Scan((0.0,), linear=True)},
+        trial=Trial(
+            wears={"gain": -1},
+            scans={"gain": Scan((0.0,), linear=True)},
+        ),
     )
 
 
@@ -165,8 +171,12 @@ neutral_offset = Effect(
         ),
     ),
     change=of_thrusters(sets(offset="neutral_offset")),
+    is_property=True,  # a setting of the speed controller: it does not come about between two runs
     advice=advice.neutral_offset,
-    scans={"offset": Scan((-0.25, -0.1, -0.04, 0.04, 0.1, 0.25), all=True)},
+    trial=Trial(
+        odds=1e-2,  # a thruster that turns at rest is seen before the dive; a constant push is weight far more often
+        scans={"offset": Scan((-0.25, -0.1, -0.04, 0.04, 0.1, 0.25), all=True)},
+    ),
 )
 
 
@@ -192,10 +202,12 @@ thruster_lag = Effect(
         ),
     ),
     change=_lag,
-    smooths=True,
-    wears={"time_constant": 1},
     advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
-    scans={"time_constant": Scan((0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2))},
+    trial=Trial(
+        smooths=True,
+        wears={"time_constant": 1},
+        scans={"time_constant": Scan((0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2))},
+    ),
 )
 
 
@@ -218,9 +230,11 @@ command_delay = Effect(
         ),
     ),
     change=sets(delay="delay"),
-    wears={"delay": 1},
     advice=advice.said("look for what holds commands back: a filter, a slow link, a busy computer"),
-    scans={"delay": Scan(DELAYS)},
+    trial=Trial(
+        wears={"delay": 1},
+        scans={"delay": Scan(DELAYS)},
+    ),
 )
 
 
@@ -234,7 +248,9 @@ battery_sag = Effect(
     ),
     change=sets(rate="battery_sag"),
     advice=advice.said("charge or change the battery, and log its volts"),
-    scans={"rate": Scan((0.3,), linear=True)},
+    trial=Trial(
+        scans={"rate": Scan((0.3,), linear=True)},
+    ),
 )
 
 EFFECTS = (

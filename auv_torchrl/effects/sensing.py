@@ -4,7 +4,7 @@ import math
 
 from auv_torchrl.effects import advice
 from auv_torchrl.effects.effect import Effect, Origin, Parameter, adds, own, sets
-from auv_torchrl.effects.scan import DELAYS, TIMES, TURNED_TIMES, Scan
+from auv_torchrl.effects.trial import DELAYS, TIMES, TURNED_TIMES, Scan, Trial
 
 _FELT = ("ax", "ay", "az")  # channels of the accelerometer
 
@@ -17,7 +17,9 @@ heading_bias = Effect(
     parameters=(Parameter("angle", "rad", 0.0, -math.pi, math.pi, "the compass is off by {signed}"),),
     change=adds(angle="heading_bias"),
     advice=advice.heading_bias,
-    scans={"angle": Scan((-2.4, -1.6, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.6, 2.4, 3.1))},
+    trial=Trial(
+        scans={"angle": Scan((-2.4, -1.6, -0.8, -0.3, -0.05, 0.05, 0.3, 0.8, 1.6, 2.4, 3.1))},
+    ),
 )
 
 
@@ -26,14 +28,16 @@ compass_interference = Effect(
     origin=Origin.SENSING,
     meaning="measured yaw minus true yaw grows with the sum of all thrusts; the angle is that at full thrust of all",
     source="field of the currents to the thrusters beside that of the earth, as ArduPilot's compass-motor calibration",
-    odds=1e-2,  # what thrusters do to the heading itself is likelier
     parameters=(
         Parameter("angle", "rad", own("compass_per_load"), -1.5, 1.5, "the compass turns by {signed} at full thrust"),
     ),
     change=sets(angle="compass_per_load"),
     advice=advice.compass_interference,
-    unfiltered=("yaw",),  # a filter with a gyro follows its compass within a minute
-    scans={"angle": Scan((0.3,), linear=True)},
+    trial=Trial(
+        odds=1e-2,  # what thrusters do to the heading itself is likelier
+        unfiltered=("yaw",),  # a filter with a gyro follows its compass within a minute
+        scans={"angle": Scan((0.3,), linear=True)},
+    ),
 )
 
 
@@ -45,7 +49,9 @@ pose_delay = Effect(
     parameters=(Parameter("delay", "s", own("pose_delay"), 0.0, 0.8, "the pose is reported {quantity} late"),),
     change=sets(delay="pose_delay"),
     advice=advice.said("look at the delay of the positioning system, and tell the estimator of it"),
-    scans={"delay": Scan(DELAYS)},
+    trial=Trial(
+        scans={"delay": Scan(DELAYS)},
+    ),
 )
 
 
@@ -54,7 +60,6 @@ position_scale = Effect(
     origin=Origin.SENSING,
     meaning="reported positions are the true ones times a factor",
     source="a speed of sound, baseline or camera calibration that is off; feet for metres",
-    odds=1e-3,  # a positioning system is calibrated as a whole; thrusters wear one by one
     parameters=(
         Parameter(
             "factor",
@@ -71,7 +76,10 @@ position_scale = Effect(
     advice=advice.said(
         "look at the unit of positions, and at the calibration and speed of sound of the positioning system"
     ),
-    scans={"factor": Scan(TIMES)},
+    trial=Trial(
+        odds=1e-3,  # a positioning system is calibrated as a whole; thrusters wear one by one
+        scans={"factor": Scan(TIMES)},
+    ),
 )
 
 
@@ -80,7 +88,6 @@ depth_scale = Effect(
     origin=Origin.SENSING,
     meaning="reported depths are the true ones times a factor; -1 is z up",
     source="a water density or pressure gain that is off",
-    odds=1e-6,  # a pressure sensor keeps its scale within 1 %, water its density within 3 %; vertical thrusters do not
     parameters=(
         Parameter(
             "factor",
@@ -94,7 +101,11 @@ depth_scale = Effect(
     ),
     change=sets(factor="depth_scale"),
     advice=advice.said("look at unit and sign of the depth, and at the water density that the sensor assumes"),
-    scans={"factor": Scan(TURNED_TIMES)},
+    trial=Trial(
+        # A pressure sensor keeps its scale within 1 %, water its density within 3 %; vertical thrusters do not.
+        odds=1e-6,
+        scans={"factor": Scan(TURNED_TIMES)},
+    ),
 )
 
 
@@ -106,7 +117,9 @@ depth_bias = Effect(
     parameters=(Parameter("offset", "m", own("depth_bias"), -20.0, 20.0, "the depth reading is off by {signed}"),),
     change=sets(offset="depth_bias"),
     advice=advice.depth_bias,
-    scans={"offset": Scan((1.0,), linear=True)},
+    trial=Trial(
+        scans={"offset": Scan((1.0,), linear=True)},
+    ),
 )
 
 
@@ -115,7 +128,6 @@ velocity_scale = Effect(
     origin=Origin.SENSING,
     meaning="reported linear velocities are the true ones times a factor",
     source="a speed of sound or beam angle that is off; knots for metres per second",
-    odds=1e-3,  # likewise
     parameters=(
         Parameter(
             "factor", "1", own("velocity_scale"), -5.0, 5.0, "velocities are reported {value:.2f} times as large"
@@ -123,7 +135,10 @@ velocity_scale = Effect(
     ),
     change=sets(factor="velocity_scale"),
     advice=advice.said("look at the unit of speeds, and at the speed of sound that the Doppler log assumes"),
-    scans={"factor": Scan(TURNED_TIMES)},
+    trial=Trial(
+        odds=1e-3,  # likewise
+        scans={"factor": Scan(TURNED_TIMES)},
+    ),
 )
 
 
@@ -145,8 +160,10 @@ gyro_bias = Effect(
         ),
     ),
     change=adds(bias="gyro_bias"),
-    scans={"bias": Scan((0.01,), linear=True)},
     advice=advice.said("calibrate the gyro with the vehicle at rest, and let it warm up before the dive"),
+    trial=Trial(
+        scans={"bias": Scan((0.01,), linear=True)},
+    ),
 )
 
 
@@ -169,9 +186,11 @@ accelerometer_bias = Effect(
         ),
     ),
     change=adds(bias="accelerometer_bias"),
-    scans={"bias": Scan((0.1,), linear=True)},
-    shown_by=_FELT,
     advice=advice.said("calibrate the accelerometer level and on all six sides, and look at how it is mounted"),
+    trial=Trial(
+        scans={"bias": Scan((0.1,), linear=True)},
+        shown_by=_FELT,
+    ),
 )
 
 
@@ -185,7 +204,9 @@ sensor_noise = Effect(
         Parameter("attitude", "rad", own("attitude_noise"), 0.0, 0.5, "angles scatter by {quantity}"),
     ),
     change=sets(position="position_noise", attitude="attitude_noise"),
-    is_noise=True,
+    trial=Trial(
+        is_noise=True,
+    ),
 )
 
 EFFECTS = (

@@ -159,5 +159,5 @@ def _amounts(candidate: Candidate, vehicle: Vehicle) -> tuple[float, float]:
 
 def _prior(effects: Sequence[str], none: float) -> list[float]:
     """Of the effects, and of a vibration, which is no rarer than they are."""
-    odds = np.array([*(EFFECTS[effect].odds for effect in effects), 1.0])
+    odds = np.array([*(EFFECTS[effect].trial.odds for effect in effects), 1.0])
     return ((1 - none) * odds / odds.sum()).tolist()

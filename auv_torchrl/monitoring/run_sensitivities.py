@@ -77,7 +77,7 @@ def run_sensitivities(vehicle: Vehicle, runs: Runs, settings: Settings) -> tuple
 def comes_about(candidate: Candidate, vehicle: Vehicle) -> bool:
     """Whether a healthy vehicle changes so by itself: thrust is lost, not gained."""
     effect, known = EFFECTS[candidate.effect], declared(candidate.effect, vehicle)
-    ways = {name: effect.wears.get(known.parameters[name].name, 0) for name in candidate.values}
+    ways = {name: effect.trial.wears.get(known.parameters[name].name, 0) for name in candidate.values}
     return not effect.is_property and all(ways[n] * (v - known.nominal[n]) >= 0 for n, v in candidate.values.items())
 
 

@@ -124,17 +124,17 @@ def reduced_quadratic(problem: Problem, linear: Linearised, columns: Floats, pre
     ``precision`` (L, L) is that of the free numbers. Windows whose simulation diverged say nothing.
     """
     away = problem.away(linear.path.start, linear.path.bins)
-    marks = np.concatenate([linear.path.residual[..., None], columns], axis=2)
-    finite = np.isfinite(linear.slope).all((1, 2)) & np.isfinite(marks).all((1, 2))
-    marks, slope, away = marks[finite], linear.slope[finite], away[finite]
-    pull = slope.swapaxes(1, 2) @ marks
+    both = np.concatenate([linear.path.residual[..., None], columns], axis=2)
+    finite = np.isfinite(linear.slope).all((1, 2)) & np.isfinite(both).all((1, 2))
+    both, slope, away = both[finite], linear.slope[finite], away[finite]
+    pull = slope.swapaxes(1, 2) @ both
     pull[..., 0] -= away @ precision
     moved = np.linalg.solve(slope.swapaxes(1, 2) @ slope + precision, pull)
     # Products of what is left are positive whatever is rounded; products less what was absorbed may not be.
-    left = marks - slope @ moved
+    left = both - slope @ moved
     moved[..., 0] += away
     paid = np.linalg.cholesky(precision).T @ moved  # by the free numbers, to their prior
-    flat = np.concatenate([left, paid], axis=1).reshape(-1, marks.shape[-1])
+    flat = np.concatenate([left, paid], axis=1).reshape(-1, both.shape[-1])
     whole = flat.T @ flat
     return Quadratic(whole[0, 0], whole[0, 1:], whole[1:, 1:])
 

@@ -68,10 +68,13 @@ class SearchTrace:
 
     @property
     def best_of_each(self) -> dict[tuple[str, ...], float]:
-        """The highest log posterior by hypothesis; one that was looked at from several values counts once."""
+        """The highest log posterior by hypothesis; one that was looked at from several values counts once.
+
+        A hypothesis that held-out flight refuted does not count.
+        """
         best: dict[tuple[str, ...], float] = {}
         for record in self.records:
-            if np.isfinite(record.log_posterior):
+            if np.isfinite(record.log_posterior) and record.outcome is not Outcome.REFUTED:
                 best[record.names] = max(record.log_posterior, best.get(record.names, -np.inf))
         return best
 

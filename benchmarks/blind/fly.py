@@ -1,7 +1,7 @@
 """Fly cases in batches and hand back, apart from each other, their logs and their labels."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -56,11 +56,16 @@ class Draw:
         """The truth, of plain types."""
         drawn = {"values": self.values, "onset_s": self.onset_s, "influence": self.influence}
         given = {"base": list(self.base), "damage_seed": self.damage_seed}
+        given |= {"drawn": self.outside.drawn()} if self.outside else {}
         return {**asdict(self.case), "truth": self.case.truth, **drawn, **given}
 
 
-def fly(cases: list[Case], vehicle: Vehicle, seed: int) -> list[tuple[FlightLog, dict[str, Any]]]:
+def fly(
+    cases: list[Case], vehicle: Vehicle, seed: int, acts: Mapping[str, type[Outside]] = OUTSIDE
+) -> list[tuple[FlightLog, dict[str, Any]]]:
     """Logs and labels of cases, in their order; each depends on its number and the seed alone.
+
+    ``acts`` has what acts from outside the library, by its name.
 
     Raises:
         RuntimeError: if an effect does not show clearly in any of a number of draws.
@@ -70,7 +75,7 @@ def fly(cases: list[Case], vehicle: Vehicle, seed: int) -> list[tuple[FlightLog,
     for _ in range(ROUNDS):
         waiting = [draw for draw in draws if draw.case.number not in logs]
         for draw in waiting:
-            _draw_sizes(draw, vehicle)
+            _draw_sizes(draw, vehicle, acts)
         log.info("flying %d cases", len(waiting))
         for draw, flight in zip(waiting, _fly_once(waiting, vehicle), strict=True):
             draw.influence = {} if draw.case.sensors else _influence(draw, flight, vehicle)
@@ -91,7 +96,7 @@ def _draw(case: Case, vehicle: Vehicle, seed: int) -> Draw:
     return Draw(case, rng, slack, onset_s, base, damage_seed=damage_seed)
 
 
-def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
+def _draw_sizes(draw: Draw, vehicle: Vehicle, acts: Mapping[str, type[Outside]]) -> None:
     case = draw.case
     if case.fault:
         draw.values = draw_fault(case.fault, vehicle, draw.rng)
@@ -100,7 +105,7 @@ def _draw_sizes(draw: Draw, vehicle: Vehicle) -> None:
     else:
         draw.values = {name: draw_values(name, vehicle, draw.rng, case.scale) for name in case.effects}
     if case.outside:
-        draw.outside = OUTSIDE[case.outside](draw.rng, draw.rows, vehicle.thrusters, CONTROL_DT)
+        draw.outside = acts[case.outside](draw.rng, draw.rows, vehicle.thrusters, CONTROL_DT)
 
 
 def _fly_once(draws: list[Draw], vehicle: Vehicle) -> list[Flight]:

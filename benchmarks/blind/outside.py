@@ -1,5 +1,7 @@
 """Effects that no library entry describes: the right verdict is partly explained or unexplained."""
 
+from typing import Any
+
 import numpy as np
 from typing_extensions import override
 
@@ -15,6 +17,10 @@ class Outside:
 
     def draw(self) -> None:
         """Draw the size of the effect."""
+
+    def drawn(self) -> dict[str, Any]:
+        """What of it a label needs besides its name."""
+        return {}
 
     def received(self, commands: np.ndarray) -> np.ndarray:
         """Commands (rows, n) that reach the vehicle."""

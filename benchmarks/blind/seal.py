@@ -5,6 +5,7 @@ The digest of the labels is written down before anything is diagnosed and compar
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, raw_columns, write_columns
 from benchmarks.blind.cases import HEALTHY
 from benchmarks.blind.damage_acts import Columns
-from benchmarks.blind.damages import DAMAGES, damaged, shows_fault
+from benchmarks.blind.damages import DAMAGES, Damage, damaged, shows_fault
 
 MANIFEST = "manifest.json"
 LABELS = Path("sealed") / "labels.json"
@@ -30,14 +31,14 @@ class HandedOver(NamedTuple):
     named_by: dict[str, Any] | None  # for the label: how an answer names the damage; None without one
 
 
-def hand_over(flown: FlightLog, label: dict[str, Any]) -> HandedOver:
+def hand_over(flown: FlightLog, label: dict[str, Any], damages: Mapping[str, Damage] = DAMAGES) -> HandedOver:
     """Columns of the log and of the healthy log of a case, the damage that the label says done to the log."""
     numbers = [episode.number for episode in flown.episodes]
     healthy = raw_columns(flown.only(numbers[-label["healthy"] :])) if label["healthy"] else None
     columns = raw_columns(flown.only(numbers[: len(numbers) - label["healthy"]]))
     if label["damage"] is None:
         return HandedOver(columns, healthy, None)
-    damage = DAMAGES[label["damage"]]
+    damage = damages[label["damage"]]
     columns, which = damaged(columns, damage, np.random.default_rng(label["damage_seed"]))
     faults = label["values"]
     named_by = {
@@ -63,7 +64,12 @@ def examiner_version() -> str:
     return digest.hexdigest()[:16]
 
 
-def seal(folder: Path, settings: dict[str, Any], flown: list[tuple[FlightLog, dict[str, Any]]]) -> None:
+def seal(
+    folder: Path,
+    settings: dict[str, Any],
+    flown: list[tuple[FlightLog, dict[str, Any]]],
+    damages: Mapping[str, Damage] = DAMAGES,
+) -> None:
     """Write logs, tasks and sealed labels; the manifest comes last and says that all is there.
 
     Healthy flights of strangers are no task of their own, and go with every case of their vehicle.
@@ -80,7 +86,7 @@ def seal(folder: Path, settings: dict[str, Any], flown: list[tuple[FlightLog, di
         name = flight_log.name
         if label["family"] == HEALTHY:
             continue
-        handed, healthy_name = hand_over(flight_log, label), f"{name}_healthy"
+        handed, healthy_name = hand_over(flight_log, label, damages), f"{name}_healthy"
         _write_once(handed.log, log_path(folder, name))
         if handed.healthy is not None:
             _write_once(handed.healthy, log_path(folder, healthy_name))

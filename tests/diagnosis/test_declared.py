@@ -8,15 +8,14 @@ import yaml
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_candidates, nuisance_parameters
 from auv_torchrl.diagnosis.settings import read_settings
 from auv_torchrl.effects import EFFECTS, Effect
+from auv_torchrl.effects.trial import Trial
 from auv_torchrl.paths import CONF, OWN
 from auv_torchrl.vehicle import load_vehicle
 from tests.own_python import FOULING
 
 PAPER = load_vehicle("paper")
 DECLARED = """
-    scans={"factor": Scan((1.4, 2.0, 2.8))},
-    nuisance={"factor": 0.05},
-    is_rough=True,
+    trial=Trial(scans={"factor": Scan((1.4, 2.0, 2.8))}, nuisance={"factor": 0.05}, is_rough=True),
 )
 
 EFFECTS"""
@@ -28,7 +27,7 @@ def lab(tmp_path, monkeypatch):
     file = tmp_path / "effects" / "growth.py"
     file.parent.mkdir()
     own = FOULING.replace(")\n\nEFFECTS", DECLARED[1:])
-    file.write_text("from auv_torchrl.effects.scan import Scan\n" + own)
+    file.write_text("from auv_torchrl.effects.trial import Scan, Trial\n" + own)
     monkeypatch.setenv(OWN, str(tmp_path))
 
 
@@ -68,10 +67,10 @@ def test_what_an_effect_declares_could_stand_in_the_settings(name):
     """Its values lie within the bounds, and its slack is a share."""
     effect = EFFECTS[name]
     content = yaml.safe_load((CONF / "diagnosis" / "default.yaml").read_text())
-    scan = {parameter: asdict(scan) for parameter, scan in effect.scans.items()}
-    if effect.together:
-        scan = {"together": [dict(row) for row in effect.together]}
-    read_settings({**content, "scan": {name: scan}, "nuisance": {name: dict(effect.nuisance)}}, PAPER)
+    scan = {parameter: asdict(scan) for parameter, scan in effect.trial.scans.items()}
+    if effect.trial.together:
+        scan = {"together": [dict(row) for row in effect.trial.together]}
+    read_settings({**content, "scan": {name: scan}, "nuisance": {name: dict(effect.trial.nuisance)}}, PAPER)
 
 
 @pytest.mark.parametrize("key", ["scans", "nuisance"])
@@ -80,4 +79,4 @@ def test_an_effect_declares_nothing_of_a_parameter_that_it_lacks(key):
     known = EFFECTS["current"]
     assert isinstance(known, Effect)
     with pytest.raises(ValueError, match=f"{key} of nort: there are north, east, down .did you mean north"):
-        replace(known, **{key: {"nort": 0.1}})
+        replace(known, trial=Trial(**{key: {"nort": 0.1}}))

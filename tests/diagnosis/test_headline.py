@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.headline import MOST_WORDS, headline_of
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.report.wording import SOUND_DIVE, either, rows, sentence, to_do
 from auv_torchrl.diagnosis.unanswered.wording import CODE
-from auv_torchrl.diagnosis.verdict import FLOOR_ASSUMED, Estimate, FoundEffect, Verdict
+from auv_torchrl.diagnosis.verdict import FLOOR_ASSUMED, Estimate, FoundEffect, Intermittence, Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.flightlog import Finding, Severity
@@ -24,6 +24,7 @@ from tests.diagnosis.example import example
 PAPER = load_vehicle("paper")
 EXAMPLE = example()
 STUCK = Finding(Severity.WARNING, CODE, "depth does not answer to any command", "look at it", ("z",))
+LOOSE = Intermittence(7, 0.38, 0.3, 0.46)
 DOUBT = Finding(Severity.WARNING, "time", "time goes backwards", "", ("t",), limits=True)
 
 
@@ -47,13 +48,28 @@ def found_effects(draw) -> tuple[FoundEffect, ...]:
     return tuple(found)
 
 
-@given(found_effects(), st.sampled_from(list(Verdict)), st.sampled_from([(), (STUCK,), (DOUBT,)]))
+@given(
+    found_effects(),
+    st.sampled_from(list(Verdict)),
+    st.sampled_from([(), (STUCK,), (DOUBT,)]),
+    st.sampled_from([None, LOOSE]),
+)
 @settings(max_examples=200, deadline=None)
-def test_a_headline_is_read_at_a_glance(effects, verdict, findings):
+def test_a_headline_is_read_at_a_glance(effects, verdict, findings, loose):
     """Whatever was found, it is one sentence of at most fifteen words without a name of the program."""
-    headline = headline_of(replace(EXAMPLE, effects=effects, verdict=verdict, findings=findings))
+    where = replace(EXAMPLE.where, intermittence=loose)
+    headline = headline_of(replace(EXAMPLE, effects=effects, verdict=verdict, findings=findings, where=where))
     assert len(headline.split()) <= MOST_WORDS and headline.endswith(".") and headline[0] == headline[0].upper()
     assert "_" not in headline
+
+
+@pytest.mark.parametrize("verdict", [Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED])
+def test_a_thruster_that_comes_and_goes_is_said_with_its_share_and_looked_at_first(verdict):
+    """A loose plug has no name in the library, and its owner knows all the same where to look."""
+    where = replace(EXAMPLE.where, intermittence=LOOSE)
+    loose = replace(EXAMPLE, effects=(), verdict=verdict, findings=(), where=where)
+    assert headline_of(loose).startswith("Thruster 7 gives nothing for 38\u202f% of the time")
+    assert to_do(loose)[0].startswith("Look at plug and wires of thruster 7")
 
 
 def test_what_does_not_answer_is_the_headline():

@@ -29,7 +29,7 @@ def test_the_diagnosis_asks_for_no_effect_by_its_name():
 def test_a_limit_within_the_dead_band_is_said_to_be_a_dead_thruster():
     """Where no command gets through, the effect itself says that the thruster gives nothing."""
     vehicle = load_vehicle("paper")
-    same_as = EFFECTS["thrust_limit"].same_as
+    same_as = EFFECTS["thrust_limit"].trial.same_as
     assert same_as is not None
     band = float(vehicle.dead_band.min())
     assert same_as(vehicle, "limit_2", 0.9 * band) == ("thruster_gain", "gain_2", 0.0)

@@ -53,5 +53,5 @@ def test_the_heading_alone_feels_the_current():
 
 def test_a_filter_hides_the_compass():
     """It follows its compass slowly: what shows at once in such a heading is something else."""
-    effect = EFFECTS["compass_interference"]
-    assert effect.shows_in({}) and effect.shows_in({"x": 0.05, "yaw": 0.0}) and not effect.shows_in({"yaw": 0.002})
+    trial = EFFECTS["compass_interference"].trial
+    assert trial.shows_in({}) and trial.shows_in({"x": 0.05, "yaw": 0.0}) and not trial.shows_in({"yaw": 0.002})

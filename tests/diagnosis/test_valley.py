@@ -17,11 +17,11 @@ from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.identify.valley import moved_in_valley, walks
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.effects import get_effect
-from auv_torchrl.effects.effect import Valley
+from auv_torchrl.effects.trial import Valley
 from auv_torchrl.vehicle import load_vehicle
 
 SETTINGS = load_settings()
-VALLEY = cast("Valley", get_effect("thrust_curve").valley)
+VALLEY = cast("Valley", get_effect("thrust_curve").trial.valley)
 CURVE = {"exponent": 1.0, "asymmetry": 0.1}
 VEHICLE = get_effect("thrust_curve").apply(hold(load_vehicle("paper")), CURVE)
 GAINS = tuple(("thruster_gain", f"gain_{i}") for i in range(1, 7))

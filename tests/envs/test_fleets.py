@@ -168,7 +168,7 @@ def test_late_sensors_and_commands_need_no_preparation(backend):
 
 @backends
 @pytest.mark.parametrize(
-    "effect", [effect for effect in EFFECTS.values() if effect.is_asked(MOTION)], ids=lambda e: e.name
+    "effect", [effect for effect in EFFECTS.values() if effect.trial.is_asked(MOTION)], ids=lambda e: e.name
 )
 def test_every_effect_is_felt(backend, effect):
     """Away from nominal, each effect changes the motion or the observation, but of sensors that no policy has."""

@@ -113,6 +113,14 @@ def test_nothing_comes_about_that_cannot(sound):
         assert all(estimate.value <= 1 for name, estimate in cause.parameters.items() if name.startswith("gain"))
 
 
+def test_a_load_is_no_neutral_that_moved(sound):
+    """A constant push between two runs is a load or trim: neutrals of speed controllers are set, and are not tried."""
+    runs = cut_runs([dives({}, 2, seed=14)])
+    _, sensitivities = run_sensitivities(FILE, runs, SETTINGS)
+    tried = {candidate.effect for candidate in sensitivities.candidates}
+    assert {"buoyancy", "payload"} <= tried and "neutral_offset" not in tried
+
+
 def test_a_tether_of_the_vehicle_stays():
     """What a vehicle has by itself is in every sensitivity: a weight on a spring sinks to where the spring holds it."""
     moored = apply_values(FILE, {"tether": {"stiffness": 20.0}})

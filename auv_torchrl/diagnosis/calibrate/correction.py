@@ -83,7 +83,7 @@ class Correction:
 
     def settings(self, settings: Settings) -> Settings:
         """Settings of a search on the log that was corrected on: the effects that are fitted already are left out."""
-        fitted = [name for effect in self.effects for name in (effect.name, *EFFECTS[effect.name].covers)]
+        fitted = [name for effect in self.effects for name in (effect.name, *EFFECTS[effect.name].trial.covers)]
         return replace(settings, ignored=tuple(dict.fromkeys((*settings.left_out, *fitted))))
 
 
@@ -196,7 +196,7 @@ def build_prior(estimate: VehicleEstimate, settings: Settings, channels: Collect
     """
     nuisance = estimate.nuisance.entries
     effects = {effect for effect, *_ in nuisance}
-    fitted = effects | {name for effect in effects for name in EFFECTS[effect].covers}
+    fitted = effects | {name for effect in effects for name in EFFECTS[effect].trial.covers}
     others = [entry for entry in nuisance_parameters(estimate.vehicle, settings, channels) if entry[0] not in fitted]
     floor = np.array(settings.floor_force)
     return HealthyPrior(floor, {}, {}, nuisance, estimate.covariance, of_itself=True).beside(others)
@@ -312,7 +312,7 @@ def _list_effects(
             parameters[c.member] = Estimate(float(value), float(low), float(high), c.nominal, c.unit)
             if abs(value - c.nominal) > max(DIFFERS * sd, MOVED * c.width):
                 moved.append(c)
-        seen = sentences.get(EFFECTS[name].shows, ())
+        seen = sentences.get(EFFECTS[name].trial.shows, ())
         own = (*seen, *_describe_coefficients(held, name, moved, parameters)) if moved or not seen else seen
         found.append(FoundEffect(name, probability, parameters, (), share, "; ".join(own), calibrates=True))
     outliers = standing_out(coefficients, fitted.values, fitted.covariance)

@@ -151,7 +151,7 @@ class Descent:
         ).T
         self.covariance = shared_covariance([(c.effect, c.member) for c in coefficients], self.width)
         self.precision = np.linalg.inv(self.covariance)
-        self.reach = self.width * np.where([EFFECTS[c.effect].is_rough for c in coefficients], ROUGH_STEP, STEP)
+        self.reach = self.width * np.where([EFFECTS[c.effect].trial.is_rough for c in coefficients], ROUGH_STEP, STEP)
         self.entries = _free_start_entries(windows, vehicle)
         self.start_width = START_WIDTH[self.entries]
 

@@ -151,7 +151,7 @@ def make_nuisance(vehicle: Vehicle, widths: Sequence[NuisanceEntry]) -> Nuisance
     varying: dict[str, list[tuple[tuple[str, str], float]]] = {}
     for name, effect in EFFECTS.items():
         for member, p in effect.member_parameters(vehicle).items():
-            if p.varies and (not effect.shown_by or (name, member) in width):
+            if p.varies and (not effect.trial.shown_by or (name, member) in width):
                 varying.setdefault(f"{name}.{p.name}", []).append(((name, member), p.varies))
                 width.setdefault((name, member), (p.nominal_value(vehicle, member), 0.0))
     keys, spread = list(width), []
@@ -191,12 +191,12 @@ def guess_nuisance(
     """
     effects = {c.effect for c in coefficients}
     members = {(c.effect, c.member) for c in coefficients}
-    covered = {name for effect in effects for name in EFFECTS[effect].covers}
-    others = {name for name, effect in EFFECTS.items() if name in effects or not effect.covers} - covered
+    covered = {name for effect in effects for name in EFFECTS[effect].trial.covers}
+    others = {name for name, effect in EFFECTS.items() if name in effects or not effect.trial.covers} - covered
     widths = [(c.effect, c.member, c.nominal, c.width) for c in coefficients]
     widths += [entry for entry in list_guesses(vehicle) if entry[0] in others and entry[:2] not in members]
     if windows.errors.snapshot_s:
-        widths = [entry for entry in widths if not EFFECTS[entry[0]].smooths]
+        widths = [entry for entry in widths if not EFFECTS[entry[0]].trial.smooths]
     found = make_nuisance(vehicle, [*widths, *sensor_nuisance(vehicle, settings, windows.channels)])
     return replace(found, repeating=MENDED_REPEATS, is_guess=True)
 
@@ -322,7 +322,7 @@ class VehicleEstimate:
 
         The file may have such numbers wrong. Once they are calibrated, no search needs them as nuisance parameters.
         """
-        fixed = {name for name, effect in EFFECTS.items() if effect.is_property and not effect.is_searched}
+        fixed = {name for name, effect in EFFECTS.items() if effect.is_property and not effect.trial.is_searched}
         places = [place for place, (effect, *_) in enumerate(self.nuisance.entries) if effect not in fixed]
         covariance = self.covariance[np.ix_(places, places)]
         return VehicleEstimate(self.vehicle, self.nuisance.only(places), self.file_offset[places], covariance)

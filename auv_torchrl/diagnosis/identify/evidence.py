@@ -34,7 +34,7 @@ class Prior:
         total = log((1 - self.none) / self.families)
         total += (len(effects) - 1) * log(SECOND_EFFECT)
         for effect in effects:
-            total += log(EFFECTS[effect].odds)
+            total += log(EFFECTS[effect].trial.odds)
             members = len(declared(effect, self.vehicle).parameters)
             terms = [term for term in explanation.terms if term.effect == effect]
             if terms[0].discrete:

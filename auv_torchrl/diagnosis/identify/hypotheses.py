@@ -11,7 +11,7 @@ from auv_torchrl.array_api import converted
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
-from auv_torchrl.effects.scan import Scan
+from auv_torchrl.effects.trial import Scan
 from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
 
@@ -53,26 +53,26 @@ class Settings:
     @property
     def left_out(self) -> tuple[str, ...]:
         """Names of the effects that are not looked for."""
-        declared = (name for name, effect in EFFECTS.items() if effect.is_noise or not effect.is_searched)
+        declared = (name for name, effect in EFFECTS.items() if effect.trial.is_noise or not effect.trial.is_searched)
         return tuple(declared) if self.ignored is None else self.ignored
 
     def is_rough(self, effect: str) -> bool:
         """Whether chi-square is rough in the values of an effect."""
-        return EFFECTS[effect].is_rough if self.thresholds is None else effect in self.thresholds
+        return EFFECTS[effect].trial.is_rough if self.thresholds is None else effect in self.thresholds
 
     def nuisance_of(self, effect: Effect) -> Mapping[str, float]:
         """Relative standard deviations, by parameter, by which a sound vehicle is off."""
-        return self.nuisance.get(effect.name, effect.nuisance)
+        return self.nuisance.get(effect.name, effect.trial.nuisance)
 
     def scans_of(self, effect: Effect) -> Mapping[str, Scan]:
         """Values to try, by parameter."""
         if effect.name in self.scan:
             return {name: Scan(**given) for name, given in self.scan[effect.name].items() if name != "together"}
-        return effect.scans
+        return effect.trial.scans
 
     def together_of(self, effect: Effect) -> Sequence[Mapping[str, float]]:
         """Values of several parameters to try at once; where there are some, the parameters are not tried alone."""
-        return self.scan[effect.name].get("together", ()) if effect.name in self.scan else effect.together
+        return self.scan[effect.name].get("together", ()) if effect.name in self.scan else effect.trial.together
 
 
 def load_settings(name: str = "default") -> Settings:
@@ -187,7 +187,7 @@ def nuisance_parameters(vehicle: Vehicle, settings: Settings, channels: Collecti
     """
     found: list[Entry] = []
     for name, effect in EFFECTS.items():
-        if not effect.is_asked(channels):
+        if not effect.trial.is_asked(channels):
             continue
         widths = settings.nuisance_of(effect)
         for member, p in effect.member_parameters(vehicle).items():

@@ -190,7 +190,7 @@ class Neighbourhood:
 
     def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
         numbers, evidence = self.field.quadratic.numbers, self.best.evidence + gain
-        record = weighed(self.problem, what.explanation, evidence, chi2 / numbers, numbers, how, Outcome.PREDICTED)
+        record = weighed(self.problem, self.field, what.explanation, evidence, chi2 / numbers, how, Outcome.PREDICTED)
         return Proposal(what, record)
 
 
@@ -205,22 +205,39 @@ def _inseparable(terms: Sequence[Term]) -> Iterator[list[int]]:
 
 def weighed(
     problem: Problem,
+    field: Field,
     explanation: Explanation,
     evidence: float,
     misfit: float,
-    numbers: int,
     proposed: str,
     outcome: Outcome,
 ) -> Record:
-    """What an explanation is worth; ``evidence`` is its log evidence with the prior of its structure."""
+    """What an explanation is worth; ``evidence`` is its log evidence with the prior of its structure.
+
+    ``field`` is that of no effect, whose chi-square is the size of the gap.
+    """
+    numbers, several = field.quadratic.numbers, max(0, _statements(problem, explanation) - 1)
     structure = problem.prior.structure(explanation)
     values = explanation.values(problem.vehicle, nuisance=False)
     flat = {f"{effect}.{name}": value for effect, row in values.items() for name, value in row.items()}
     # An unknown effect is not to be pieced together from known ones: what is left weighs more, the more there are.
     left = CLOSES * max(0.0, misfit - 1.0) * numbers / 2
     weight = structure - (WORTH_AN_EFFECT + left) * len(explanation.effects)
+    # A vehicle repeats itself to a share of its own motion: what departs from a fault by no more is no second one.
+    weight -= 0.5 * problem.repeating**2 * max(0.0, field.none().chi2 - misfit * numbers) * several
     names = tuple(sorted(explanation.effects))
     return Record(names, flat, evidence - structure, weight, misfit, proposed, outcome)
+
+
+def _statements(problem: Problem, explanation: Explanation) -> int:
+    """How many things an explanation says: one for an effect, or one for each member of a family that differs."""
+    members = {term.key for term in explanation.terms if not term.discrete and _is_of_family(problem, term)}
+    others = {term.effect for term in explanation.terms if term.discrete or not _is_of_family(problem, term)}
+    return len(members) + len(others)
+
+
+def _is_of_family(problem: Problem, term: Term) -> bool:
+    return bool(declared(term.effect, problem.vehicle).parameters[term.members[0]].over)
 
 
 def held_at(problem: Problem, fit: Fit, values: Mapping[int, float]) -> tuple[Explanation, float]:

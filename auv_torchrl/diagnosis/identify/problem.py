@@ -24,10 +24,12 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import (
     FELT_ALONE,
     LONG_STEP,
+    MENDED_REPEATS,
     MOSTLY_LOST,
     NOISIER,
     NUISANCE_LIMIT,
     NUISANCE_STEP,
+    REPEATS,
     WIDE_SHARE,
 )
 from auv_torchrl.effects import EFFECTS
@@ -117,8 +119,8 @@ class Problem:
             known = known.beside(sensor_nuisance(vehicle, settings, windows.channels))
             nuisance, covariance = known.nuisance, known.nuisance_covariance
             floor, noisier = known.floor, _noisier(rough, known.rough_noise)
-        asked = {name: effect for name, effect in EFFECTS.items() if effect.is_asked(windows.channels)}
-        shown = {name: effect for name, effect in asked.items() if effect.shows_in(windows.errors.drift)}
+        asked = {name: effect for name, effect in EFFECTS.items() if effect.trial.is_asked(windows.channels)}
+        shown = {name: effect for name, effect in asked.items() if effect.trial.shows_in(windows.errors.drift)}
         candidates = tuple(make_candidates(vehicle, settings, shown))
         return Problem(
             given=windows,
@@ -170,6 +172,11 @@ class Problem:
     def believed(self, measured: dict[str, float]) -> dict[str, float]:
         """Noise by channel: what was measured, or what a healthy log showed, see :func:`believed_noise`."""
         return believed_noise(self.known, self.noisier, measured)
+
+    @property
+    def repeating(self) -> float:
+        """How well the vehicle repeats itself, relative: less well where healthy flights have mended its file."""
+        return MENDED_REPEATS if self.known is not None and self.known.scales is not None else REPEATS
 
     def freedom(self, state: Smoothed, prior: Floats | None = None) -> Freedom:
         """What the free numbers of windows with the slopes of a state absorb, the disturbance held by ``prior``."""

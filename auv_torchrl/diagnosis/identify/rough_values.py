@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.thresholds import (
     WALKS,
 )
 from auv_torchrl.effects import EFFECTS
-from auv_torchrl.effects.effect import Valley
+from auv_torchrl.effects.trial import Valley
 
 
 def search_thresholds(problem: Problem, best: Fit) -> Fit:
@@ -40,7 +40,7 @@ def search_thresholds(problem: Problem, best: Fit) -> Fit:
             best = _best_along(problem, best, [{column: NUISANCE_REACH * width * u - now} for u in TRIED_STEPS])
             best = _best_along(problem, best, [{column: NUISANCE_NEAR * width * u} for u in TRIED_STEPS])
     for name, effect in EFFECTS.items():
-        valley = effect.valley
+        valley = effect.trial.valley
         if valley is not None and (not leaves_much(problem, best) or valley.beside[0] in best.explanation.effects):
             best = _search_valley(problem, best, name, valley)
     return best

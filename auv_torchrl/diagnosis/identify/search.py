@@ -130,8 +130,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
 
     def record(self, fitted: Fit, proposed: str, outcome: Outcome) -> Record:
         """See :meth:`Search.record`."""
-        numbers = self._field.quadratic.numbers
-        return weighed(self._problem, fitted.explanation, fitted.evidence, fitted.excess, numbers, proposed, outcome)
+        worth = fitted.evidence, fitted.excess
+        return weighed(self._problem, self._field, fitted.explanation, *worth, proposed, outcome)
 
     def is_small(self, fitted: Fit) -> bool:
         """See :meth:`Search.is_small`: by the force of each effect beside that of nuisance parameters."""
@@ -227,7 +227,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
         tried = {candidate.effect for candidate in self._problem.candidates}
 
         def plainer(term: Term) -> Term:
-            same_as = EFFECTS[term.effect].same_as
+            same_as = EFFECTS[term.effect].trial.same_as
             same = [same_as(best.path.vehicle, member, term.value) if same_as else None for member in term.members]
             known = [one for one in same if one is not None and one[0] in tried]
             if len(known) < len(same):

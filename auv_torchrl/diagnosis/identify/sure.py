@@ -60,8 +60,8 @@ def as_sure(problem: Problem, fit: Fit) -> tuple[Explanation, Floats]:
     free = n + int((size < TELLS_SCALES**2).sum())
     best = max(_by_share(*given, A[:free, :free], b[:free], width, measured), key=LIKELIHOOD)
     step, held = np.pad(best.step, (0, len(b) - free)), np.eye(len(b) - free)
-    owed = np.concatenate([-np.linalg.solve(best.curvature, A[:free, free:]), held])
-    covariance = np.pad(np.linalg.inv(best.curvature), (0, len(held))) + owed @ owed.T
+    carried = np.concatenate([-np.linalg.solve(best.curvature, A[:free, free:]), held])
+    covariance = np.pad(np.linalg.inv(best.curvature), (0, len(held))) + carried @ carried.T
     of_scales, by = _of_a_share(problem, explanation) @ scales, step[:n] - at_fit
     said = take_step(problem, explanation, by[k:] * fit.steps + of_scales @ step[n:], by[:k])
     to_values = np.concatenate([np.diag(fit.steps), of_scales], axis=1)

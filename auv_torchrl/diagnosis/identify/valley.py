@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.quadratics import quadratic
 from auv_torchrl.diagnosis.identify.steps import joint_precision, take_step, value_steps
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.effects.effect import Valley
+from auv_torchrl.effects.trial import Valley
 from auv_torchrl.sysid.bounded import minimum_within
 
 

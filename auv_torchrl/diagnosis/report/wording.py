@@ -116,6 +116,9 @@ def next_best(decision: Decision) -> str:
 def to_do(diagnosis: Diagnosis) -> list[str]:
     """What to look at, what to set, what to repair, and what to fly where explanations are left open, in this order."""
     look = [finding.remedy for finding in not_answering(diagnosis.findings)]
+    if loose := diagnosis.where.intermittence:
+        at = loose.thruster
+        look.append(f"look at plug and wires of thruster {at}, at weed in its propeller, and at its speed controller")
     set_back = (finding.remedy for finding in set_wrong(diagnosis.findings, diagnosis.effects))
     repair = (
         how_sure(advice.do, effect.probability)

@@ -1,0 +1,51 @@
+"""A thruster that pushes otherwise than commanded is found by gains of its own from moment to moment."""
+
+import pytest
+
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.localize.moments import changing_thruster
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind.cases import Case
+from benchmarks.blind.fly import fly
+from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.owners.acts import ACTS
+
+HEAVY, SETTINGS, SENSORS = load_vehicle("bluerov2_heavy"), load_settings(), "mocap"
+
+
+def moments(act, number=3, seed=2):
+    """What is found along the measured motion of one flight of 40 s, and its label."""
+    case = Case(
+        number, "outside", outside=act, sensors=SENSORS, axes=sensor_set(SENSORS).axes, episodes=2, episode_s=20.0
+    )
+    ((log, label),) = fly([case], HEAVY, seed, ACTS)
+    windows = cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
+    return changing_thruster(*follow_windows(Problem.of(windows, HEAVY, SETTINGS))), label.get("drawn", {})
+
+
+@pytest.mark.parametrize("act", ["one_way", "stuck", "sticking", "wandering", "comes_and_goes"])
+def test_the_thruster_that_pushes_otherwise_is_found(act):
+    """Whatever it does: no library has to know what that is."""
+    found, drawn = moments(act)
+    assert found is not None and found.thruster == drawn["thruster"]
+
+
+def test_a_thruster_that_comes_and_goes_is_said_to_with_its_share_of_the_time():
+    """Gains are near one or near nothing; the share without thrust lies in its interval."""
+    found, drawn = moments("comes_and_goes", number=4)
+    said = found.intermittence()
+    assert said is not None and said.low <= drawn["share"] <= said.high and said.high - said.low < 0.5
+
+
+def test_a_thruster_that_wanders_is_not_said_to_come_and_go():
+    """Its gain is anything between."""
+    found, _ = moments("wandering")
+    assert found.intermittence() is None
+
+
+def test_no_thruster_is_found_on_a_sound_vehicle():
+    """Nor is one where all of them are as they should be."""
+    assert moments(None)[0] is None

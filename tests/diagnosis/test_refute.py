@@ -1,0 +1,55 @@
+"""Held-out flight takes back effects and members of a family that it can do without, and nothing else."""
+
+import pytest
+from flown_logs import fly, hold
+
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.found import Found
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.neighbours import weighed
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.validate.refute import take_back
+from auv_torchrl.sysid.posterior import weights
+from auv_torchrl.sysid.trace import Outcome, SearchTrace
+from auv_torchrl.vehicle import load_vehicle
+
+HELD, SETTINGS = hold(load_vehicle("paper")), load_settings()
+BOTH = {"thruster_gain": {"gain_2": 0.5}, "buoyancy": {"force": 6.0}}
+GAIN, FORCE = Term("thruster_gain", ("gain_2",), 0.5), Term("buoyancy", ("force",), 6.0)
+LITTLE = Term("thruster_gain", ("gain_4",), 0.99)
+DRAG = Term("added_mass", ("scale_yaw",), 0.98)
+
+
+def found_as(*terms):
+    """A log of a weak thruster and a load, another one to test on, and an explanation by some terms."""
+    log, testing = (fly(HELD, BOTH, seed=seed, episodes=2, seconds=20.0) for seed in (41, 42))
+    problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), HELD, SETTINGS)
+    problem, follow = follow_windows(problem)
+    field = Field.of(problem, follow)
+    none, best = (fit_by_simulation(problem, Explanation(some), follow, rounds=r) for some, r in (((), 0), (terms, 3)))
+    record = weighed(problem, field, best.explanation, best.evidence, best.excess, "as given", Outcome.KEPT)
+    return Found(problem, follow, none, best, (best, none), field, SearchTrace((record,))), testing
+
+
+@pytest.mark.parametrize(
+    ("terms", "stays"),
+    [((GAIN, FORCE), (GAIN, FORCE)), ((GAIN, FORCE, DRAG), (GAIN, FORCE)), ((GAIN, LITTLE, FORCE), (GAIN, FORCE))],
+)
+def test_what_held_out_flight_can_do_without_is_taken_back(terms, stays):
+    """Both true causes stay; an inertia of 0.98 and a second gain of 0.99 go, and the trace says why."""
+    found, testing = found_as(*terms)
+    kept = take_back(found, testing, SETTINGS)
+    assert {term.key for term in kept.best.explanation.terms} == {term.key for term in stays}
+    outcomes = [record.outcome for record in kept.trace.records]
+    assert outcomes == [Outcome.REFUTED] * (len(terms) - len(stays)) + [Outcome.KEPT]
+    assert weights(kept.trace) == {kept.trace.best.names: 1.0}
+
+
+def test_one_cause_is_never_taken_back_for_itself():
+    """Whether a single effect stands at all is asked against no effect."""
+    found, testing = found_as(GAIN)
+    assert take_back(found, testing, SETTINGS).best is found.best
