@@ -129,7 +129,7 @@ RATIOS = (
     Ratio("the strongest thruster pushes with {} times the weight of the displaced water",
           _strongest, In("[0.05, 20]"), 0.3, (_THRUST, "rigid_body.buoyancy")),
     Ratio("the lift of a fin points {} of it ahead, where the flow comes from",
-          lambda v: np.abs(v["thrusters.direction"][:, 0])[v[_AREA] > 0], In("[0, 0.7]"), 0.05,
+          lambda v: np.abs(v["thrusters.direction"][:, 0])[v[_AREA] > 0], In("[0, 0.9]"), 0.05,
           ("thrusters.direction", _AREA), possible=False),
     Ratio("the limit is {} times the full thrust", lambda v: v[_LIMIT] / v[_THRUST],
           In("[0.15, 100]"), 1.0, (_LIMIT, _THRUST)),
