@@ -91,6 +91,8 @@ SECTIONS = {
         *(_real(name, _LOGS) for name in ("ardusub", "ardusub_healthy", "ardusub_wrong_file", "ardusub_altered")),
         _real("ardusub_vectored", _LOGS),
         _real("haizhe", _ALIKE, QUICK),
+        Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
+        Section("owners.md", "owners mocap", _DIAGNOSIS, SEALED, rows.of_owners),
         Section("dives.md", "dives", (*_DIAGNOSIS, "auv_torchrl/monitoring"), SEALED, rows.of_dives),
     )
 }

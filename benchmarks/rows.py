@@ -43,12 +43,32 @@ def of_real(name: str, command: str) -> Labels:
     return set(next(section for section in SECTIONS if section.name == name).rows)
 
 
+def of_owners(command: str) -> Labels:
+    """Of sealed cases of owners' vehicles; the command says how many there are, and with which sensors."""
+    from benchmarks.owners import acts, cases, score, still
+
+    found, sensors = re.search(r"--cases (\d+)", command), command.split()[3]
+    labels = [f"case_{number:04d}" for number in range(1, int(found[1]) + 1)] if found else []
+    kinds = (*acts.ACTS, *still.kinds(sensors))
+    labels += [*cases.FAMILIES, *(kind.replace("_", " ") for kind in kinds)]
+    return _one([*labels, *(row[0] for row in score.owner_numbers([], sensors).rows)])
+
+
 def of_dives(command: str) -> Labels:
     """Of the benchmark over many dives."""
     from auv_torchrl.vehicle import load_vehicle
     from benchmarks.dives.__main__ import VEHICLE
 
     return _one(f"thruster {number}" for number in range(1, load_vehicle(VEHICLE).thrusters + 1))
+
+
+def of_trial(command: str) -> Labels:
+    """Of the trial through the firmware; its command says how many cases were drawn, and from which seed."""
+    from benchmarks.trial.cases import draw_cases
+
+    found = {name: re.search(rf"--{name} (\d+)", command) for name in ("cases", "seed")}
+    count, seed = (int(own[1]) if own else 0 for own in found.values())
+    return _one(case.name for case in draw_cases(count, seed))
 
 
 def _one(labels: Iterable[str]) -> Labels:

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 
 import pytest
 import yaml
@@ -59,6 +60,30 @@ LINES = [  # program, arguments, exit code; training last, for its settings stay
     (TRAIN, ["agent.gama=0.9"], 2),
 ]
 LOGS = ("nowhere.csv", "flight.BIN")
+# What a command imports where it comes to it: each takes longer than all that is imported before the work, less numpy.
+LATE = {"scipy.linalg", "scipy.optimize", "scipy.special", "scipy.stats", "scipy.interpolate", "scipy.signal",
+        "jinja2", "joblib", "llvmlite"}  # fmt: skip
+WORK = {  # by module that a command works with, what it imports of these nevertheless
+    "auv_torchrl.flightlog.job": set(),
+    "auv_torchrl.diagnosis.job": set(),
+    "auv_torchrl.diagnosis.calibrate.job": set(),
+    "auv_torchrl.monitoring.dive_job": set(),
+    "auv_torchrl.monitoring.repeated_runs": set(),
+    "auv_torchrl.link.job": set(),
+    "auv_torchrl.fly.job": set(),
+    "auv_torchrl.page.recognise": set(),
+    "auv_torchrl.page.app": {"jinja2"},  # last: every answer of it is a page
+}
+IMPORT = """
+import json, sys
+from importlib import import_module
+
+loaded = []
+for module in json.load(sys.stdin):
+    import_module(module)
+    loaded.append(sorted(sys.modules))
+print(json.dumps(loaded))
+"""
 
 
 def printed(code, given=None):
@@ -103,6 +128,21 @@ def test_a_log_that_there_is_not_is_refused_before_work_begins(answers):
     for ended, modules in answers[-len(LOGS) :]:
         assert ended == 2
         assert not modules & HEAVY
+
+
+@pytest.fixture(scope="module")
+def imported():
+    """By module that a command works with, what is loaded behind it; what one loads stays for those after it."""
+    there = [module for module in WORK if module != "auv_torchrl.page.app" or find_spec("fastapi")]
+    return {module: set(loaded) for module, loaded in zip(there, printed(IMPORT, there), strict=True)}
+
+
+@pytest.mark.parametrize("module", WORK)
+def test_a_command_begins_its_work_without_what_it_may_not_need(imported, module):
+    """Imports take 0.4 s at most on a laptop: scipy, templates and compilers are imported where they are used."""
+    if module not in imported:
+        pytest.skip("fastapi is not installed: pip install '.[page]'")
+    assert imported[module] & (LATE | HEAVY - {"scipy"}) == WORK[module]
 
 
 @pytest.mark.parametrize("enabled", [True, False])

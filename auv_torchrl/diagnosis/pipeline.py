@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from scipy.special import expit
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches
@@ -150,6 +149,8 @@ def diagnose_answering(
     partly = verdict is Verdict.EXPLAINED and (short or hedge)
     outcome = Verdict.PARTLY_EXPLAINED if partly else verdict  # where the log is right
     verdict = limited(outcome, doubted)
+    from scipy.special import expit  # here: it takes long to import
+
     unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
     unknown = 1.0 if vetoed or partly else unknown
     probability = bounded(effect_probabilities(found, unknown), doubted)

@@ -6,8 +6,9 @@ stands in that file as a constant of its own; two files may use the same name fo
 Units: chi-square and log evidence are natural; "per number" is per measured number, of which noise alone leaves 1.
 """
 
+from statistics import NormalDist
+
 import numpy as np
-from scipy.special import chdtri
 
 # What the simulator and the sensors may be wrong by
 WIDE_SHARE = 0.6  # of the full thrust in a degree of freedom: prior of the force while a wrong model follows the log
@@ -184,9 +185,8 @@ SURE = 0.9  # probability above which an effect is told as a fact: one of ten at
 LIKELY = 0.5  # likewise, at which it may as well be untrue: never a fact, and nobody takes apart what is likelier sound
 
 # What a log cannot tell
-NOT_EXCLUDED = float(
-    chdtri(1, 0.0027)
-)  # chi-square by which an explanation may be worse: 99.73 % quantile of one value
+# Chi-square by which an explanation may be worse: 99.73 % quantile of one value
+NOT_EXCLUDED = NormalDist().inv_cdf(1 - 0.0027 / 2) ** 2
 STANDS_IN = 0.6  # probability that a known effect found beside an unknown one only stands in for it
 SHOWS = 30.0  # chi-square that pays for an effect and its place
 FOLLOWS = 3  # steps of the motion that nobody measured

@@ -28,10 +28,12 @@ def ardusub(described: Described) -> str:
         f"# {described.name}, written by auv-export from {described.source}",
         *(f"# {line}" for line in described.said),
         "# ArduSub's own simulator has its mass, drag and thrust in its source; to fly those of this vehicle:",
-        f"#   auv-sim vehicle={described.source}",
+        f"#   auv-sim --vehicle {described.source}",
         "#   ardusub --model JSON:127.0.0.1 --home 33.81,-118.39,0,0 --defaults sub.parm,vehicle.parm",
         f"FRAME_CONFIG {frame}  # {FRAMES[frame][0]}",
         "SIM_RATE_HZ 400",
+        "BARO_SPEC_GRAV 1.024  # sea water, which ArduSub simulates",
+        "BATT_MONITOR 0  # thrust does not follow the volts that it would simulate",
     ]
     for number in range(1, vehicle.thrusters + 1):
         lines.append(f"SERVO{number}_FUNCTION {function_of(number)}")

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 PITCH, ROLL, THROTTLE, YAW, FORWARD, LATERAL = range(1, 7)  # numbers of the inputs
 CENTRE_US, SWING_US, LEAVE = 1500, 400, 65535
-YAW_GAIN = 4.5  # ACRO_YAW_P at which yaw is passed on as it is
+YAW_GAIN = 3.375  # ACRO_YAW_P at which yaw is passed on as it is: its default, since 2018
 ALONG = {FORWARD: (0, 1.0), LATERAL: (1, 1.0), THROTTLE: (2, -1.0), YAW: (3, 1.0)}  # channel and sign; throttle is up
 
 

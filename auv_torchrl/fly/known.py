@@ -121,7 +121,7 @@ def channels_of(
     scale = scale_of(parameters["FRAME_CONFIG"], contract["vehicle"]["mixer"])
     yaw_gain = parameters["ACRO_YAW_P"]
     if not yaw_gain > 0:
-        raise UnknownVehicle(f"ACRO_YAW_P is {yaw_gain:g}, and scales yaw in MANUAL: set it above 0, as 4.5")
+        raise UnknownVehicle(f"ACRO_YAW_P is {yaw_gain:g}, and scales yaw in MANUAL: set it above 0, as 3.375")
     try:
         travels = {number: travel_of(number, parameters) for number in range(1, 7)}
     except ValueError as error:

@@ -42,6 +42,7 @@ LAYOUTS = {
     "SET_MODE": _layout(11, 89, "IBB", "custom_mode target_system base_mode"),
     "PARAM_REQUEST_READ": _layout(20, 214, "hBB16s", "param_index target_system target_component param_id"),
     "PARAM_VALUE": _layout(22, 220, "fHH16sB", "param_value param_count param_index param_id param_type"),
+    "PARAM_SET": _layout(23, 168, "fBB16sB", "param_value target_system target_component param_id param_type"),
     "ATTITUDE": _layout(30, 39, "Iffffff", f"time_boot_ms {_AXES}"),
     "LOCAL_POSITION_NED": _layout(32, 185, "Iffffff", "time_boot_ms x y z vx vy vz"),
     "MANUAL_CONTROL": _layout(69, 243, "hhhhHB", "x y z r buttons target"),

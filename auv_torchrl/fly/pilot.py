@@ -172,10 +172,8 @@ class Pilot:
         self.helm.channels = known.channels_of(told, contract, settings.interface, settings.system, settings.firmware)
         name, reached = known.weakest(self.helm.channels, self.helm.gain)
         if reached < 0.99:
-            log.warning(
-                "%s reaches %.0f %% of what the policy may ask for, at pilot gain %.2f: interface=rc has all of it",
-                name, 100 * reached, self.helm.gain,
-            )  # fmt: skip
+            why = f"at pilot gain {self.helm.gain:.2f}: interface=rc has all of it" if manual else "for its input ends"
+            log.warning("%s reaches %.0f %% of what the policy may ask for, %s", name, 100 * reached, why)
         if not talk.parameters.get(known.FAILSAFE):
             log.warning("%s is 0: if both processes are lost, nothing stops the vehicle; set it to 2", known.FAILSAFE)
 

@@ -1,5 +1,6 @@
 """One simulated vehicle behind the link: placed at rest, stepped by commands, read as its sensors report it."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +21,10 @@ from auv_torchrl.vehicle_fields import GRAVITY
 LONGEST_STEP_S = CONTROL_DT  # for which the physics is stable; ArduSub, too, paces no step of 0.1 s or more
 
 
+ZEROED_S = 30.0  # s at the surface, where ArduSub zeroes its depth, and has its origin once it hears its GPS
+LOWERED_M_S = 0.5  # on the mean over the way down
+
+
 @dataclass(frozen=True)
 class Start:
     """Where the vehicle rests, level, before a flight."""
@@ -28,6 +33,19 @@ class Start:
     east: float = 0.0
     down: float = 0.0  # m below the surface, where home is at altitude 0
     yaw: float = 0.0  # rad
+    held: bool = False  # at the surface, then let down to ``down``, and held until a thruster is driven
+
+    @property
+    def let_down_s(self) -> float:
+        """When a vehicle that is held is at ``down``."""
+        return ZEROED_S + abs(self.down) / LOWERED_M_S
+
+    def held_at(self, time_s: float) -> tuple[float, float]:
+        """Depth in m and sinking speed in m/s of a vehicle that is held, without jolts."""
+        over = abs(self.down) / LOWERED_M_S
+        share = min(max((time_s - ZEROED_S) / over, 0.0), 1.0) if over else 1.0
+        speed = 0.5 * self.down * math.pi / over * math.sin(math.pi * share) if over else 0.0
+        return 0.5 * self.down * (1.0 - math.cos(math.pi * share)), speed
 
 
 class Moment(NamedTuple):
@@ -59,7 +77,9 @@ class Plant:
         """Place the vehicle anew, its time at 0 and the scenario at its start."""
         noise = np.random.default_rng(self.seed)
         self.simulator = PlainSimulator(self.vehicle.expand(1), LONGEST_STEP_S, scenario=self.scenario, generator=noise)
-        place = np.array([[self.start.north, self.start.east, self.start.down]])
+        self._held = self.start.held
+        down = self.start.held_at(0.0)[0] if self._held else self.start.down
+        place = np.array([[self.start.north, self.start.east, down]])
         self.simulator.resume(at_rest(place, np.array([self.start.yaw]), self.vehicle.thrusters))
         self._past = _Past(self._longest_s, np.zeros(self.vehicle.thrusters), self._pose())
         self._last: list[float] = []  # quaternion and velocity before the step
@@ -71,16 +91,32 @@ class Plant:
         if step_s != simulator.control_dt:
             self._change_step(step_s)
         row = np.array([command])
-        lost = simulator.step(row)
+        self._held = self._held and not any(command)
+        lost = self._hold() if self._held else simulator.step(row)
         if self._longest_s > 0:
             self._past.add(step_s, row[0], self._pose())
         self.moment = self._look()
         return bool(lost[0])
 
+    def _hold(self) -> tuple[bool]:
+        """Let time go by while somebody holds the vehicle; it is not lost meanwhile."""
+        simulator = self.simulator
+        time = simulator.state.time + simulator.control_dt
+        down, sinking = self.start.held_at(float(time[0]))
+        simulator.resume(
+            simulator.state._replace(
+                time=time,
+                position=np.array([[self.start.north, self.start.east, down]]),
+                velocity=np.array([[0.0, 0.0, sinking, 0.0, 0.0, 0.0]]),
+            )
+        )
+        return (False,)
+
     def reading(self) -> Reading:
         """What ArduSub is told of the moment."""
         position, quaternion, velocity = (part[0].tolist() for part in self.moment.reported)
-        over_ground = to_earth(quaternion, velocity[:3])
+        # ArduSub makes its GPS out of it, which no compass turns: the true attitude, not the reported one
+        over_ground = to_earth(self.moment.state[1][0].tolist(), velocity[:3])
         felt = self.moment.specific_force
         return Reading(self.moment.time_s, velocity[3:], felt, position, over_ground, quaternion)
 

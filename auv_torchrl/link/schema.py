@@ -17,6 +17,7 @@ class StartSchema:
     east: Annotated[float, In("[-900, 900]", "m")] = MISSING
     down: Annotated[float, In("[-10, 900]", "m")] = MISSING
     yaw: Annotated[float, In("[-6.3, 6.3]", "rad")] = MISSING
+    held: bool = MISSING
 
 
 @dataclass

@@ -8,7 +8,6 @@ import numpy as np
 from markupsafe import Markup
 
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
-from auv_torchrl.diagnosis.report.page import STYLE, templates
 from auv_torchrl.diagnosis.report.svg import circle, line, polyline, rect, svg, text, ticks
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.monitoring.dive_history import ChangeEntry, DiveEntry, DiveHistory, ParameterEntry, rate, size_of
@@ -43,6 +42,8 @@ def dives_page(history: DiveHistory, vehicle: Vehicle) -> str:
         history: the report.
         vehicle: the nominal vehicle, no batch, for the drawing.
     """
+    from auv_torchrl.diagnosis.report.page import STYLE, templates  # here: jinja2 is needed once the work is done
+
     environment = templates(_HERE)
     parameters = history.parameters
     environment.filters |= {

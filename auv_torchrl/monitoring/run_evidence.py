@@ -4,9 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import f as distribution_of_f
-from scipy.stats import norm
 
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.evidence import plausible_range
@@ -81,6 +78,8 @@ def weigh_effects(
         _fit(apart[rows] / one, otherwise[rows] / one, columns[:, rows] / one, centre, width, healthy)
         for rows, one in zip(groups, unit, strict=True)
     ]
+    from scipy.special import fdtrc, logsumexp  # here, as below: it takes longer to import than numpy
+
     loglik, amount, deviation, left = (np.stack(part) for part in zip(*fits, strict=True))
     effects = list(
         dict.fromkeys(candidate.effect for candidate, seen in zip(sensitivities.candidates, shows, strict=True) if seen)
@@ -101,7 +100,7 @@ def weigh_effects(
     chosen = probability.argmax(1)
     least = left[np.arange(len(groups)), 1 + best[np.arange(len(groups)), chosen]]
     numbers = apart.shape[1]
-    strange = distribution_of_f.sf(least / numbers, numbers, max(healthy.freedom - numbers + 1, 1))
+    strange = fdtrc(numbers, max(healthy.freedom - numbers + 1, 1), least / numbers)  # of the F distribution
     hidden = [candidate.effect for candidate in sensitivities.candidates if candidate.effect not in effects]
     hidden += [] if any(data.lines) else [VIBRATION]
     names = (NONE, *effects, VIBRATION)
@@ -112,6 +111,8 @@ def weigh_effects(
 
 def _vibration_score(score: Floats, effects: Sequence[str], lines: Sequence[SpectralLine | None]) -> Floats:
     """Log likelihood (G, 1) of a line in the spectrum, alone or beside an effect of the thrusters."""
+    from scipy.special import logsumexp
+
     may_be = [0, *(1 + i for i, name in enumerate(effects) if EFFECTS[name].origin is Origin.ACTUATION)]
     evidence = np.array([line.evidence if line else -np.inf for line in lines])
     return (evidence + logsumexp(score[:, may_be], axis=1) - np.log(len(may_be)))[:, None]
@@ -125,6 +126,8 @@ def _fit(
     Several runs (n, K) are weighed by their mean. All arrays are in standard deviations of healthy runs: the difference
     ``apart`` from healthy runs, the part of it that other commands make (``otherwise``), and sensitivities (M, n, K).
     """
+    from scipy.special import log_ndtr
+
     k = apart.shape[1]
     y, m = apart.mean(0), columns.mean(1)  # (K,), (M, K)
     y_off = y - centre[:, None] * m
@@ -138,7 +141,7 @@ def _fit(
     spread = np.concatenate([[k * np.log(other)], np.log1p(width**2 * size) + k * np.log(wrong)])
     loglik = -0.5 * (healthy.freedom + k) * np.log1p(left / healthy.freedom) - 0.5 * spread
     # A negative amount is the opposite change, which is another candidate.
-    loglik[1:] += np.asarray(norm.logcdf(amount / deviation)) - np.asarray(norm.logcdf(centre / width))
+    loglik[1:] += log_ndtr(amount / deviation) - log_ndtr(centre / width)
     return loglik, amount, deviation * np.sqrt(wrong), left
 
 

@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import t as students
 
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import Z95
@@ -81,6 +79,8 @@ def band_centres(frequencies: int) -> Floats:
 
 def _contrast(power: Floats) -> Floats:
     """Logarithm (N, A * C) of the power in each band over the power on its two sides, from spectra (N, A, F)."""
+    from scipy.special import logsumexp  # here, as below: it takes longer to import than numpy
+
     frequency = np.arange(power.shape[-1]) * GRID_HZ
     found = []
     for centre in band_centres(len(frequency)):
@@ -95,8 +95,15 @@ def _contrast(power: Floats) -> Floats:
     return np.stack(found, axis=-1).reshape(len(power), -1)
 
 
+def _students(x: Floats, freedom: int) -> Floats:
+    """Log density of Student's distribution, up to a constant."""
+    return -0.5 * (freedom + 1) * np.log1p(x**2 / freedom)
+
+
 def _line(over: Floats, runs: Runs, healthy: HealthySpectrum, rows: np.ndarray) -> SpectralLine | None:
     """The line of the runs ``rows``, whose contrast is ``over`` (n, A * C)."""
+    from scipy.special import logsumexp
+
     count = len(over)
     if not count:
         return None
@@ -105,8 +112,8 @@ def _line(over: Floats, runs: Runs, healthy: HealthySpectrum, rows: np.ndarray) 
     more, freedom = over.mean(0) - healthy.mean, healthy.count - 1
     prior = -0.5 * (AMOUNTS / LOUDER) ** 2
     prior -= logsumexp(prior)
-    weight = students.logpdf((more[:, None] - AMOUNTS) / unit[:, None], freedom) + prior
-    evidence = logsumexp(weight, axis=1) - students.logpdf(more / unit, freedom)
+    weight = _students((more[:, None] - AMOUNTS) / unit[:, None], freedom) + prior
+    evidence = logsumexp(weight, axis=1) - _students(more / unit, freedom)
     best = int(evidence.argmax())
     share_of = np.exp(weight[best] - logsumexp(weight[best]))
     amount = float(share_of @ AMOUNTS)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow.parquet
 
+from auv_torchrl.extras import library
 from auv_torchrl.flightlog.streams.stream import Floats, Streams
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def prediction_panels(path: Path, added: Mapping[int, float]) -> tuple[list[Pane
         path: of ``predictions.parquet``.
         added: by episode, what the overview adds to its times; an only episode takes any number.
     """
-    read = pyarrow.parquet.read_table(path)
+    read = library("pyarrow.parquet", "the errors of predictions need", "logs").read_table(path)
     column = {name: read[name].to_numpy() for name in read.schema.names}
     only = next(iter(added.values())) if len(added) == 1 else None
     offset = np.array([only if only is not None else added.get(int(n), np.nan) for n in column["episode"]], float)

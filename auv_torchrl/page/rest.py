@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from auv_torchrl.extras import library
+from auv_torchrl.extras import is_installed, library
 from auv_torchrl.page import overview
 from auv_torchrl.page.jobs import ABOUT_FILES, REPORT, JobError, files_of, request_job, vehicles
 from auv_torchrl.page.store import Job, JobKind, JobState, LogEntry, LogState, Store
@@ -253,7 +253,7 @@ def overview_of(
         if finding.get("span")
     ]
     files = files_of(store, job) if job is not None else {}
-    if "predictions.parquet" in files:
+    if "predictions.parquet" in files and is_installed("pyarrow"):
         errors, held_out = overview.prediction_panels(files["predictions.parquet"], added)
         panels = [*errors, *panels]
         spans += [{"kind": "held-out", "from": a, "to": b, "label": "held out: predicted"} for a, b in held_out]

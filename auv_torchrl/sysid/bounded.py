@@ -9,16 +9,27 @@ Two forms serve the diagnosis, and none replaces the other:
   made up for a negative added mass is wrong once the added mass is clipped to 0.
 """
 
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 import numpy as np
-from scipy.linalg import get_lapack_funcs
 
 from auv_torchrl.sysid.model import Floats
 
 BOUND_PASSES = 4  # of clipping numbers to their bounds and fitting the others again
-POTRF, POTRS = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)  # Cholesky without scipy's checks of small arrays
 SINGULAR = 1e-13  # of the largest direction: below, a double holds nothing but rounding
 STILL = 1e-3  # of the largest step, each in units of its curvature: a number at a bound that moves less is rounding
 TINY = 1e-300  # curvature of a number that acts on nothing
+
+
+@cache
+def _cholesky() -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """LAPACK's factor and solution by it, without scipy's checks of small arrays."""
+    from scipy.linalg import get_lapack_funcs  # here: it takes long to import
+
+    potrf, potrs = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
+    return potrf, potrs
 
 
 def solve_semidefinite(H: Floats, right: Floats) -> Floats:
@@ -26,11 +37,12 @@ def solve_semidefinite(H: Floats, right: Floats) -> Floats:
 
     Cholesky where ``H`` is far from singular, which is seven times as fast, singular values elsewhere.
     """
-    factor, failed = POTRF(H, lower=1, clean=0)
+    potrf, potrs = _cholesky()
+    factor, failed = potrf(H, lower=1, clean=0)
     if not failed and len(H):
         diagonal = np.diagonal(factor)
         if diagonal.min() > SINGULAR**0.5 * diagonal.max():
-            return POTRS(factor, right, lower=1)[0]
+            return potrs(factor, right, lower=1)[0]
     return np.linalg.lstsq(H, right, rcond=SINGULAR)[0]
 
 

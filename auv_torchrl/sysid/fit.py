@@ -4,8 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import lsq_linear
 
 from auv_torchrl.sysid.linear import (
     Linearised,
@@ -71,11 +69,15 @@ def least_quadratic(curvature: Floats, pull: Floats, low: Floats, high: Floats) 
     """Where (k,) ``x H x - 2 g x`` is least within bounds, of a positive ``H`` (k, k)."""
     if not len(pull):
         return np.zeros(0)
+    from scipy.linalg import cholesky, solve_triangular  # here: most of scipy takes longer to import than numpy
+
     curvature = curvature + ROUNDING * np.diag(curvature).max() * np.eye(len(pull))
     factor = cholesky(curvature)
     free = np.linalg.solve(curvature, pull)
     if ((free >= low) & (free <= high)).all():
         return free
+    from scipy.optimize import lsq_linear
+
     right = solve_triangular(factor.T, pull, lower=True)
     return lsq_linear(factor, right, (low, np.maximum(high, low + 1e-12)), method="bvls").x
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
 
 from auv_torchrl.sysid.fit import Fit
 from auv_torchrl.sysid.model import Parameter
@@ -91,6 +90,8 @@ def indistinguishable(trace: SearchTrace) -> list[tuple[str, ...]]:
 
 def chance(fit: Fit) -> float:
     """Probability that noise and disturbance alone leave as much as a fit does."""
+    from scipy.special import chdtrc  # here: it takes long to import
+
     return float(chdtrc(fit.numbers, fit.chi2))
 
 

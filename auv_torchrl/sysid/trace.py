@@ -16,7 +16,7 @@ class Outcome(Enum):
     BEATEN = "dropped: another hypothesis of the same round has more"
     NEEDED = "tried without this, and put back: the log pays for it"
     LEANER = "kept on the way: the log does not pay for what was taken away"
-    REFUTED = "taken back: held-out flight is predicted worse with it"
+    REFUTED = "taken back: held-out flight is predicted no worse without it"
     PREDICTED = "not simulated: the linear prediction promises too little"
 
 

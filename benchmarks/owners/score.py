@@ -6,6 +6,7 @@ from typing import Any
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import Origin
+from auv_torchrl.vehicle import Vehicle
 from benchmarks.blind.statistics import Share, median
 from benchmarks.blind.table import Table, counted, median_and_largest, targets
 from benchmarks.blind.thrusters import declared_groups, exchangeable
@@ -23,7 +24,6 @@ BLAMED = "sensors that do not answer: a fault of the vehicle above one half"
 FILE_OFF = "the file called off, for more likely than not, although one cause closes more"
 SHARE = "comes and goes: the share of the time within its interval"
 CPU = "CPU seconds of logs that end unexplained, median / largest"
-Vehicle = Any
 
 
 @dataclass(frozen=True)

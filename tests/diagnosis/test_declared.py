@@ -79,4 +79,4 @@ def test_an_effect_declares_nothing_of_a_parameter_that_it_lacks(key):
     known = EFFECTS["current"]
     assert isinstance(known, Effect)
     with pytest.raises(ValueError, match=f"{key} of nort: there are north, east, down .did you mean north"):
-        replace(known, trial=Trial(**{key: {"nort": 0.1}}))
+        replace(known, trial=replace(Trial(), **{key: {"nort": 0.1}}))

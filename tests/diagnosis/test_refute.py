@@ -1,5 +1,8 @@
 """Held-out flight takes back effects and members of a family that it can do without, and nothing else."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from flown_logs import fly, hold
 
@@ -11,6 +14,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.neighbours import weighed
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.validate.refute import take_back
 from auv_torchrl.sysid.posterior import weights
@@ -53,3 +57,11 @@ def test_one_cause_is_never_taken_back_for_itself():
     """Whether a single effect stands at all is asked against no effect."""
     found, testing = found_as(GAIN)
     assert take_back(found, testing, SETTINGS).best is found.best
+
+
+def test_a_log_of_which_no_force_follows_a_window_is_searched_all_the_same():
+    """A vehicle that tumbles at the surface leaves no number to predict by; the search ends, and divides by none."""
+    found, _ = found_as(GAIN)
+    lost = replace(found.problem, followed=np.zeros(len(found.problem.windows), bool))
+    ended = search(lost, found.follow, lambda step, share: None, [found.best.explanation])
+    assert ended.field.quadratic.numbers == 0 and ended.trace.best is not None

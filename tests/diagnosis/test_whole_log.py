@@ -49,3 +49,14 @@ def test_commands_are_drawn_by_their_way_and_size():
     picture = dive(overview)
     assert picture.count('class="forwards"') == 20 and picture.count('class="backwards"') == 10
     assert 'fill-opacity="0.32"' in picture and 'fill-opacity="1.00"' in picture
+
+
+def test_nothing_is_drawn_where_the_log_pauses():
+    """A stretch that was cut out has neither a line across nor a command that lasts."""
+    t = np.concatenate([np.arange(20.0), np.arange(500.0, 520.0)])
+    overview = replace(Overview.of(LOG), t=t, begins=(0.0,), commands=np.ones((40, 1)), depth=np.ones(40),
+                       heading=np.full(40, np.nan), volts=np.full(40, np.nan))  # fmt: skip
+    picture = dive(overview)
+    widths = [float(width) for width in re.findall(r'class="forwards"[^>]* width="([0-9.]+)"', picture)]
+    (curve,) = re.findall(r'class="curve after" d="([^"]+)"', picture)
+    assert max(widths) < 40.0 and curve.count("M") == 2

@@ -100,7 +100,7 @@ def test_sdf_has_the_numbers_in_gazebos_axes():
 def test_parameters_name_the_frame_and_another_mixer_is_refused():
     """ArduSub's own coefficients are no parameters, and the file says so."""
     text = ardusub(read_described("bluerov2_heavy"))
-    assert "FRAME_CONFIG 2" in text and "SERVO8_FUNCTION 40" in text and "auv-sim vehicle=bluerov2_heavy" in text
+    assert "FRAME_CONFIG 2" in text and "SERVO8_FUNCTION 40" in text and "auv-sim --vehicle bluerov2_heavy" in text
     with pytest.raises(ValueError, match="none of ArduSub's frames that are known, vectored, vectored_6dof"):
         described = read_described("bluerov2")
         ardusub(replace(described, vehicle=described.vehicle.replace(mixer=-described.vehicle.mixer)))

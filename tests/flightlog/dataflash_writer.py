@@ -2,6 +2,10 @@
 
 import struct
 
+import numpy as np
+
+from auv_torchrl.flightlog import FlightLog
+
 FORMS = {  # type number, format and columns
     "PARM": (10, "QNf", "TimeUS,Name,Value"),
     "MODE": (11, "QMBB", "TimeUS,Mode,ModeNum,Rsn"),
@@ -72,3 +76,27 @@ def dive(seconds=20.0, begin=5.0, given=ALL, armed: bool | None = True, also=Non
         made += record("XKF1", t, 0, 0, 0, 0.1, 0.01 * k, -0.02 * k, 1.0 + k / 100, 1.0, 0.0, -1.0)
         made += record("IMU", t, 0, 0.01, 0.02, 0.05, 0.0, 0.0, -9.8)
     return made + (record("EV", begin + seconds, 11) if armed else b"")
+
+
+def flown(log: FlightLog, given=ALL, begin: float = 5.0) -> bytes:
+    """What ArduSub would write of a flight: its first episode at 10 Hz, the estimates of its filter exact.
+
+    ``given`` are the parameters; an output is turned where its MOT_n_DIRECTION says so.
+    """
+    episode = log.episodes[0]
+    t, pose, commands = (values[::2] for values in (episode.t, episode.pose, episode.commands))
+    north_east_down = pose[:, :3]
+    speeds = np.gradient(north_east_down, t, axis=0)
+    turned = [given.get(f"MOT_{n + 1}_DIRECTION", 1) for n in range(commands.shape[1])]
+    pulses = np.rint(1500 + 400 * commands * turned).astype(int)
+    made = described(*FORMS) + record("MSG", begin, "ArduSub V4.5.0") + parameters(given, begin)
+    made += record("MODE", begin, 19, 19, 1) + record("EV", begin, 10)
+    for k, time in enumerate(begin + t - t[0]):
+        roll, pitch, yaw = np.degrees(pose[k, 3:6])
+        made += record("RCOU", time, *pulses[k].tolist(), *[0] * (14 - pulses.shape[1]))
+        made += record("ATT", time, roll, pitch, yaw % 360)
+        made += record("BARO", time, 0, 30.0) + record("BARO", time, 1, -pose[k, 2])
+        made += record("CTUN", time, -pose[k, 2])
+        made += record("XKF4", time, 0, 0b11111, 0)
+        made += record("XKF1", time, 0, *speeds[k], *north_east_down[k], 0.0, 0.0, 0.0)
+    return made + record("EV", begin + t[-1] - t[0], 11)

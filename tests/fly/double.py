@@ -22,7 +22,7 @@ from auv_torchrl.vehicle import load_vehicle
 STEP_S = 0.04
 STABILIZE = 0
 PARAMETERS = {
-    "FRAME_CONFIG": 2.0, "ACRO_YAW_P": 4.5, "JS_THR_GAIN": 1.0, "JS_GAIN_DEFAULT": 0.5, "FS_PILOT_INPUT": 2.0,
+    "FRAME_CONFIG": 2.0, "ACRO_YAW_P": 3.375, "JS_THR_GAIN": 1.0, "JS_GAIN_DEFAULT": 0.5, "FS_PILOT_INPUT": 2.0,
     "MAV_GCS_SYSID": 255.0,
     **{f"RC{n}_{name}": value for n in range(1, 7)
        for name, value in (("MIN", 1100.0), ("TRIM", 1500.0), ("MAX", 1900.0), ("REVERSED", 0.0))},
@@ -94,7 +94,7 @@ class Vehicle:
     def _mixed(self):
         """Outputs of the mixer, shares of full travel."""
         share = {n: (pulse - 1500) / 400 for n, pulse in self.inputs.items()}
-        axes = np.array([share[5], share[6], -share[3], share[4] * self.parameters["ACRO_YAW_P"] / 4.5])
+        axes = np.array([share[5], share[6], -share[3], share[4] * self.parameters["ACRO_YAW_P"] / 3.375])
         return np.clip(np.array(FRAMES[int(self.parameters["FRAME_CONFIG"])][1]) @ axes, -1, 1)
 
     def _obey(self, message):

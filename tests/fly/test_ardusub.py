@@ -1,7 +1,4 @@
-"""The firmware itself between our physics and our policy, where the variable ARDUSUB names its program.
-
-No machine of this project has had that program: the test has not been run against it yet.
-"""
+"""The firmware itself between our physics and our policy, where the variable ARDUSUB names its program."""
 
 import json
 import os
@@ -12,8 +9,9 @@ import time
 import pytest
 
 from auv_torchrl.paths import PROJECT
+from benchmarks.trial.control import FRAME, VEHICLE, by_policy, hold
 
-PARAMETERS = "FRAME_CONFIG 2\nSIM_RATE_HZ 400\nARMING_CHECK 0\n"
+PARAMETERS = "FRAME_CONFIG 2\nSIM_RATE_HZ 400\nBARO_EXT_BUS 1\nBARO_SPEC_GRAV 1.024\nBATT_MONITOR 0\nBTN4_FUNCTION 4\n"
 TRIES = 12  # of a flight, until the firmware has a position: 10 s each
 
 
@@ -42,3 +40,11 @@ def test_a_place_is_held_through_the_firmware(exported, tmp_path):
         for process in running:
             process.kill()
             process.wait()
+
+
+@pytest.mark.skipif("ARDUSUB" not in os.environ, reason="ARDUSUB does not name ArduSub's program")
+def test_a_place_is_held_in_lock_step(exported, tmp_path):
+    """The same on the clock of the simulation, by the true position, to what the autopilot's estimate drifts."""
+    found = hold(VEHICLE, FRAME, {}, tmp_path / "ardusub", by_policy(exported, adapted=False))
+    assert found["ended"] == "time" and found["mean_m"] < 0.15
+    assert found["mean_m"] == pytest.approx(found["reported_m"], abs=0.05)

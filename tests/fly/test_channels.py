@@ -19,10 +19,10 @@ def passed(sent, gain, lift=1.0):
     return {n: min(1900, max(1100, int(pulse))) for n, pulse in pulses.items()}
 
 
-def shares(pulses, travels, yaw_gain=4.5):
+def shares(pulses, travels, yaw_gain=3.375):
     """Surge, sway, heave and yaw that its mixer gets in MANUAL."""
     share = {n: travels.get(n, Travel()).share(pulse) for n, pulse in pulses.items()}
-    return np.array([share[5], share[6], -share[3], share[4] * yaw_gain / 4.5])
+    return np.array([share[5], share[6], -share[3], share[4] * yaw_gain / 3.375])
 
 
 @pytest.mark.parametrize("travels", [{}, ODD], ids=["usual", "odd"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from auv_torchrl.link.plant import Plant, Start, longest_delay, to_earth
+from auv_torchrl.link.plant import ZEROED_S, Plant, Start, longest_delay, to_earth
 from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.sensors import SENSORS
@@ -40,7 +40,7 @@ def test_the_link_flies_what_simulate_flies(wire, vehicle, name):
     np.testing.assert_allclose([t.position for t in told], reported.position[0, 1:], rtol=0, atol=1e-9)
     np.testing.assert_allclose([t.quaternion for t in told], reported.quaternion[0, 1:], rtol=0, atol=1e-9)
     np.testing.assert_allclose([t.gyro for t in told], reported.velocity[0, 1:, 3:], rtol=0, atol=1e-9)
-    rotation = rotation_matrix(reported.quaternion[0, 1:])
+    rotation = rotation_matrix(expected.states[0, 1:, 3:7])
     velocity = np.einsum("tij,tj->ti", rotation, reported.velocity[0, 1:, :3])
     np.testing.assert_allclose([t.velocity for t in told], velocity, rtol=0, atol=1e-9)
     truth = np.concatenate(link.lockstep.plant.moment.state, axis=-1)
@@ -170,3 +170,36 @@ def test_an_effect_sets_in_at_its_time_at_any_rate(plant):
         own.step([0.5] * 8, step_s)
         acts.append((own.moment.time_s - step_s / 2, bool((own.moment.thrust == 0).all())))
     assert all(dead is (0.5 <= middle < 1.0) for middle, dead in acts)
+
+
+def test_a_vehicle_that_is_held_is_let_down_and_waits_for_a_command(plant):
+    """At the surface first, then down without a jolt, and there until a thruster is driven; after a reset again."""
+    held = plant(down=4.0, held=True)
+    for _ in range(2):
+        seen = []
+        while held.moment.time_s < held.start.let_down_s + 5.0:
+            held.step([0.0] * 8, 0.025)
+            seen.append((held.moment.time_s, held.reading().position[2], held.reading().velocity[2]))
+        time_s, down, sinking = np.array(seen).T
+        assert (down[time_s < ZEROED_S] == 0.0).all() and (down[time_s > held.start.let_down_s] == 4.0).all()
+        np.testing.assert_allclose(np.gradient(down, time_s), sinking, atol=0.02)
+        assert held.reading().specific_force == pytest.approx((0.0, 0.0, -9.81))
+        for _ in range(40):
+            held.step([0.0] * 4 + [1.0] * 4, 0.025)
+        assert held.moment.state[0][0, 2] > 4.1
+        held.reset()
+    fallen = plant({"payload": {"weight": 50.0}}, down=4.0)
+    for _ in range(40):
+        fallen.step([0.0] * 8, 0.025)
+    assert fallen.moment.state[0][0, 2] > 4.05
+
+
+def test_a_compass_that_is_off_turns_no_speed_over_ground(plant):
+    """ArduSub makes its GPS of position and speed, its compass of the attitude."""
+    turned, sound = plant({"heading_bias": {"angle": 0.5}}), plant()
+    for vehicle in (turned, sound):
+        for _ in range(200):
+            vehicle.step([-0.5, -0.5, 0.5, 0.5, *[0.0] * 4], 1 / 400)
+    assert turned.reading().velocity == sound.reading().velocity and sound.reading().velocity[0] > 0.1
+    assert turned.reading().position == sound.reading().position
+    assert turned.reading().quaternion != sound.reading().quaternion

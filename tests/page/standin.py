@@ -41,4 +41,6 @@ def main() -> None:
     answer = {"verdict": "explained", "summary": "Thruster 4 is weak.", "where": {}, "arguments": sys.argv[1:]}
     (folder / ("dives.json" if history else "diagnosis.json")).write_text(json.dumps(answer))
     (folder / "advice.param").write_text("MOT_1_DIRECTION,1\n")
+    (folder / "scenario.yaml").write_text("effects: {thruster_gain: {gain_4: 0.5}}\n")
+    (folder / "diagnosis.rrd").write_bytes(b"RRF2 and what follows")
     print("100 % done, 1 s so far", flush=True)

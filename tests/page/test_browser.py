@@ -1,12 +1,18 @@
-"""What people do with the page, in a browser: drop, mark, diagnose, compare; in dark, on 400 px, by keys alone."""
+"""What people do with the page, in a browser.
+
+A dive, or many, is dropped and recognised; marked healthy; diagnosed, in a queue that tells how far it is and can be
+left; read as a report and as curves; compared; followed over time; its files come down; all is there after a restart.
+In dark, on 400 px, by keys alone, and without script.
+"""
 
 import re
 
 import pytest
 
 from auv_torchrl.page import jobs
-from auv_torchrl.paths import EXAMPLE_LOG
+from tests.flightlog.dataflash_writer import ALL, flown
 from tests.flightlog.shared_data import EXCERPTS
+from tests.flightlog.simulate import simulated_logs
 from tests.page.conftest import another, page_server
 
 DIVE = next(EXCERPTS.glob("*.BIN*"))
@@ -68,20 +74,27 @@ def tab(browser, address):
 
 def drop(page, name, content):
     """Drop a file on the page as a hand does, and wait until it is read."""
+    (row,) = drop_all(page, {name: content})
+    return row
+
+
+def drop_all(page, files):
+    """Drop files on the page, contents by name, all at once, and wait until they are read."""
     page.evaluate(
-        """([name, content]) => {
+        """(files) => {
           const held = new DataTransfer();
-          held.items.add(new File([Uint8Array.from(content)], name));
+          for (const [name, content] of files) held.items.add(new File([Uint8Array.from(content)], name));
           for (const kind of ["dragover", "drop"]) {
             document.getElementById("drop").dispatchEvent(
               new DragEvent(kind, { dataTransfer: held, bubbles: true, cancelable: true }));
           }
         }""",
-        [name, list(content)],
+        [[name, list(content)] for name, content in files.items()],
     )
-    row = page.locator("#dives tr", has_text=name)
-    row.locator("select").wait_for()
-    return row
+    rows = [page.locator("#dives tr", has_text=name) for name in files]
+    for row in rows:
+        row.locator("select").wait_for()
+    return rows
 
 
 def test_a_dropped_dive_comes_to_a_verdict(tab):
@@ -92,9 +105,7 @@ def test_a_dropped_dive_comes_to_a_verdict(tab):
     tab.wait_for_selector("iframe.report")
     assert tab.inner_text("h1") == "Thruster 4 is weak."
     assert tab.frame_locator("iframe.report").locator("h1").inner_text() == "Thruster 4 is weak."
-    with tab.expect_download() as loading:
-        tab.get_by_role("link", name="advice.param").click()
-    assert loading.value.path().read_text() == "MOT_1_DIRECTION,1\n"
+    assert downloaded(tab, "advice.param") == b"MOT_1_DIRECTION,1\n"
 
 
 def test_a_report_runs_no_script_and_loads_nothing(tab, address):
@@ -119,6 +130,70 @@ def test_a_healthy_dive_is_marked_by_a_click_and_taken_along(tab):
     drop(tab, "ill1.csv", another()).get_by_role("button", name="Diagnose").click()
     tab.wait_for_selector("iframe.report")
     assert "held against sound1.csv" in tab.inner_text("main")
+
+
+def test_many_dives_are_dropped_at_once(tab):
+    """Each is read and can be diagnosed by itself."""
+    rows = drop_all(tab, {name: another() for name in ("many1.csv", "many2.csv", "many3.csv")})
+    assert [row.locator("select").input_value() for row in rows] == ["paper"] * 3
+    assert all(row.get_by_role("button", name="Diagnose").is_enabled() for row in rows)
+
+
+def test_the_queue_tells_how_far_it_is_and_a_diagnosis_can_be_cancelled(tab):
+    """The page follows by itself: the stage and the share while one runs, another waits, and comes next."""
+    first, second = drop_all(tab, {"slow1.csv": another(), "next1.csv": another()})
+    other = tab.context.new_page()
+    other.set_default_timeout(TIMEOUT_MS)
+    first.get_by_role("button", name="Diagnose").click()
+    tab.locator(".stage", has_text="40 % screening effects").wait_for()
+    assert tab.locator("progress").evaluate("(bar) => bar.value") == pytest.approx(0.4)
+    other.goto(tab.url.split("diagnosis/")[0])
+    other.locator("#dives tr", has_text="next1.csv").get_by_role("button", name="Diagnose").click()
+    other.locator("#answer .tag", has_text="waits").wait_for()
+    tab.get_by_role("button", name="Cancel").click()
+    tab.locator("h1", has_text="It was cancelled").wait_for()
+    other.locator("h1", has_text="Thruster 4 is weak.").wait_for()
+
+
+def test_results_are_there_after_a_restart(browser, standin, tmp_path):
+    """The next server over the folder shows the dive, its verdict and its report."""
+    with browser.new_context() as context:
+        page = context.new_page()
+        page.set_default_timeout(TIMEOUT_MS)
+        with page_server(tmp_path / "page") as address:
+            page.goto(address)
+            drop(page, "kept.csv", another()).get_by_role("button", name="Diagnose").click()
+            page.wait_for_selector("iframe.report")
+            place = page.url.removeprefix(address)
+        with page_server(tmp_path / "page") as address:
+            page.goto(address)
+            assert page.locator("#dives tr", has_text="kept.csv").count() == 1
+            page.goto(address + place)
+            assert page.inner_text("h1") == "Thruster 4 is weak."
+            assert page.frame_locator("iframe.report").locator("h1").inner_text() == "Thruster 4 is weak."
+
+
+def test_advice_scenario_recording_and_calibrated_vehicle_come_down(tab, address):
+    """Each as the diagnosis or the calibration wrote it."""
+    row = drop(tab, "files1.csv", another())
+    row.locator("select").select_option("bluerov2_heavy")
+    row.get_by_role("button", name="mark healthy").click()
+    tab.wait_for_selector("#dives tr:has-text('files1.csv') .mark[aria-pressed=true]")
+    drop(tab, "files2.csv", another()).get_by_role("button", name="Diagnose").click()
+    tab.wait_for_selector("iframe.report")
+    assert downloaded(tab, "advice.param") == b"MOT_1_DIRECTION,1\n"
+    assert downloaded(tab, "scenario.yaml").startswith(b"effects:")
+    assert downloaded(tab, "diagnosis.rrd").startswith(b"RRF2")
+    tab.goto(f"{address}vehicle/bluerov2_heavy")
+    tab.get_by_role("button", name="Calibrate on").click()
+    assert downloaded(tab, "bluerov2_heavy_calibrated.yaml") == b"name: calibrated\n"
+
+
+def downloaded(page, name):
+    """The content of the file behind a link."""
+    with page.expect_download() as loading:
+        page.get_by_role("link", name=name).click()
+    return loading.value.path().read_bytes()
 
 
 def test_the_history_of_a_vehicle_shows_its_dives_and_what_changed(tab, address):
@@ -204,16 +279,21 @@ def test_a_page_goes_without_script(browser, address):
 
 
 @pytest.mark.slow
-def test_the_example_comes_to_its_verdict_by_the_diagnosis_itself(browser, tmp_path, monkeypatch):
-    """Thruster 4 is weak; its curves have the errors of prediction, before and after."""
+def test_the_log_of_an_autopilot_comes_to_its_verdict_by_the_diagnosis_itself(browser, tmp_path, monkeypatch):
+    """A reversed motor is found and a file undoes it; curves have the errors of prediction, before and after."""
     monkeypatch.setattr(jobs, "DIAGNOSE", "auv_torchrl.monitoring.command")  # others have a stand-in for it
+    (log,) = simulated_logs("bluerov2_heavy", [{"thruster_gain": {"gain_1": -1.0}}], episodes=1, seconds=40.0, seed=3)
+    written = flown(log, {**ALL, "MOT_1_DIRECTION": -1})
     with page_server(tmp_path / "page") as address, browser.new_context() as context:
         page = context.new_page()
         page.set_default_timeout(4 * TIMEOUT_MS)
         page.goto(address)
-        drop(page, "flight.csv", EXAMPLE_LOG.read_bytes()).get_by_role("button", name="Diagnose").click()
+        row = drop(page, "00000029.BIN", written)
+        assert row.locator("select").input_value() == "bluerov2_heavy"
+        row.get_by_role("button", name="Diagnose").click()
         page.wait_for_selector("iframe.report")
-        assert "Thruster 4 gives 0.55 times" in page.inner_text("h1")
+        assert "Thruster 1 gives" in page.inner_text("h1")
+        assert downloaded(page, "advice.param") == b"MOT_1_DIRECTION,1\n"
         page.wait_for_selector(".overview canvas")
         assert "Error of prediction: place, m" in page.locator(".u-title").all_inner_texts()
         assert page.locator(".span-held-out").count() == 1

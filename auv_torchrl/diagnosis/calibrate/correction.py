@@ -12,7 +12,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr  # of the normal distribution; scipy.stats has it too, and takes a second to import
 
 from auv_torchrl.diagnosis.calibrate.flights import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.output_error import (
@@ -141,6 +140,8 @@ class PredictionGain:
     @staticmethod
     def of(windows: Windows, before: Floats, after: Floats) -> "PredictionGain":
         """The gain from the errors ``before`` to those ``after``, (W, m, C) of the used channels each."""
+        from scipy.special import ndtr  # of the normal distribution; here: it takes long to import
+
         scale, _ = measure_scale(windows, after)
         cost = [
             (pseudo_huber(error, scale) ** 2 * windows.present[..., None]).sum((1, 2)) for error in (before, after)
@@ -153,6 +154,8 @@ class PredictionGain:
     @property
     def is_worth_it(self) -> bool:
         """Whether the gain is large enough and no luck."""
+        from scipy.special import ndtr
+
         return bool(self.share > WORTH_A_CORRECTION and self.probability > ndtr(SURELY_BETTER))
 
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit
 
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, shared_family
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -42,6 +41,8 @@ def standing_out(coefficients: Sequence[Coefficient], values: Floats, covariance
         family = shared_family(c.effect, c.member)
         if family is not None and c.nominal:
             families.setdefault(family, []).append(place)
+    from scipy.special import expit  # here: it takes long to import
+
     nominal = np.array([c.nominal or 1.0 for c in coefficients])
     values, covariance = values / nominal, covariance / np.outer(nominal, nominal)
     found = []

@@ -4,7 +4,7 @@ A neighbour has one effect, or some values of an effect, more; some values or an
 or another effect in place of one.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -141,12 +141,10 @@ class Neighbourhood:
     def _without(self, places: tuple[int, ...]) -> Proposal[Neighbour]:
         """Without the values at some places of the best fit."""
         terms = self.best.explanation.terms
-        nominal = [declared(term.effect, self.problem.vehicle).nominal[term.members[0]] for term in terms]
-        moved, rise = held_at(self.problem, self.best, {place: nominal[place] for place in places})
-        kept = tuple(term for place, term in enumerate(moved.terms) if place not in places)
+        smaller, rise = without(self.problem, self.best, places)
         gone = [f"{terms[place].effect} {terms[place].members[0]}" for place in places]
         how = f"without {_words(gone) if len(gone) < 3 else counted(len(gone), 'value')}"
-        return self._fewer(Explanation(kept, moved.nuisance), rise, how)
+        return self._fewer(smaller, rise, how)
 
     def _merged(self) -> list[Proposal[Neighbour]]:
         """With one value for all members of a family of which most have a value of their own."""
@@ -189,8 +187,9 @@ class Neighbourhood:
         return any(frozenset((new, old)) in self.field.twins for new in added for old in there)
 
     def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
-        numbers, evidence = self.field.quadratic.numbers, self.best.evidence + gain
-        record = weighed(self.problem, self.field, what.explanation, evidence, chi2 / numbers, how, Outcome.PREDICTED)
+        misfit = chi2 / max(self.field.quadratic.numbers, 1)  # 0 where no force makes the vehicle follow any window
+        evidence = self.best.evidence + gain
+        record = weighed(self.problem, self.field, what.explanation, evidence, misfit, how, Outcome.PREDICTED)
         return Proposal(what, record)
 
 
@@ -231,13 +230,22 @@ def weighed(
 
 def _statements(problem: Problem, explanation: Explanation) -> int:
     """How many things an explanation says: one for an effect, or one for each member of a family that differs."""
-    members = {term.key for term in explanation.terms if not term.discrete and _is_of_family(problem, term)}
-    others = {term.effect for term in explanation.terms if term.discrete or not _is_of_family(problem, term)}
+    members = {term.key for term in explanation.terms if is_of_family(problem, term)}
+    others = {term.effect for term in explanation.terms if not is_of_family(problem, term)}
     return len(members) + len(others)
 
 
-def _is_of_family(problem: Problem, term: Term) -> bool:
-    return bool(declared(term.effect, problem.vehicle).parameters[term.members[0]].over)
+def is_of_family(problem: Problem, term: Term) -> bool:
+    """Whether a value is that of a member of a family, such as the gain of one thruster; numbers of plugs are not."""
+    return not term.discrete and bool(declared(term.effect, problem.vehicle).parameters[term.members[0]].over)
+
+
+def without(problem: Problem, fit: Fit, places: Collection[int]) -> tuple[Explanation, float]:
+    """An explanation without the values at some places, as :func:`held_at` has it, and the rise of chi-square."""
+    terms = fit.explanation.terms
+    nominal = {p: declared(terms[p].effect, problem.vehicle).nominal[terms[p].members[0]] for p in places}
+    moved, rise = held_at(problem, fit, nominal)
+    return replace(moved, terms=tuple(term for p, term in enumerate(moved.terms) if p not in nominal)), rise
 
 
 def held_at(problem: Problem, fit: Fit, values: Mapping[int, float]) -> tuple[Explanation, float]:

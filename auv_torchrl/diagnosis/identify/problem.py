@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from auv_torchrl.diagnosis.identify.evidence import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import (
@@ -62,6 +61,8 @@ class HealthyPrior:
         new = [entry for entry in own if entry[:2] not in there]
         if not new:
             return self
+        from scipy.linalg import block_diag  # here: it takes long to import
+
         return replace(
             self,
             nuisance=(*self.nuisance, *new),

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from auv_torchrl.diagnosis.identify.assess import log_evidence
 from auv_torchrl.diagnosis.identify.evidence import exchanges, volume
@@ -123,6 +122,8 @@ def _of_entries(problem: Problem, follow: WindowPath, rest: Explanation, n: int)
 
 def _likeliest(g: Floats, H: Floats, n: int) -> Routing:
     """The permutation with signs that has the least chi-square, what each plug costs included."""
+    from scipy.optimize import linear_sum_assignment  # here: few logs come to it, and it takes long to import
+
     entries = np.linalg.solve(H + np.eye(n * n), g).reshape(n, n) + np.eye(n)
     _, giver = linear_sum_assignment(-np.abs(entries))
     rounded = Routing(giver, np.where(entries[np.arange(n), giver] < 0, -1.0, 1.0))

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
-from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import (
     fit_by_simulation,
@@ -21,7 +20,7 @@ from auv_torchrl.diagnosis.identify.fit import (
     rescued,
 )
 from auv_torchrl.diagnosis.identify.found import Found
-from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, promise, weighed
+from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, is_of_family, promise, weighed
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_does, sizes
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
@@ -170,9 +169,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
         """Members of families, beside others of their effect, whose force is small likewise."""
         terms = likeliest(self._problem, fitted).terms
         several = [one for one in terms if sum(other.effect == one.effect for other in terms) > 1]
-        vehicle = self._problem.vehicle
-        families = [one for one in several if declared(one.effect, vehicle).parameters[one.members[0]].over]
-        each = [Explanation((term,)) for term in families if not term.discrete]
+        each = [Explanation((term,)) for term in several if is_of_family(self._problem, term)]
         small = sizes(self._problem, each, fitted.path) < MINOR * self._problem.nuisance_size
         return [one.terms[0].key for one, is_small in zip(each, small, strict=True) if is_small]
 

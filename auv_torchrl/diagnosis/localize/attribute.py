@@ -8,14 +8,14 @@ and accelerations together are the equation of motion and would explain any gap.
 The share of the gap that a map of the commands could close says whether adapting the controls will help.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.force import responses
-from auv_torchrl.diagnosis.motion.reduce import Quadratic, reduce
+from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
 from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, NOTHING_TO_MAP, REACH_WIDTH, WORTHLESS
@@ -167,22 +167,29 @@ def _folds(
 
 
 def _quadratics(problem: Problem, path: WindowPath, forces: Floats, chosen: list[np.ndarray]) -> list[Quadratic]:
-    """Chi-square of amounts of forces (W, N, S, 6) on some windows each, masks (W,).
-
-    The responses to all forces on all windows would fill the memory: they are reduced piece by piece.
-    """
-    freedom, each = problem.freedom(path.state), 8 * path.state.residual[0].size * forces.shape[1]
+    """Chi-square of amounts of forces (W, N, S, 6) on some windows each, masks (W,)."""
     whole, numbers = [np.zeros((1, 1)) for _ in chosen], 0.0
-    for some in chunks(len(problem.windows), each, RESPONSES_BYTES):
-        windows, state = problem.windows.subset(some), path.state.rows(some)
-        shown = responses(windows, path.coefficients, problem.layout, state, forces[some])
-        parts = reduce(windows, problem.layout, freedom.rows(some), state, shown)
+    for some, parts in in_pieces(problem, path, forces.shape[1], lambda some: forces[some]):
         whole = [sums + parts.pooled(mask[some]) for sums, mask in zip(whole, chosen, strict=True)]
         numbers += parts.numbers
     return [
         Quadratic(float(sums[0, 0]), sums[0, 1:], sums[1:, 1:], round(round(numbers) * mask.mean()))
         for sums, mask in zip(whole, chosen, strict=True)
     ]
+
+
+def in_pieces(
+    problem: Problem, path: WindowPath, count: int, forces: Callable[[slice], Floats]
+) -> Iterator[tuple[slice, Parts]]:
+    """The responses to ``count`` forces, reduced piece by piece: those on all windows would fill the memory.
+
+    ``forces`` gives those on some windows, (w, count, S, 6).
+    """
+    freedom, each = problem.freedom(path.state), 8 * path.state.residual[0].size * count
+    for some in chunks(len(problem.windows), each, RESPONSES_BYTES):
+        windows, state = problem.windows.subset(some), path.state.rows(some)
+        shown = responses(windows, path.coefficients, problem.layout, state, forces(some))
+        yield some, reduce(windows, problem.layout, freedom.rows(some), state, shown)
 
 
 def _predicted(folds: list[tuple[Quadratic, Quadratic]], chosen: np.ndarray) -> float:

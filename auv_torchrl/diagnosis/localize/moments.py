@@ -12,10 +12,9 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.force import responses
-from auv_torchrl.diagnosis.motion.reduce import reduce
+from auv_torchrl.diagnosis.localize.attribute import in_pieces
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
-from auv_torchrl.diagnosis.motion.windows import Floats, chunks
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import LARGER, WORTH_AN_EFFECT, Z95
 from auv_torchrl.diagnosis.verdict import Intermittence
 from auv_torchrl.effects.effect import changed
@@ -23,7 +22,6 @@ from auv_torchrl.physics import prepare
 
 PIECE_S = 0.5  # s: a thruster reaches its thrust in 0.1 s, and a loose plug is off for longer than this
 SPREADS = (0.25, 0.5, 1.0)  # of the thrust: standard deviations of the amounts that are tried
-RESPONSES_BYTES = 64 << 20
 KNOWN = 0.25  # standard deviation of a gain, below which a piece tells whether the thruster gave anything
 NEAR = 0.2  # of the thrust: as much as such a piece is off by, where the thruster gave all of it or nothing
 ON_OR_OFF = 0.5  # of the pieces that tell, that must be so: of gains that are spread evenly two in five are
@@ -35,7 +33,6 @@ class Moments:
     """Gains of one thruster in ``W`` windows of ``P`` pieces."""
 
     thruster: int  # from 1
-    evidence: float  # log evidence over that of a constant gain
     gain: Floats  # (W, P) times what the healthy vehicle gives
     deviation: Floats  # (W, P) standard deviation; where it is not commanded, that of the amounts
 
@@ -67,7 +64,7 @@ def changing_thruster(problem: Problem, path: WindowPath) -> Moments | None:
     nominal = float(problem.vehicle.gain[..., first])
     now = float(path.vehicle.gain[0, first]) / nominal
     deviation = np.where(known[:, None], np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)), np.inf)
-    return Moments(first + 1, float(best[first]), now + amount, deviation)
+    return Moments(first + 1, now + amount, deviation)
 
 
 def _evidence(b: Floats, A: Floats, known: np.ndarray, spread: float) -> float:
@@ -80,19 +77,19 @@ def _evidence(b: Floats, A: Floats, known: np.ndarray, spread: float) -> float:
 
 def _quadratics(problem: Problem, path: WindowPath) -> tuple[Floats, Floats, np.ndarray]:
     """Pulls (n, W, P) and curvatures (n, W, P, P) of the gains in each piece, and which windows (W,) are known."""
-    windows, layout, count = problem.windows, problem.layout, problem.vehicle.thrusters
+    windows, count = problem.windows, problem.vehicle.thrusters
     gain = path.vehicle.gain + np.diag(np.broadcast_to(problem.vehicle.gain, (count,)))
     more = prepare(changed(path.vehicle.expand(count), gain=gain)).numpy()
     pieces = -(-windows.steps // max(1, round(PIECE_S / windows.dt)))
     within = np.arange(windows.steps) * pieces // windows.steps == np.arange(pieces)[:, None]  # (P, S)
-    freedom = problem.freedom(path.state)
     b, A = np.zeros((count, len(windows), pieces)), np.zeros((count, len(windows), pieces, pieces))
     known = problem.followed.copy()
-    for some in chunks(len(windows), 8 * path.state.residual[0].size * count * pieces, RESPONSES_BYTES):
-        forces = path.course.rows(some).forces(more)  # (w, n, S, 6)
-        cut = (forces[:, :, None] * within[:, :, None]).reshape(len(forces), count * pieces, windows.steps, 6)
-        here, state = windows.subset(some), path.state.rows(some)
-        parts = reduce(here, layout, freedom.rows(some), state, responses(here, path.coefficients, layout, state, cut))
+
+    def cut(some: slice) -> Floats:
+        each = path.course.rows(some).forces(more)  # (w, n, S, 6)
+        return (each[:, :, None] * within[:, :, None]).reshape(len(each), count * pieces, windows.steps, 6)
+
+    for some, parts in in_pieces(problem, path, count * pieces, cut):
         columns = parts.columns
         whole = columns.responses.swapaxes(1, 2) @ columns.responses - columns.pull.swapaxes(1, 2) @ columns.moved
         known[some] &= ~parts.diverged & np.isfinite(whole).all((1, 2))

@@ -13,6 +13,7 @@ from auv_torchrl.flightlog.log import Floats
 _WIDTH, _LEFT, _RIGHT = 1040.0, 84.0, 8.0
 _STRIP, _GAP, _THRUSTER = 62.0, 14.0, 11.0  # heights: of a curve, between strips, of the row of a thruster
 _CELLS = 240  # of a row of commands at most
+_PAUSE = 8.0  # times the usual distance of two samples: from there on, nothing is drawn between them
 
 
 def dive(overview: Overview, held_out: Sequence[tuple[float, float]] = (), onset_s: float | None = None) -> Markup:
@@ -47,7 +48,7 @@ def dive(overview: Overview, held_out: Sequence[tuple[float, float]] = (), onset
     ]
     parts += [line(across(t), 0, across(t), height - 20, "grid") for t in overview.begins[1:]]
     for place, (title, values) in enumerate(strips):
-        parts += _curve(title, values, [across(t) for t in overview.t.tolist()], place * (_STRIP + _GAP))
+        parts += _curve(title, values, overview.t, across, place * (_STRIP + _GAP))
     for thruster in range(rows):
         y = commands + thruster * _THRUSTER
         parts.append(text(_LEFT - 6, y + 9, f"thruster {thruster + 1}", "tick", "end"))
@@ -60,7 +61,12 @@ def dive(overview: Overview, held_out: Sequence[tuple[float, float]] = (), onset
     return svg(_WIDTH, height, f"The whole log over time: {named}", parts, "dive")
 
 
-def _curve(title: str, values: Floats, xs: Sequence[float], top: float) -> Iterable[str]:
+def _longest(t: Floats) -> float:
+    """Seconds between two samples, beyond which the log pauses."""
+    return _PAUSE * float(np.median(np.diff(t))) if len(t) > 1 else math.inf
+
+
+def _curve(title: str, values: Floats, t: Floats, across: Callable[[float], float], top: float) -> Iterable[str]:
     """A strip with a curve; depth counts downwards, so that the picture does."""
     seen = values[np.isfinite(values)]
     low, high = float(seen.min()), float(seen.max())
@@ -72,9 +78,12 @@ def _curve(title: str, values: Floats, xs: Sequence[float], top: float) -> Itera
         y = top + _STRIP * (high - tick) / (high - low)
         yield line(_LEFT, y, _WIDTH - _RIGHT, y, "grid")
         yield text(_LEFT - 6, y + 3.5, f"{abs(tick) if title.startswith('depth') else tick:g}", "tick", "end")
-    xs = list(xs)
-    jumps = np.abs(np.diff(values)) > 180 if title.startswith("heading") else np.zeros(len(values) - 1, bool)
-    for place in np.flatnonzero(jumps)[::-1].tolist():  # the pen is lifted where the compass goes round
+    xs = [across(one) for one in t.tolist()]
+    jumps = np.diff(t) > _longest(t)
+    if title.startswith("heading"):
+        jumps |= np.abs(np.diff(values)) > 180
+    # The pen is lifted over a pause, and where the compass goes round.
+    for place in np.flatnonzero(jumps)[::-1].tolist():
         xs.insert(place + 1, xs[place])
         ys = np.insert(ys, place + 1, math.nan)
     yield polyline(xs, ys.tolist(), "curve after")
@@ -88,7 +97,8 @@ def _cells(t: Floats, commands: Floats, across: Callable[[float], float], top: f
         value = float(part[np.abs(part).argmax()]) if len(part) else 0.0
         if not abs(value) > 0.02:
             continue
-        left, right = across(float(t[first])), across(float(t[min(last, len(t) - 1)]))
+        behind = min(float(t[min(last, len(t) - 1)]), float(t[last - 1]) + _longest(t))
+        left, right = across(float(t[first])), across(behind)
         opacity = 0.15 + 0.85 * min(abs(value), 1.0)
         way = "forwards" if value > 0 else "backwards"
         yield rect(left, top + 1, max(right - left, 0.5), _THRUSTER - 2, way, 0).replace(

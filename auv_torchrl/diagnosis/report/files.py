@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.diagnosis.configured import to_change
-from auv_torchrl.diagnosis.report.page import report_page
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Window
 from auv_torchrl.diagnosis.verdict_file import to_json
@@ -40,6 +39,8 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
     Raises:
         FileExistsError: if one is there already and is not to be replaced.
     """
+    from auv_torchrl.diagnosis.report.page import report_page  # here: jinja2 is not needed before the work is done
+
     answer = json.dumps(to_json(diagnosis), indent=2, ensure_ascii=False, allow_nan=False)
     contents = {
         "report.html": encoded(report_page(diagnosis, vehicle)),

@@ -26,8 +26,8 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import between, estimated, number, percent, scale, with_unit, words
 
 SOUND_DIVE = (
-    "record one dive on which the vehicle is sound and give it as healthy=FILE: it tells a fault from a vehicle file "
-    "that is wrong"
+    "record one dive on which the vehicle is sound and give it with --healthy FILE: it tells a fault from a vehicle "
+    "file that is wrong"
 )
 
 

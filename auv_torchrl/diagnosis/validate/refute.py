@@ -3,12 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
-from auv_torchrl.diagnosis.identify.neighbours import held_at, weighed
+from auv_torchrl.diagnosis.identify.neighbours import is_of_family, weighed, without
 from auv_torchrl.diagnosis.identify.paths import Fit
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.validate.predict import predict_by
@@ -53,18 +52,9 @@ def _without_one(found: Found, testing: FlightLog, settings: Settings) -> Found 
 
 def _smaller(problem: Problem, best: Fit) -> Iterator[Explanation]:
     """The explanation without each of its statements, all else moved as fits best by its quadratic."""
-    terms, vehicle = best.explanation.terms, problem.vehicle
-    effects = best.explanation.effects
+    terms, effects = best.explanation.terms, best.explanation.effects
     parts = [[p for p, term in enumerate(terms) if term.effect == name] for name in effects if len(effects) > 1]
     for name in effects:
-        mine = [p for p, term in enumerate(terms) if term.effect == name and not term.discrete]
-        family = [p for p in mine if declared(name, vehicle).parameters[terms[p].members[0]].over]
+        family = [p for p, term in enumerate(terms) if term.effect == name and is_of_family(problem, term)]
         parts += [[p] for p in family if len(family) > 1]
-    for places in parts:
-        if any(terms[p].discrete for p in places):
-            kept = tuple(term for p, term in enumerate(terms) if p not in places)
-            yield replace(best.explanation, terms=kept)
-            continue
-        nominal = {p: declared(terms[p].effect, vehicle).nominal[terms[p].members[0]] for p in places}
-        moved, _ = held_at(problem, best, nominal)
-        yield replace(moved, terms=tuple(term for p, term in enumerate(moved.terms) if p not in places))
+    return (without(problem, best, places)[0] for places in parts)

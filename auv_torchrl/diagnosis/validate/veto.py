@@ -4,7 +4,6 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import stdtrit  # of Student's distribution; importing scipy.stats takes a second
 
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.thresholds import CLOSED_IF_EXPLAINED, STILL_FAR, WITHIN_FLOOR, WORSE
@@ -47,6 +46,8 @@ def worse_channels(p: Predictions, before: int, after: int) -> tuple[str, ...]:
     grows. Student's t says whether the mean is above that of ``WORSE``. Errors below ``STILL_FAR`` floors
     count as equal: the floor does not hold the uncertainty of the values of an explanation.
     """
+    from scipy.special import stdtrit  # of Student's distribution; here: it takes long to import
+
     trusted = p.windows.trust[:, None] > 0
     count = trusted.sum(2)  # (W, 1, C)
     squares = np.where(trusted, p.error / p.spread[:, None], 0.0) ** 2
