@@ -16,7 +16,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.array_api import host, joined, like
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import wrench_per_share
+from auv_torchrl.physics.fins import wrench_per_share, wrench_per_unit
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 
@@ -88,7 +88,7 @@ def pushed(vehicle: Vehicle, axes: Sequence[str], by_channels: bool, speed: floa
     commands = vehicle.mixer[:, index].mT if by_channels else eye
 
     terms = ActiveTerms.of(c)
-    per_thrust = wrench_per_share(c, terms, speed) / c.full_thrust if terms.fins else c.allocation
+    per_thrust = wrench_per_unit(c, terms, speed)
 
     def wrenches(alone: Array) -> np.ndarray:
         thrust = thrust_target(c, terms, xp.concat((alone, -alone)))

@@ -17,6 +17,9 @@ from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
 
+SLIP = 0.3  # speed aside over the speed ahead: 17 degrees, beyond which a hull stalls
+TURN = 0.35  # rad/m, turning over the speed ahead: a circle of 3 m radius
+
 log = logging.getLogger(__name__)
 
 
@@ -85,13 +88,17 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
 
 
 def fastest_speeds(vehicle: Vehicle, task: Task) -> Tensor:
-    """Largest speeds (6,) worth knowing, m/s and rad/s: terminal speed at full thrust, or that of the starts."""
+    """Largest speeds (6,) worth knowing, m/s and rad/s: terminal speed at full thrust, or that of the starts.
+
+    What flies ahead slips and turns by its hull, faster than fins alone would push it aside.
+    """
     c = prepare(vehicle)
     force = wrench_per_share(c, ActiveTerms.of(c), task.cruise_speed).abs().sum(-1)
     linear, quadratic = c.linear_drag.diagonal(), c.quadratic_drag.clamp_min(1e-6)
     terminal = (-linear + (linear**2 + 4 * quadratic * force).sqrt()) / (2 * quadratic)
     start = torch.tensor((*(task.start_speed,) * 3, 0.5, 0.5, task.start_yaw_rate), dtype=torch.float64)
-    return torch.maximum(terminal, start)
+    aside = task.cruise_speed * torch.tensor((0.0, SLIP, SLIP, 0.0, TURN, TURN), dtype=torch.float64)
+    return torch.maximum(torch.maximum(terminal, start), aside)
 
 
 def pretrain(vehicle: Vehicle, task: Task, config: PretrainingConfig | None = None) -> SourceModels:

@@ -1,7 +1,7 @@
 """An effect is a named, bounded change of a vehicle; its nominal values are the identity."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -68,6 +68,12 @@ class Parameter:
         if getattr(value, "ndim", 0):  # one per thruster
             value = mean(value) if self.over is None else value[self.members(vehicle).index(member)]
         return float(value)
+
+    def reaching(self, nominal: float) -> "Parameter":
+        """The same, with bounds that hold a nominal value and room about it: some vehicles are larger than most."""
+        if self.low <= nominal <= self.high:
+            return self
+        return replace(self, low=min(self.low, 2 * nominal), high=max(self.high, 2 * nominal))
 
     def said(self, member: str, value: float) -> str:
         """The sentence of a report about a member that has a value."""
@@ -137,8 +143,12 @@ class Effect:
         return self.advice(departed, autopilot) if self.advice and departed else ()
 
     def member_parameters(self, vehicle: Vehicle) -> dict[str, Parameter]:
-        """Every full parameter name for this vehicle with its declaration."""
-        return {member: p for p in self.parameters for member in p.members(vehicle)}
+        """Every full parameter name for this vehicle with its declaration, whose bounds hold what the vehicle has."""
+        return {
+            member: p.reaching(p.nominal_value(vehicle, member)) if callable(p.nominal) else p
+            for p in self.parameters
+            for member in p.members(vehicle)
+        }
 
     def nominal(self, vehicle: Vehicle) -> dict[str, float]:
         """The values at which the effect does nothing to this vehicle."""

@@ -34,8 +34,8 @@ class Coefficients(namedtuple("Coefficients", (*_WORKED_OUT, *_COPIED))):
 
     ``mass_inverse``, ``mass_matrix``, ``restoring``, ``allocation``, ``fin_normal``, ``fin_chord`` and ``hull_height``
     are worked out by :func:`prepare`. The others are parameters of
-    :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS` as they are; the wrench has the
-    ``gain`` from the allocation, and reports of the thrust read it.
+    :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS` as they are, but for ``fin_rate``, which is that of fins alone;
+    the wrench has the ``gain`` from the allocation, and reports of the thrust read it.
     """
 
     __slots__ = ()
@@ -137,6 +137,7 @@ def prepare(vehicle: Vehicle) -> Coefficients:
         "hull_height": hull_height(vehicle),
     }
     copied = {name: getattr(vehicle, name) for name in _COPIED}
+    copied["fin_rate"] = vehicle.fin_rate * (1 - _is_thruster(vehicle))  # a file may say one rate for all rows
     return Coefficients(**worked_out, **copied)
 
 

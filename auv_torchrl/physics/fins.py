@@ -87,19 +87,24 @@ def fin_forces(c: Coefficients, linear: Array, angular: Array, thrust: Array) ->
     return forward[..., None] * c.fin_chord + normal[..., None] * c.fin_normal
 
 
-def wrench_per_share(c: Coefficients, terms: ActiveTerms, speed: float = 0.0) -> Array:
+def wrench_per_share(c: Coefficients, terms: ActiveTerms, speed: float | Array = 0.0) -> Array:
     """Wrench (..., 6, n) in N and N m per full thrust or full deflection of each actuator, at a speed ahead in m/s.
 
-    Of fins it is the slope about no deflection, in still water; nothing where there is no speed.
+    Of fins it is the slope about no deflection, in still water; nothing where there is no speed. Of speeds (...) it is
+    that at each of them.
     """
     allocated = c.allocation * c.full_thrust[..., None, :]
     if not terms.fins:
         return allocated
     xp = array_namespace(c.full_thrust)
-    still = xp.zeros_like(
-        c.full_thrust[..., :1] + xp.zeros((3,), dtype=c.full_thrust.dtype, device=c.full_thrust.device)
-    )
-    ahead = xp.concat((still[..., :1] + speed, still[..., 1:]), axis=-1)
+    speed = xp.zeros_like(c.full_thrust[..., 0]) + speed
+    still = xp.zeros_like(speed)
+    ahead, still = (xp.stack((first, still, still), axis=-1) for first in (speed, still))
     force = sum(sign * fin_forces(c, ahead, still, sign * _STEP * c.full_thrust) / (2 * _STEP) for sign in (1.0, -1.0))
     moment = cross(c.thruster_position, force)
     return allocated + xp.concat((force, moment), axis=-1).mT
+
+
+def wrench_per_unit(c: Coefficients, terms: ActiveTerms, speed: float | Array = 0.0) -> Array:
+    """Wrench (..., 6, n) in N and N m per newton of a thruster and radian of a fin; as :func:`wrench_per_share`."""
+    return wrench_per_share(c, terms, speed) / c.full_thrust[..., None, :] if terms.fins else c.allocation

@@ -43,6 +43,8 @@ class Cruise(Underway):
     near_m: Annotated[tuple[float, float], In("(0, 1000]")] = (0.02, 2.0)  # m, range of that depth
     start_heading: Annotated[float, In("[0, 3.2]")] = 1.0  # rad, headings at the start are uniform within this
     start_tilt: Annotated[float, In("[0, 1.5]")] = 0.1  # rad, start roll and pitch are uniform within this
+    ahead_s: Annotated[float, In("[0, 100]")] = 2.0  # s, rewarded depths are those in so long a time, as it now sinks
+    steepest: Annotated[float, In("(0, 1.5]")] = 0.3  # rad, at which it is to sink or rise where it is far off
     depth_weight: Weight = 1.0  # 1/m
     heading_weight: Weight = 1.0  # 1/rad
     speed_weight: Weight = 0.5  # s/m
@@ -114,16 +116,30 @@ class Cruise(Underway):
         return xp.stack(parts, axis=-1)
 
     def reward(self, position: Array, quaternion: Array, velocity: Array, action: Array, time: Array) -> Array:
-        """Minus the weighted errors of depth, heading and speed, the turning, and the norm of the action, (...)."""
+        """Minus the weighted errors of depth, heading and speed, the turning, and the norm of the action, (...).
+
+        The depth is the one in ``ahead_s``, as the vehicle now sinks: without an error the true one falls with that
+        time constant. A depth shows what fins do seconds later, and at first the other way.
+        """
         xp = array_namespace(position, quaternion, velocity)
         turning = xp.sqrt(xp.sum(velocity[..., 3:] ** 2, axis=-1) + 1e-12) - 1e-6  # with a slope at rest
         return -(
-            self.depth_weight * xp.abs(self._off(position)[..., 2])
+            self.depth_weight * xp.abs(self._expected_depth(position, quaternion, velocity))
             + self.heading_weight * self._turned(quaternion)
             + self.speed_weight * xp.abs(velocity[..., 0] - self.speed)
             + self.turning_weight * turning
             + self.action_weight * xp.sqrt(xp.sum(action**2, axis=-1))
         )
+
+    def _expected_depth(self, position: Array, quaternion: Array, velocity: Array) -> Array:
+        """Error (...) of depth in m that is expected; far off one as large as what is sunk at the steepest."""
+        xp = array_namespace(position, quaternion, velocity)
+        depth = self._off(position)[..., 2]
+        if not self.dives or not self.ahead_s:
+            return depth
+        most = self.ahead_s * self.speed * math.sin(self.steepest)
+        sinking = xp.sum(rotation_matrix(quaternion)[..., 2, :] * velocity[..., :3], axis=-1)
+        return most * xp.tanh(depth / most) + self.ahead_s * sinking
 
     def draw_starts(
         self, count: int, generator: "torch.Generator", along: "Tensor | None" = None

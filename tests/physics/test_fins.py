@@ -109,7 +109,7 @@ def test_the_energy_of_a_gliding_vehicle_falls():
 
 
 def test_a_servo_turns_no_faster_than_its_rate():
-    """1 rad/s: 0.05 rad after a step of 0.05 s, all of 0.237 after five; without a rate at once."""
+    """1 rad/s: 0.05 rad after a step of 0.05 s, all of 0.237 after five; without a rate at once, as the propeller."""
     one = np.arange(1)
     rest = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 6))
     simulator, moved = PlainSimulator(REMUS.expand(1), 0.05), []
@@ -117,6 +117,7 @@ def test_a_servo_turns_no_faster_than_its_rate():
     for _ in range(5):
         simulator.step(np.ones((1, 5)))
         moved.append(simulator.state.thrust[0, 1])
+        assert simulator.state.thrust[0, 0] == 10.9
     np.testing.assert_allclose(moved, [0.05, 0.1, 0.15, 0.2, 0.237])
     quick = PlainSimulator(REMUS.replace(fin_rate=0 * REMUS.fin_rate).expand(1), 0.05)
     quick.place(one, *rest)
