@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.physics.kinematics import rotation_matrix
-from auv_torchrl.tasks import Task
+from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle, index_of
 
 
@@ -112,7 +112,7 @@ class SourceModels(nn.Module):
         felt = DEGREES_OF_FREEDOM if task.tilt else CONTROLLED
         self._speeds = index_of((*task.axes, *(axis for axis in felt if axis not in task.axes)))
         self.states = len(self._speeds) + 2 * task.tilt
-        self.actuation = Actuation(vehicle, task.axes, task.cruise_speed)
+        self.actuation = Actuation(vehicle, task.axes, cruise_speed(task))
         self.F = ForwardModel(self.states, hidden, self.actuation)
         self.R = InverseModel(self.states, hidden, self.actuation.channels)
 

@@ -13,7 +13,7 @@ from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.physics.thrusters import thrust_target
-from auv_torchrl.tasks import Task
+from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
 
@@ -69,8 +69,8 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
     realised = models.actuation.double().delivered(command) @ models.actuation.channels_per_share.mT * overdrive
     fastest = fastest_speeds(strong, task)
     velocity = fastest * uniform(6) * 10 ** (uniform(1) - 1)
-    if task.cruise_speed:
-        velocity[:, 0] = task.cruise_speed * (1 + 0.5 * uniform())
+    if cruise_speed(task):
+        velocity[:, 0] = cruise_speed(task) * (1 + 0.5 * uniform())
     levels = torch.zeros(count, dtype=torch.float64)
     tilt = config.tilt * uniform(2) if task.tilt else torch.zeros(count, 2, dtype=torch.float64)
     if not task.tilt:
@@ -93,11 +93,11 @@ def fastest_speeds(vehicle: Vehicle, task: Task) -> Tensor:
     What flies ahead slips and turns by its hull, faster than fins alone would push it aside.
     """
     c = prepare(vehicle)
-    force = wrench_per_share(c, ActiveTerms.of(c), task.cruise_speed).abs().sum(-1)
+    force = wrench_per_share(c, ActiveTerms.of(c), cruise_speed(task)).abs().sum(-1)
     linear, quadratic = c.linear_drag.diagonal(), c.quadratic_drag.clamp_min(1e-6)
     terminal = (-linear + (linear**2 + 4 * quadratic * force).sqrt()) / (2 * quadratic)
     start = torch.tensor((*(task.start_speed,) * 3, 0.5, 0.5, task.start_yaw_rate), dtype=torch.float64)
-    aside = task.cruise_speed * torch.tensor((0.0, SLIP, SLIP, 0.0, TURN, TURN), dtype=torch.float64)
+    aside = cruise_speed(task) * torch.tensor((0.0, SLIP, SLIP, 0.0, TURN, TURN), dtype=torch.float64)
     return torch.maximum(torch.maximum(terminal, start), aside)
 
 

@@ -90,7 +90,7 @@ class FleetEnv(EnvBase):
         """The vehicle of a row, with its own thrusters, as an RGB image (height, width, 3), uint8."""
         if self._scene is None or self._scene[0] != row:
             self._scene = row, Scene(self.simulator.vehicles[row])
-        parts = (*self._state[:2], self.task.wanted(self._state.position, self._along))
+        parts = (*self._state[:2], self.task.reference(self._along).nearest(self._state.position))
         position, quaternion, target = (self._tensor(part[row], torch.float64).cpu().numpy() for part in parts)
         return self._scene[1].photograph(position, quaternion, size, target)
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from torchrl.data import Composite, Unbounded
 
 from auv_torchrl.authority import check_control
-from auv_torchrl.tasks import Task
+from auv_torchrl.tasks import Task, cruise_speed, fitted
 from auv_torchrl.vehicle import Vehicle
 from auv_torchrl.vehicle_tensors import vehicle_of
 
@@ -32,8 +32,8 @@ def vehicles_of(vehicle: Vehicle, num_envs: int, task: Task) -> tuple[Vehicle, T
     if vehicle.batch_size not in ((), (num_envs,)):
         raise ValueError(f"fleet: the vehicle has batch {list(vehicle.batch_size)}: give one vehicle or {num_envs}")
     first = vehicle.reshape(-1)[0]  # the others are drawn around the same
-    task = task.fitted(first)
-    check_control(first, task.name, task.needs, not task.thruster_commands, speed=task.cruise_speed)
+    task = fitted(task, first)
+    check_control(first, task.name, task.needs, not task.thruster_commands, speed=cruise_speed(task))
     return vehicle.expand(num_envs), task
 
 

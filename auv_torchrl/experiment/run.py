@@ -29,6 +29,7 @@ from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.quantities import counted, words
 from auv_torchrl.recording import ControlMap, record_run
+from auv_torchrl.tasks import cruise_speed
 from auv_torchrl.vehicle import CONTROLLED
 
 STORE = (CheckpointError, PolicyError, StorageError)  # files that a user can mend or move away
@@ -65,7 +66,7 @@ def run(experiment: Experiment, folder: Path) -> Results:
         if outcome.closing is not None:
             outcome.closing.save(folder, experiment)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
-        save_figures(folder, flights, vehicles, flown, experiment.task.axes, experiment.task.cruise_speed)
+        save_figures(folder, flights, vehicles, flown, experiment.task.axes, cruise_speed(experiment.task))
         one_flight = None
         if outcome.in_flight is not None:
             one_flight = outcome.in_flight.one_flight(experiment.vehicle)
@@ -128,7 +129,7 @@ def obstacle(experiment: Experiment) -> str | None:
     """Why no map of this kind can recover the vehicle, with the rank; None if one can."""
     judged = authority(
         experiment.target, experiment.vehicle, experiment.scenario.name,
-        experiment.task.axes, experiment.task.cruise_speed,
+        experiment.task.axes, cruise_speed(experiment.task),
     )  # fmt: skip
     if judged.recovery is Recovery.NONE:
         return str(judged)
@@ -209,7 +210,7 @@ def summarize(
             experiment.vehicle,
             experiment.exam.control_dt,
             experiment.task.axes,
-            experiment.task.cruise_speed,
+            cruise_speed(experiment.task),
         )
         if "u_s" in flights
         else None,

@@ -127,17 +127,18 @@ def prepare(vehicle: Vehicle) -> Coefficients:
     )
     net_weight = weight - vehicle.buoyancy + vehicle.payload_weight + vehicle.vertical_force
     identity = xp.eye(3, **like(weight))
+    thruster = _is_thruster(vehicle)
     worked_out = {
         "mass_inverse": mass_inverse,
         "mass_matrix": mass_matrix,
         "restoring": xp.concat((net_weight[..., None, None] * identity, skew(arm)), axis=-2),
-        "allocation": allocation_matrix(vehicle) * (vehicle.gain * _is_thruster(vehicle))[..., None, :],
+        "allocation": allocation_matrix(vehicle) * (vehicle.gain * thruster)[..., None, :],
         "fin_normal": vehicle.thruster_direction,
         "fin_chord": _chord(vehicle.thruster_direction),
         "hull_height": hull_height(vehicle),
     }
     copied = {name: getattr(vehicle, name) for name in _COPIED}
-    copied["fin_rate"] = vehicle.fin_rate * (1 - _is_thruster(vehicle))  # a file may say one rate for all rows
+    copied["fin_rate"] = vehicle.fin_rate * (1 - thruster)  # a file may say one rate for all rows
     return Coefficients(**worked_out, **copied)
 
 
@@ -148,12 +149,11 @@ def _is_thruster(vehicle: Vehicle) -> Array:
 
 
 def _chord(normal: Array) -> Array:
-    """Unit vectors ahead (..., 3) across others (..., 3); of those that point ahead themselves, any of length 0."""
+    """Unit vectors ahead (..., 3) across other unit vectors; of those that point ahead themselves, any of length 0."""
     xp = array_namespace(normal)
-    ahead = xp.zeros_like(normal[..., :1]) + 1.0
-    along = xp.concat((ahead, xp.zeros_like(normal[..., 1:])), axis=-1) - normal[..., :1] * normal
-    length = xp.sqrt(xp.sum(along * along, axis=-1, keepdims=True) + 1e-30)
-    return along / length
+    along = -normal[..., :1] * normal
+    ahead = along[..., :1] + 1.0  # the square of its length, too
+    return xp.concat((ahead, along[..., 1:]), axis=-1) / xp.sqrt(xp.abs(ahead) + 1e-30)  # rounded, it may be below 0
 
 
 def hull_height(vehicle: Vehicle) -> Array:

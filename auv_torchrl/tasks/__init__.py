@@ -20,6 +20,7 @@ from auv_torchrl.tasks.tracking import (
     Square,
     Tracking,
 )
+from auv_torchrl.tasks.underway import cruise_speed, fitted
 from auv_torchrl.tasks.waypoints import Waypoints
 
 TASKS: Registry[type[Task]] = Registry(
@@ -45,6 +46,8 @@ __all__ = [
     "Task",
     "Tracking",
     "Waypoints",
+    "cruise_speed",
+    "fitted",
     "read_task",
 ]
 

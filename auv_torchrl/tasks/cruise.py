@@ -80,11 +80,8 @@ class Cruise(Underway):
         zero = xp.zeros_like(time)
         position = xp.stack((self.speed * time, zero, zero), axis=-1)
         velocity = xp.stack((zero + self.speed, zero, zero, zero, zero, zero), axis=-1)
-        return resting._replace(position=position, velocity=velocity)
-
-    def wanted(self, position: Array, time: Array) -> Array:
-        """The same place at depth 0, (..., 3); at the same depth where the vehicle does not dive."""
-        return position - self._off(position)
+        anywhere = xp.asarray([True, True, not self.dives], device=time.device)
+        return resting._replace(position=position, velocity=velocity, free=anywhere)
 
     def _off(self, position: Array) -> Array:
         """What is off in a position (..., 3): nothing north and east."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
-    from auv_torchrl.vehicle import Vehicle
-
 Array = Any
 
 
@@ -30,6 +28,7 @@ class Reference(NamedTuple):
     quaternion: Array  # (..., 4) w x y z, body to earth
     velocity: Array = None  # (..., 6) m/s and rad/s, along the axes of the earth; None for one that rests
     heading: Array = None  # (...) rad, where it is known without the quaternion
+    free: Array = None  # (3,) bool, coordinates in which any position will do; None for none
 
     @classmethod
     def resting(cls, position: Array) -> Self:
@@ -43,6 +42,12 @@ class Reference(NamedTuple):
     def yaw(self) -> Array:
         """Its heading (...) in rad."""
         return heading_of(self.quaternion) if self.heading is None else self.heading
+
+    def nearest(self, position: Array) -> Array:
+        """Where a vehicle at a position (..., 3) should be, m: along free coordinates where it is."""
+        if self.free is None:
+            return self.position
+        return array_namespace(position).where(self.free, position, self.position)
 
     def moving(self, to_body: Array) -> Array:
         """Its velocity (..., 6) along axes that ``to_body`` (..., 3, 3) turns those of the earth to; 0 if it rests."""
@@ -87,15 +92,6 @@ class Task(ABC):
         return self.axes
 
     @property
-    def cruise_speed(self) -> float:
-        """Speed ahead in m/s at which axes are controlled, because fins need a flow; 0 of a vehicle that hovers."""
-        return 0.0
-
-    def fitted(self, vehicle: "Vehicle") -> Self:
-        """The task for a vehicle (empty batch): where axes follow from the vehicle, with its axes."""
-        return self
-
-    @property
     @abstractmethod
     def observation_names(self) -> tuple[str, ...]:
         """What each entry of the observation is."""
@@ -109,13 +105,10 @@ class Task(ABC):
     def reference(self, time: Array) -> Reference:
         """Where vehicles should be that are ``time`` (...) s along the task."""
 
-    def wanted(self, position: Array, time: Array) -> Array:
-        """Where vehicles at positions (..., 3) should be, m: the reference, unless a task leaves some of it free."""
-        return self.reference(time).position
-
     def miss(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
         """How far off vehicles are, (...) m, by which the best policy is chosen: how far from where they should be."""
-        return array_namespace(position).linalg.vector_norm(position - self.wanted(position, time), axis=-1)
+        wanted = self.reference(time).nearest(position)
+        return array_namespace(position).linalg.vector_norm(position - wanted, axis=-1)
 
     @abstractmethod
     def observe(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:

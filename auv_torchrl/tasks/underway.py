@@ -1,5 +1,6 @@
 """Tasks at speed, for vehicles that steer by turning: a torpedo, a surface vessel."""
 
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Self
 
@@ -26,6 +27,11 @@ class Underway(Task):
         return self.controlled or _TORPEDO
 
     @property
+    @abstractmethod
+    def cruise_speed(self) -> float:
+        """Speed ahead in m/s at which axes are controlled, because fins need a flow."""
+
+    @property
     def dives(self) -> bool:
         """Whether depth is controlled at all."""
         return any(axis in self.axes for axis in _VERTICAL)
@@ -38,3 +44,13 @@ class Underway(Task):
         vertical = [axis for axis in _VERTICAL if axis in moved][:1]
         wanted = ("surge", *vertical, "yaw")
         return replace(self, controlled=tuple(axis for axis in wanted if axis in moved) or wanted)
+
+
+def fitted(task: Task, vehicle: "Vehicle") -> Task:
+    """The task for a vehicle (empty batch): where axes follow from the vehicle, with its axes."""
+    return task.fitted(vehicle) if isinstance(task, Underway) else task
+
+
+def cruise_speed(task: Task) -> float:
+    """Speed ahead in m/s at which a vehicle is controlled; 0 of one that hovers."""
+    return task.cruise_speed if isinstance(task, Underway) else 0.0

@@ -17,7 +17,7 @@ from auv_torchrl.envs.start import BODY
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.sensors import MOTION
-from auv_torchrl.tasks import Cruise, Lemniscate, StationKeeping
+from auv_torchrl.tasks import Cruise, Lemniscate, StationKeeping, cruise_speed, fitted
 from auv_torchrl.vehicle import load_vehicle
 from tests.few_thrusters import without_sway
 from tests.hovering import FIN_EFFECTS, one_for
@@ -186,8 +186,8 @@ def test_every_effect_is_felt(backend, effect):
         values = effect.read(PAPER, {"limit": 20.0})
     if effect.name == "tether":
         values = {"north": 5.0, "stiffness": 20.0, "slack": 1.0}
-    start = resting(2, [0.4, -0.3, 0.2], [0.1, 0.3, -0.4], ahead=task.cruise_speed)
-    actions = held_actions(2, 30)[..., : len(task.fitted(sound).axes)]
+    start = resting(2, [0.4, -0.3, 0.2], [0.1, 0.3, -0.4], ahead=cruise_speed(task))
+    actions = held_actions(2, 30)[..., : len(fitted(task, sound).axes)]
     plain, changed = (
         fly(make_fleet(backend, vehicle, task, 2, seed=1), actions, start)
         for vehicle in (sound, effect.apply(sound, values))

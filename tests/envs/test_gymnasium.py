@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from auv_torchrl.envs import BACKENDS, ID, RegulationEnv, make_fleet
 from auv_torchrl.paths import config_names, config_path
-from auv_torchrl.tasks import Lemniscate, StationKeeping, read_task
+from auv_torchrl.tasks import Lemniscate, StationKeeping, fitted, read_task
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import read_yaml
 from tests.few_thrusters import without_sway
@@ -69,7 +69,7 @@ def test_a_task_is_chosen_by_name(name):
     assert env.fleet.task.name == name
     content = read_yaml(config_path("task", name), "task")
     given = read_task({key: value for key, value in content.items() if key != "defaults"})
-    assert env.fleet.task == given.fitted(load_vehicle("paper"))
+    assert env.fleet.task == fitted(given, load_vehicle("paper"))
     env.reset(seed=0)
     env.step(env.action_space.sample())
 

@@ -16,7 +16,7 @@ from auv_torchrl.envs import TorchFleet, make_fleet
 from auv_torchrl.evaluation import Metrics, draw_starts, fly
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.scenario import Scenario, read_scenario
-from auv_torchrl.tasks import Cruise, read_task
+from auv_torchrl.tasks import Cruise, fitted, read_task
 from auv_torchrl.vehicle import load_vehicle
 
 OTTER = load_vehicle("otter")
@@ -51,7 +51,7 @@ def test_the_axes_follow_from_the_mixer_of_the_vehicle(vehicle, axes):
 def test_axes_that_are_given_are_kept():
     """Whatever else the mixer has a column for."""
     task = read_task({"name": "cruise", "controlled": ["surge", "yaw"]})
-    assert task.fitted(load_vehicle("bluerov2")).axes == ("surge", "yaw")
+    assert fitted(task, load_vehicle("bluerov2")).axes == ("surge", "yaw")
     with pytest.raises(ValueError, match="task.controlled is .*'sideways'.*: give"):
         Cruise(controlled=("sideways",))
 
@@ -82,7 +82,7 @@ def test_only_depth_and_heading_are_errors():
     position, velocity = np.array([[50.0, 20.0, 0.0], [0.0, 0.0, 0.2]]), np.array([[1.5, 0, 0, 0, 0, 0]] * 2)
     time = np.array([0.0, 3.0])
     np.testing.assert_allclose(task.miss(position, level, velocity, time), [0.0, 0.3], atol=1e-9)
-    np.testing.assert_allclose(task.wanted(position, time)[1], [0.0, 0.0, 0.0])
+    np.testing.assert_allclose(task.reference(time).nearest(position)[1], [0.0, 0.0, 0.0])
 
 
 def test_starts_are_under_way_within_what_is_asked_for():
