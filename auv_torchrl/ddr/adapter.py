@@ -35,7 +35,7 @@ class DDRAdapter(CommandMap):
         self.count = 1 if self.config.shared else count
         learners = [MapLearner(make_map(models, self.config), models.states, self.config) for _ in range(self.count)]
         self.learner: Any = learners[0] if self.config.shared else LearnerPerVehicle(learners)
-        self.dither = Dither(self.config.seed)
+        self.dither = Dither(self.config.seed, self.config.dither_steps)
         self.register_buffer("_learning", torch.zeros((), dtype=torch.bool))
 
     @property

@@ -95,7 +95,7 @@ def _check_channels(task: Task, scenario: Scenario) -> None:
 def _check_axes(task: Task, vehicle: Vehicle, vehicle_name: str, closing: bool) -> None:
     if closing and task.axes != CONTROLLED:
         raise ValueError(
-            f"a diagnosis is put into a controller of {', '.join(CONTROLLED)}, and task {task.name} commands "
+            f"a diagnosis is put into a controller of {', '.join(CONTROLLED)}, and task={task.name} has the axes "
             f"{', '.join(task.axes)} of vehicle {vehicle_name}: diagnose its log with diagnose.py, and fly "
             "+scenario with what was found"
         )

@@ -32,8 +32,8 @@ def export_vehicle(config: DictConfig, run: Run) -> None:
         described = read_described(str(config.vehicle))
         if described.vehicle.fins and config.format in THRUSTERS_ALONE:
             raise ValueError(
-                f"vehicle={described.name} has fins, and what writes {config.format} knows thrusters alone: give "
-                "format=fossen, or fly it with train.py"
+                f"vehicle={described.name} has fins, which {config.format} has no force for: give format=fossen, or "
+                "fly it with train.py"
             )
         name, write = FORMATS[config.format]
         text = write(described)

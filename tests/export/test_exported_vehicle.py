@@ -152,7 +152,7 @@ LINES = {
     "format=urdf": "give one of mjcf, sdf, ardusub, fossen",
     "format=mjcf vehicle=submarine": "no vehicle named 'submarine'",
     "policy=x": "give policy=FOLDER, or vehicle=FILE",
-    "format=mjcf vehicle=remus100": "remus100 has fins, and what writes mjcf knows thrusters alone: give format=fossen",
+    "format=mjcf vehicle=remus100": "remus100 has fins, which mjcf has no force for: give format=fossen",
 }
 
 
