@@ -7,6 +7,8 @@ import pytest
 
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.paths import config_names
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
 from auv_torchrl.vehicle import load_vehicle, stacked
 from tests.hovering import ACTING, FIN_EFFECTS, one_for
 from tests.uneven import UNEVEN, load_any
@@ -142,6 +144,31 @@ def test_impossible_swaps_are_refused(settings):
     """A swap needs different thrusters that the vehicle has."""
     with pytest.raises(ValueError, match="give different thrusters out of"):
         get_effect("thruster_swap").read(load_vehicle("paper"), settings)
+
+
+@pytest.mark.parametrize("settings", [{"reversed": 3}, {"reversed": [7]}, {"command_1": 0.0}, {"command_2": -1.5}])
+def test_commands_of_no_thruster_are_refused(settings):
+    """Whose command a thruster gets is the number of a thruster, or less it."""
+    with pytest.raises(ValueError, match="give a list of thrusters out of|negative for the opposite"):
+        get_effect("thruster_swap").read(load_vehicle("paper"), settings)
+
+
+def test_a_reversed_propeller_gives_what_it_gives_backwards():
+    """Exchanged phase wires come before the curve, a gain of -1 behind it; on even thrusters the two are one."""
+    for name, is_even in (("paper", True), ("bluerov2_heavy", False)):
+        vehicle = load_vehicle(name)
+        wires = get_effect("thruster_swap").apply(vehicle, get_effect("thruster_swap").read(vehicle, {"reversed": [2]}))
+        gain = get_effect("thruster_gain").apply(vehicle, {"gain_2": -1.0})
+        thrusts = []
+        for changed in (wires, gain):
+            c = prepare(changed).numpy()
+            command = np.linspace(-1, 1, 41)[:, None] * np.ones(vehicle.thrusters)
+            thrusts.append(applied_thrust(c, ActiveTerms.of(c), thrust_target(c, ActiveTerms.of(c), command), 0.0))
+        assert np.allclose(*thrusts) is is_even
+        same_as = get_effect("thruster_swap").trial.same_as
+        assert same_as is not None
+        same = same_as(vehicle, "command_2", -2.0)
+        assert same == (("thruster_gain", "gain_2", -1.0) if is_even else None)
 
 
 def test_a_cycle_passes_commands_on():

@@ -90,11 +90,13 @@ class KnownVehicle(ThrusterTransform):
         self._source, self._known = Model.of(source), Model.of(known)
         self._source_level, self._known_level = Model.of(level(source)), Model.of(level(known))
         c, dt = self._known.c, task.control_dt
-        self._receiver = c.routing.argmax(0)  # (n,) the thruster that a command reaches
+        self._receiver = np.abs(c.routing).argmax(0)  # (n,) the thruster that a command reaches ...
+        self._sense = c.routing[self._receiver, np.arange(self.thrusters)]  # ... and -1 where it turns the wrong way
         curve = {name: getattr(known, name)[self._receiver] for name in CURVE_FIELDS}
         self.actuation = Actuation(changed(source, **curve))
         self._curve = self.actuation.coefficients.numpy()
-        self._limits = [array(limit) for limit in self.actuation.share_limits]
+        low, high = (array(limit) for limit in self.actuation.share_limits)
+        self._limits = np.where(self._sense < 0, (-high, -low), (low, high))
         start = np.zeros(1)
         reach = np.abs(self._source.rate_per_share(start)[0])
         config = load_adaptation_config()
@@ -115,16 +117,21 @@ class KnownVehicle(ThrusterTransform):
         source, known, ahead = self._source_level, self._known_level, self._ahead
         aim = nominal * source.c.full_thrust
         self._source_thrust = thrust_after(source.c, source.terms, self._source_thrust, aim, self.task.control_dt)
-        self._effect = known.rate_per_share(ahead.time)[..., self._receiver]
+        self._effect = known.rate_per_share(ahead.time)[..., self._receiver] * self._sense
         wanted = source.rate(ahead, self._source_thrust) - known.rate(ahead, np.zeros_like(aim)) + self._carried
         now, quickness = self._share_ahead, self._quickness[self._receiver]
         low, high = (now + quickness * (limit - now) for limit in self._limits)
         share = Allocation(self._weight, low, high)(wanted, self._effect, reference=nominal)
         return now + (share - now) / quickness
 
+    def command_for(self, wanted: Array) -> Array:
+        """Commands (N, n) that give thrusts (N, n), shares of full thrust, by command, on the known vehicle; numpy."""
+        return self._sense * super().command_for(self._sense * wanted)
+
     def withheld(self, wanted: Array, command: Array) -> None:
         """Remember the acceleration between what was aimed at, ``wanted`` (N, n), and what the dead band leaves."""
-        given = thrust_target(self._curve, self.actuation.terms, command) / self._curve.full_thrust
+        turned = self._sense * command
+        given = self._sense * thrust_target(self._curve, self.actuation.terms, turned) / self._curve.full_thrust
         missing = np.clip(wanted, *self._limits) - given
         lost = missing * self._quickness[self._receiver]
         carried = self._kept * self._carried + (self._effect @ lost[..., None])[..., 0]
@@ -133,7 +140,7 @@ class KnownVehicle(ThrusterTransform):
     @property
     def _share_ahead(self) -> Array:
         """Thrust (N, n) when the next command acts, shares of full thrust, by command."""
-        return (self._ahead.thrust / self._known.c.full_thrust)[:, self._receiver]
+        return self._sense * (self._ahead.thrust / self._known.c.full_thrust)[:, self._receiver]
 
     # the state
 

@@ -50,11 +50,11 @@ def told_apart(found: Found, one: Fit, other: Fit) -> dict[str, float]:
 def _reasons(found: Found, trace: SearchTrace) -> dict[str, str]:
     """By effect of the library, why it is named, or why it is not."""
     problem = found.problem
-    looked_at = {name for record in trace.records for name in record.names}
+    recorded = {name for record in trace.records for name in record.names}
     tried = {candidate.effect for candidate in problem.candidates}
     reasons = {}
     for name, effect in EFFECTS.items():
-        if name in looked_at:
+        if name in recorded:
             reasons[name] = words(trace.why(name))
         elif name in problem.settings.left_out:
             reasons[name] = "not looked for"

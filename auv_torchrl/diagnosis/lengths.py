@@ -58,7 +58,7 @@ def _bytes_per_s(log: FlightLog) -> float:
     return 8 * log.thrusters * within * max(1 / FINEST_S, rows_per_s)
 
 
-def looked_at(windows: Windows, learnt: FlightLog) -> tuple[Finding, ...]:
+def share_findings(windows: Windows, learnt: FlightLog) -> tuple[Finding, ...]:
     """A finding where what was learnt from holds more windows than a diagnosis looks at, or than fit its memory."""
     if windows.share >= 1:
         return ()

@@ -31,10 +31,10 @@ from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
 from auv_torchrl.diagnosis.identify.posterior import alternatives, effect_probabilities
 from auv_torchrl.diagnosis.identify.search import Progress
-from auv_torchrl.diagnosis.lengths import check_lengths, looked_at, split, stretches_of
+from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
-from auv_torchrl.diagnosis.look import Looked, judge, look_both_ways
+from auv_torchrl.diagnosis.log_search import LogSearch, judge, search_both_attitudes
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
@@ -88,7 +88,7 @@ def diagnose(
         vehicle_name: for the report.
         settings: how to diagnose; None reads ``conf/diagnosis/default.yaml``.
         uncertainty: coefficients of the vehicle that are guesses: they are calibrated on the healthy logs, else on the
-            log itself, before effects are looked for.
+            log itself, before effects are searched for.
         kept: what the vehicle's file keeps of healthy logs; it stands for them where there are none.
 
     Raises:
@@ -123,12 +123,15 @@ def diagnose_answering(
     vehicle, settings, healthy = given.vehicle, given.settings, given.healthy
     training, testing, numbers = split(log, test)
     check_lengths(training, testing, healthy, len(numbers) == len(log.episodes), settings)
-    corrected = correct_file(training, vehicle, () if healthy or given.kept else given.uncertainty, settings)
-    explained = explain(training, testing, given, corrected, report)
+    corrected, explained = Correction(vehicle), None
+    if given.uncertainty and not (healthy or given.kept):
+        explained = one_cause(training, testing, given, report)
+        corrected = correct_file(training, vehicle, given.uncertainty, settings) if explained is None else corrected
+    explained = explained or explain(training, testing, given, corrected, report)
     if corrected.effects and (quantities := worse(explained.predictions, 0, 1)):
         corrected = Correction(vehicle, findings=(calibration_vetoed(quantities),))
         explained = explain(training, testing, given, corrected, report)
-    looked, found, problem = explained.looked, explained.found, explained.found.problem
+    searched, found, problem = explained.searched, explained.found, explained.found.problem
     predictions, vetoed = explained.predictions, explained.vetoed
     verdict = judge(found, corrected=bool(corrected.effects))
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
@@ -139,10 +142,10 @@ def diagnose_answering(
     findings = (
         *volts_findings(log, vehicle),
         *corrected.findings,
-        *rests_on(looked),
+        *rests_on(searched),
         *vetoes(vetoed),
         *shortfalls(short),
-        *looked_at(problem.windows, training),
+        *share_findings(problem.windows, training),
         *noise,
     )
     doubted = doubts((*log.findings, *findings))
@@ -167,7 +170,7 @@ def diagnose_answering(
     if effects and confirmed is None:
         findings = (*findings, not_confirmed())
     gap = replace(gap, confirmed=confirmed)
-    where = locate(problem, found, effects, verdict, looked.onset)
+    where = locate(problem, found, effects, verdict, searched.onset)
     summary = summarise(outcome, effects, where, gap, corrected.sentences, examined(problem))
     diagnosis = Diagnosis(
         log=printable(log.name),
@@ -207,7 +210,7 @@ class Given:
 class Explained:
     """What explains a log on top of one calibration of its vehicle, and how that predicts held-out flight."""
 
-    looked: Looked
+    searched: LogSearch
     found: Found  # without effects that predict held-out flight worse than no effect
     vehicles: tuple[Vehicle, Vehicle]  # as the file says, or as healthy logs do; and with all that was found
     predictions: Predictions  # of these two
@@ -222,17 +225,17 @@ def explain(
     Whether the calibration stands is not fit before: where it has taken up some of a fault, it predicts badly
     without the effect that was found beside it.
     """
-    searched = corrected.settings(given.settings)
-    looked = look_both_ways(
-        training, corrected.vehicle, given.healthy, searched, report, given.uncertainty, given.kept,
+    settings = corrected.settings(given.settings)
+    searched = search_both_attitudes(
+        training, corrected.vehicle, given.healthy, settings, report, given.uncertainty, given.kept,
         corrected.prior,
     )  # fmt: skip
-    found, own = take_back(looked.found, testing, given.settings), looked.found.problem.vehicle
-    sound = looked.sound.vehicle if looked.sound else None  # only what is new since then is a gap
+    found, own = take_back(searched.found, testing, given.settings), searched.found.problem.vehicle
+    sound = searched.sound.vehicle if searched.sound else None  # only what is new since then is a gap
     before = changed(given.vehicle if sound is None else sound, free=own.free)
     base = changed(corrected.vehicle if sound is None else sound, free=own.free)
     after = apply_values(own, found.best.explanation.values(own))
-    unseen = unforeseen(given.healthy, looked.sound, given.settings)
+    unseen = unforeseen(given.healthy, searched.sound, given.settings)
 
     def predicted(vehicles: list[Vehicle]) -> Predictions:
         return widened(predict_by(found.problem, testing, vehicles, given.settings), unseen)
@@ -240,17 +243,29 @@ def explain(
     predictions = predicted([before, base, after])
     vetoed = worse(predictions, 1, 2) if found.best.explanation.effects else ()
     if vetoed:  # and from starts that have nothing of what is taken back
-        return Explained(looked, replace(found, best=found.none), (before, base), predicted([before, base]), vetoed)
-    return Explained(looked, found, (before, after), only(predictions, 0, 2), vetoed)
+        return Explained(searched, replace(found, best=found.none), (before, base), predicted([before, base]), vetoed)
+    return Explained(searched, found, (before, after), only(predictions, 0, 2), vetoed)
 
 
-def rests_on(looked: Looked) -> tuple[Finding, ...]:
+def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Progress) -> Explained | None:
+    """One effect, or none, that explains a log with the file as it is; None where nothing does.
+
+    A file that is off in many coefficients takes up a part of any fault, and no single effect explains what it does.
+    """
+    single = replace(given, settings=replace(given.settings, most_effects=1))
+    explained = explain(training, testing, single, Correction(given.vehicle), report)
+    is_explained = judge(explained.found) in (Verdict.NO_GAP, Verdict.EXPLAINED)
+    gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
+    return explained if is_explained and closes_everywhere(gap) else None
+
+
+def rests_on(searched: LogSearch) -> tuple[Finding, ...]:
     """What the verdict rests on: a healthy log, or assumptions."""
-    problem = looked.found.problem
-    if looked.sound is None:
+    problem = searched.found.problem
+    if searched.sound is None:
         return (
             *floor_findings(problem),
-            *looked.contradiction,
-            *looked.attitude,
+            *searched.contradiction,
+            *searched.attitude,
         )
-    return (*looked.sound.findings, *noise_findings(problem.noisier), *looked.attitude)
+    return (*searched.sound.findings, *noise_findings(problem.noisier), *searched.attitude)

@@ -1,5 +1,6 @@
 """What was found, as files that training reads: a scenario like any other, and ranges to randomize around it."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import yaml
 
 from auv_torchrl.diagnosis.verdict import Diagnosis, Estimate, FoundEffect
 from auv_torchrl.effects import Parameter, get_effect
+from auv_torchrl.quantities import percent
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle
 
@@ -31,6 +33,31 @@ def scenario_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         for name, value in settings.items():
             lines.append(f"    {name}: {value}{_comment(found.parameters.get(name))}")
     return "\n".join([*lines, ""])
+
+
+def alternatives_yaml(diagnosis: Diagnosis, vehicle: Vehicle) -> list[str]:
+    """A file for each other explanation of a log, the likeliest first; corrections of the file are in all of them."""
+    corrections = [found for found in diagnosis.effects if found.calibrates]
+    own = {found.name for found in diagnosis.effects if not found.calibrates}
+    files: list[str] = []
+    for other in diagnosis.alternatives:
+        known = [one for one in diagnosis.decision.trace if one.simulated and set(one.effects) == set(other.effects)]
+        if not other.effects or set(other.effects) == own or not known:
+            continue
+        best = max(known, key=lambda one: one.log_posterior)
+        effects = dict(_entry(found, diagnosis, vehicle) for found in corrections)
+        for name in other.effects:
+            settings: dict[str, Any] = _declared_values(name, best.values_of(name), vehicle)
+            if diagnosis.where.onset_in_episode_s is not None:
+                settings["start_s"] = round(diagnosis.where.onset_in_episode_s, 3)
+            if name in effects:
+                effects[f"{name}_fault"] = {"effect": name, **settings}
+            else:
+                effects[name] = settings
+        head = f"# {percent(other.probability)}: {other.called}, in place of what scenario.yaml has.\n"
+        found_in = f"# Found in {_one_line(diagnosis.log)}, vehicle {_one_line(diagnosis.vehicle)}.\n"
+        files.append(head + found_in + yaml.safe_dump({"effects": effects}, sort_keys=False))
+    return files
 
 
 def scenario_of(diagnosis: Diagnosis, vehicle: Vehicle) -> dict[str, Any]:
@@ -89,12 +116,13 @@ def ranges_of(diagnosis: Diagnosis, vehicle: Vehicle) -> dict[str, dict[str, lis
 
 def _values(found: FoundEffect, vehicle: Vehicle) -> dict[str, float]:
     """Values within the bounds of the effect; counts as whole numbers."""
-    declared = get_effect(found.name).member_parameters(vehicle)
-    values = {}
-    for name, estimate in found.parameters.items():
-        value = _within(declared[name], estimate.value)
-        values[name] = float(round(value)) if declared[name].discrete else value
-    return values
+    return _declared_values(found.name, {name: one.value for name, one in found.parameters.items()}, vehicle)
+
+
+def _declared_values(effect: str, given: Mapping[str, float], vehicle: Vehicle) -> dict[str, float]:
+    declared = get_effect(effect).member_parameters(vehicle)
+    values = {name: _within(declared[name], value) for name, value in given.items()}
+    return {name: float(round(value)) if declared[name].discrete else value for name, value in values.items()}
 
 
 def _within(bounds: Parameter, value: float) -> float:

@@ -155,7 +155,7 @@ SETTLED = 1.0  # by this log evidence
 # Log evidence by which the linear prediction of an explanation may be too low, and share of the log likelihood that is
 # missing: where much is left, slopes hold less far.
 DOUBTED, DOUBTED_SHARE = 5.0, 0.1
-LOOKED_ALONG = 8  # of which values are fitted along the measured motion first
+FITTED_ALONG = 8  # of which values are fitted along the measured motion first
 FAR_BEHIND = 2.0  # times the least chi-square of a search: a fit that is beyond it after a round is left at that
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
@@ -170,7 +170,6 @@ REFITTED = 2  # rivals that are fitted to all windows beside the best
 
 # Adding and taking out effects
 WORTH_AN_EFFECT = 5.0  # log evidence that one more effect must bring
-MOST_EFFECTS = 3  # of an explanation: the prior makes four faults at once one in 125,000
 
 # A moment at which the vehicle changes
 BLOCK_S = 0.6  # s over which the missing force is averaged

@@ -175,6 +175,11 @@ class Hypothesis:
         """Log posterior probability, up to what all share."""
         return -math.inf if self.log_evidence is None else self.log_evidence + self.log_prior
 
+    def values_of(self, effect: str) -> dict[str, float]:
+        """Its values of the parameters of one effect, by parameter."""
+        of = {key.partition(".") for key in self.parameters}
+        return {name: self.parameters[f"{owner}.{name}"] for owner, _, name in sorted(of) if owner == effect}
+
     @property
     def simulated(self) -> bool:
         """Whether it was fitted by full simulation."""

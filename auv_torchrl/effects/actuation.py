@@ -47,17 +47,17 @@ thruster_gain = Effect(
 
 def _swap(vehicle: Vehicle, command: Array) -> Vehicle:
     xp, number = array_namespace(command), like(command)
-    giver = xp.clip(xp.round(command), 1.0, float(vehicle.thrusters))[..., None]
+    giver = xp.clip(xp.round(xp.abs(command)), 1.0, float(vehicle.thrusters))[..., None]
     permutation = xp.astype(giver == xp.arange(1, vehicle.thrusters + 1, **number), command.dtype)
-    return changed(vehicle, routing=permutation @ vehicle.routing)
+    return changed(vehicle, routing=(xp.sign(command)[..., None] * permutation) @ vehicle.routing)
 
 
 def _read_swap(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
-    settings = dict(settings)
+    settings, numbers = dict(settings), range(1, vehicle.thrusters + 1)
     for key in ("pair", "cycle"):
         if key not in settings:
             continue
-        ring, numbers = settings.pop(key), range(1, vehicle.thrusters + 1)
+        ring = settings.pop(key)
         if not isinstance(ring, list | tuple) or not all(isinstance(number, int | float) for number in ring):
             raise ValueError(
                 f"effect thruster_swap: {key} is {ring!r}: give a list of thrusters out of {list(numbers)}"
@@ -68,28 +68,48 @@ def _read_swap(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f"effect thruster_swap: {key} is {ring}: give different thrusters out of {list(numbers)}")
         for giver, receiver in zip(ring, ring[1:] + ring[:1], strict=True):
             settings[f"command_{receiver}"] = giver
+    turned = settings.pop("reversed", [])
+    if not isinstance(turned, list | tuple) or len(set(turned)) != len(turned) or not set(turned) <= set(numbers):
+        raise ValueError(f"effect thruster_swap: reversed is {turned!r}: give a list of thrusters out of {[*numbers]}")
+    for thruster in turned:
+        settings[f"command_{thruster}"] = -settings.get(f"command_{thruster}", thruster)
+    for member, given in settings.items():
+        if member.startswith("command") and isinstance(given, int | float) and abs(given) not in numbers:
+            raise ValueError(
+                f"effect thruster_swap: {member} is {given}: give a thruster out of {[*numbers]}, negative for the "
+                "opposite of its command"
+            )
     return settings
 
 
 def _said_of_plugs(values: Mapping[str, float]) -> str:
-    """Pairs that are exchanged in one clause, then each thruster of a longer ring."""
+    """Pairs that are exchanged in one clause, then each thruster of a longer ring, then those that are reversed."""
     pairs, others = advice.exchanged(values)
     clauses = [f"the plugs of thrusters {advice.listed(pairs)} are exchanged"] if pairs else []
-    return "; ".join([*clauses, *(f"thruster {to} gets the command of thruster {by}" for to, by in others)])
+    clauses += [f"thruster {to} gets the command of thruster {by}" for to, by in others]
+    clauses += [f"thruster {thruster} turns the wrong way" for thruster in advice.reversed_of(values)]
+    return "; ".join(clauses)
+
+
+def _reversed_gain(vehicle: Vehicle, member: str, command: float) -> Same | None:
+    """A propeller that turns the wrong way has a gain of -1 where it pushes as hard both ways."""
+    i = int(member.rsplit("_", 1)[1]) - 1
+    fields = ((vehicle.asymmetry, 0.0), (vehicle.neutral_offset, 0.0), (vehicle.forward_gain, vehicle.reverse_gain))
+    is_even = all(bool((host(own - other)[..., i] == 0).all()) for own, other in fields)
+    return (thruster_gain.name, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
 
 
 thruster_swap = Effect(
     name="thruster_swap",
     origin=Origin.ACTUATION,
-    meaning="thruster i gets the command meant for another; `pair: [1, 2]` exchanges two, `cycle: [1, 2, 3]` passes "
-    "the command of 1 to 2, of 2 to 3 and of 3 to 1",
+    meaning="thruster i gets the command meant for another; where negative the opposite of it, as by exchanged wires",
     source="Lu et al. 2023, Table 2, scenario 1",
     parameters=(
         Parameter(
             "command",
             "1",
             0.0,
-            1.0,
+            -16.0,
             16.0,
             "thruster {which} gets the command of thruster {value:.0f}",
             "thruster",
@@ -100,6 +120,7 @@ thruster_swap = Effect(
     shorthand=_read_swap,
     sentence=_said_of_plugs,
     advice=advice.thruster_swap,
+    trial=Trial(same_as=_reversed_gain),
 )
 
 

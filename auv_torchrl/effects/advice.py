@@ -37,14 +37,7 @@ def thruster_gain(values: Values, autopilot: Values) -> tuple[Advice, ...]:
 def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
     if gain <= -DEAD:
         weak = "" if gain <= REVERSED else "; it is weak, too: look for weed or a propeller of the other hand"
-        name = f"MOT_{thruster}_DIRECTION"
-        if abs(autopilot.get(name, 0.0)) == 1:  # else it is no direction, and its sign says nothing
-            set_to = -autopilot[name]
-            return Advice(f"set {name} to {set_to:g} (it is {autopilot[name]:g}){weak}", {name: set_to})
-        return Advice(
-            f"thruster {thruster} turns the wrong way: change the sign of {name}, or exchange two of its three "
-            f"phase wires{weak}"
-        )
+        return _turned_back(thruster, autopilot, weak)
     if gain < DEAD:
         return Advice(
             f"thruster {thruster} gives nothing: look whether its propeller is there and free, then at its plug, its "
@@ -83,8 +76,20 @@ def fin_stuck(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     return tuple(Advice(f"fin {fin} is stuck: look at its servo, its power and its linkage") for fin in stuck)
 
 
+def _turned_back(thruster: str, autopilot: Values, besides: str = "") -> Advice:
+    """Of a propeller that turns the wrong way."""
+    name = f"MOT_{thruster}_DIRECTION"
+    if abs(autopilot.get(name, 0.0)) == 1:  # else it is no direction, and its sign says nothing
+        set_to = -autopilot[name]
+        return Advice(f"set {name} to {set_to:g} (it is {autopilot[name]:g}){besides}", {name: set_to})
+    return Advice(
+        f"thruster {thruster} turns the wrong way: change the sign of {name}, or exchange two of its three "
+        f"phase wires{besides}"
+    )
+
+
 def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
-    """Of thrusters that get each other's commands."""
+    """Of thrusters that get each other's commands, or the opposite of one."""
     pairs, others = exchanged(values)
     found: list[Advice] = []
     if pairs:
@@ -99,15 +104,20 @@ def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
         either = "".join(f", or set {name} to {value:g}" for name, value in there.items())
         lost = f"thruster {to} is plugged in where thruster {by} belongs: put it on its own output{either}"
         found.append(Advice(lost, there))
-    return tuple(found)
+    return *found, *(_turned_back(thruster, autopilot) for thruster in reversed_of(values))
+
+
+def reversed_of(values: Values) -> list[str]:
+    """Thrusters that get the opposite of a command."""
+    return [which(member) for member, command in values.items() if command < 0]
 
 
 def exchanged(values: Values) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     """Pairs of thrusters that get each other's commands; then of all others each, and whose command it gets."""
-    giver = {which(member): f"{command:.0f}" for member, command in values.items()}
+    giver = {which(member): f"{abs(command):.0f}" for member, command in values.items()}
     pairs = sorted((to, by) for to, by in giver.items() if giver.get(by) == to and int(to) < int(by))
     paired = {thruster for pair in pairs for thruster in pair}
-    return pairs, [(to, by) for to, by in giver.items() if to not in paired]
+    return pairs, [(to, by) for to, by in giver.items() if to not in paired and to != by]
 
 
 def listed(pairs: Sequence[tuple[str, str]]) -> str:
@@ -151,16 +161,24 @@ def _one_way(thruster: str, way: str, gain: float) -> Advice:
 
 
 def neutral_offset(values: Values, autopilot: Values) -> tuple[Advice, ...]:
-    """Of thrusters that push at rest."""
-    return tuple(_neutral(which(member), offset, autopilot) for member, offset in values.items())
+    """Of thrusters that push at rest; those that stand still at one pulse in one sentence."""
+    by_pulse: dict[str, dict[str, float]] = {}
+    for member, offset in values.items():
+        by_pulse.setdefault(_still_at(which(member), offset, autopilot), {})[member] = offset
+    return tuple(_neutral(its, pulse) for pulse, its in by_pulse.items())
 
 
-def _neutral(thruster: str, offset: float, autopilot: Values) -> Advice:
+def _still_at(thruster: str, offset: float, autopilot: Values) -> str:
     direction, off = autopilot.get(f"MOT_{thruster}_DIRECTION", 0.0), PULSE * offset
-    stands = f"{NEUTRAL + direction * off:.0f} µs" if abs(direction) == 1 else f"{abs(off):.0f} µs beside {NEUTRAL:.0f}"
+    return f"{NEUTRAL + direction * off:.0f} µs" if abs(direction) == 1 else f"{abs(off):.0f} µs beside {NEUTRAL:.0f}"
+
+
+def _neutral(values: Values, pulse: str) -> Advice:
+    stand, its, each = ("stands", "its", "") if len(values) == 1 else ("stand", "their", "s")
     return Advice(
-        f"thruster {thruster} stands still at {stands}: set the trim of its output (SERVOn_TRIM) to {NEUTRAL:.0f}, and "
-        f"calibrate its speed controller with neutral at {NEUTRAL:.0f} µs, which ArduSub sends at rest"
+        f"{_numbered(values)} {stand} still at {pulse}: set the trim of {its} output{each} (SERVOn_TRIM) to "
+        f"{NEUTRAL:.0f}, and calibrate {its} speed controller{each} with neutral at {NEUTRAL:.0f} µs, "
+        "which ArduSub sends at rest"
     )
 
 

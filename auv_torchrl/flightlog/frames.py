@@ -26,12 +26,17 @@ _NED = "Give x north, y east, z down, yaw clockwise from north seen from above, 
 
 
 def check_frames(
-    episodes: tuple[Episode, ...], axes: tuple[str, ...], vehicle: Vehicle, units_known: bool = False
+    episodes: tuple[Episode, ...],
+    axes: tuple[str, ...],
+    vehicle: Vehicle,
+    units_known: bool = False,
+    frame_known: bool = False,
 ) -> tuple[tuple[Episode, ...], tuple[str, ...], list[Finding]]:
     """The episodes and axes that can be used, in the units of the format, and what was found about frames and units.
 
-    Where the units are known, a motion that does not fit the thrusters is not taken for one in other units. No finding
-    where the log keeps to the format, one of little weight where it is too short to tell.
+    Where the units are known, a motion that does not fit the thrusters is not taken for one in other units; where the
+    frame is, because a firmware wrote the log, not for one in another frame. No finding where the log keeps to the
+    format, one of little weight where it is too short to tell.
     """
     b = blocks(episodes, vehicle)
     if len(b.length) < FEWEST_BLOCKS:
@@ -42,7 +47,7 @@ def check_frames(
         return episodes, axes, found
     episodes, axes, disagreeing = reconcile(b, episodes, axes, vehicle)
     episodes, converted = (episodes, []) if units_known else convert_units(episodes, axes, vehicle)
-    return episodes, axes, [*disagreeing, *converted, *_dynamics(blocks(episodes, vehicle), axes)]
+    return episodes, axes, [*disagreeing, *converted, *_dynamics(blocks(episodes, vehicle), axes, frame_known)]
 
 
 def _kinematics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
@@ -111,10 +116,16 @@ _CONVENTIONS: dict[str, Callable[[Blocks, Floats], tuple[Floats, Floats]]] = {
 }
 
 
-def _dynamics(b: Blocks, axes: tuple[str, ...]) -> list[Finding]:
+def _dynamics(b: Blocks, axes: tuple[str, ...], frame_known: bool) -> list[Finding]:
     """Compare the motion with the push of the thrusters."""
     answer = responses(b)
     mirrored = {name for name, response in answer.items() if response.correlation < _REVERSED}
+    if frame_known:
+        if not mirrored:
+            return []
+        goes = f"{', '.join(sorted(mirrored))} {'goes' if len(mirrored) == 1 else 'go'}"
+        sentence = f"{goes} against the thrusters: some of these are reversed, or their plugs are exchanged"
+        return [Finding(Severity.WARNING, "against_thrusters", sentence, "See which the diagnosis names", axes)]
     follows = {name for name, response in answer.items() if response.correlation > _FOLLOWS}
     if mirrored == {"sway", "heave", "yaw"}:
         sentence = (

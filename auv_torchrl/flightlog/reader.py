@@ -63,7 +63,7 @@ def read_flightlog(
         findings += more
     episodes = tuple(_wrapped(episode) for episode in episodes)
     if seconds:
-        episodes, axes, more = check_frames(episodes, axes, vehicle, table.units_known)
+        episodes, axes, more = check_frames(episodes, axes, vehicle, table.units_known, bool(table.autopilot))
         findings += more
     episodes, axes, more = check_gravity(episodes, axes, table.units_known)
     findings += more

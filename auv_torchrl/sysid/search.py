@@ -118,7 +118,7 @@ class Search(ABC, Generic[What, Fitted]):
             if id(one) in small:
                 outcome = Outcome.SMALL
             elif is_better and one is winner:
-                outcome = Outcome.LEANER if way is Way.SMALLER else Outcome.STEP
+                outcome = Outcome.FEWER if way is Way.SMALLER else Outcome.STEP
             else:
                 outcome = Outcome.BEATEN if is_better else way.value
             self.note(one, proposal.promised.proposed, outcome)

@@ -15,7 +15,7 @@ class Outcome(Enum):
     SMALL = "dropped: it does less than what is uncertain about a sound system anyway"
     BEATEN = "dropped: another hypothesis of the same round has more"
     NEEDED = "tried without this, and put back: the log pays for it"
-    LEANER = "kept on the way: the log does not pay for what was taken away"
+    FEWER = "kept on the way: the log does not pay for what was taken away"
     REFUTED = "taken back: held-out flight is predicted no worse without it"
     PREDICTED = "not simulated: the linear prediction promises too little"
 

@@ -2,7 +2,8 @@
 
 One part is left out at a time, and the first sealed logs of the folders are diagnosed again. The labels stay sealed: an
 answer is compared with that of the diagnosis as it is. A part that changes fewer than one answer in a hundred guards
-against what these logs do not have, or is not needed. A killed run goes on where it was.
+against what these logs do not have, or is not needed. On a log where a part is not called, or gives what stands for it
+anyway, the answer stays, and the log is not diagnosed again. A killed run goes on where it was.
 """
 
 import argparse
@@ -10,11 +11,12 @@ import importlib
 import json
 import multiprocessing
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import wraps
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from tqdm import tqdm
@@ -51,6 +53,7 @@ class Part:
     does: str
     places: tuple[str, ...]  # module and name, or module, class and name, below auv_torchrl.diagnosis
     instead: Callable[..., Any]
+    is_slow: bool = False  # what stands for it works, and is not called to see whether it gives the same
 
 
 PARTS = {
@@ -68,14 +71,15 @@ PARTS = {
     "weigh_outliers": Part("outliers that count less", ("identify.following:_weigh_outliers",), lambda p, v, s: (p, s)),
     "follow_agreeing": Part(
         "another sensor where two contradict",
-        ("identify.search:follow_agreeing", "look:follow_agreeing"),
+        ("identify.search:follow_agreeing", "log_search:follow_agreeing"),
         _follow_windows,
+        is_slow=True,
     ),
     "hold_unseen": Part("nuisance that no window tells is held", ("identify.following:hold_unseen",), given(0)),
-    "search_along": Part("the search again along what was found", ("look:_search_along",), given(1)),
-    "find_onset": Part("a change during the log", ("look:find_onset",), always(None)),
-    "hints_of": Part("a level vehicle's explanations for one that tilts", ("look:hints_of",), always([])),
-    "looked_along": Part("values along the motion", ("identify.neighbours:Neighbourhood._looked_along",), given(1)),
+    "search_along": Part("the search again along what was found", ("log_search:_search_along",), given(1)),
+    "find_onset": Part("a change during the log", ("log_search:find_onset",), always(None)),
+    "hints_of": Part("a level vehicle's explanations for one that tilts", ("log_search:hints_of",), always([])),
+    "fitted_along": Part("values along the motion", ("identify.neighbours:Neighbourhood._fitted_along",), given(1)),
     "merged": Part("one value for a family", ("identify.neighbours:Neighbourhood._merged",), always([])),
     "exchanged": Part("an effect in place of another", ("identify.neighbours:Neighbourhood.exchanged",), always([])),
     "plugged": Part("the routing of all plugs", ("identify.neighbours:Neighbourhood._plugged",), always([])),
@@ -89,7 +93,10 @@ PARTS = {
     "as_sure": Part("nuisance as wide as the log shows", ("named:as_sure",), _as_fitted),
     "worse": Part("the veto of held-out flight", ("pipeline:worse",), always(())),
     "weigh_readings": Part(
-        "channels that do not answer", ("pipeline:weigh_readings",), lambda log, v, s, once: once(log, 0.0, 1.0)[0]
+        "channels that do not answer",
+        ("pipeline:weigh_readings",),
+        lambda log, v, s, once: once(log, 0.0, 1.0)[0],
+        is_slow=True,
     ),
     "calibrate_by_prediction": Part(
         "a prediction fit of healthy flights", ("calibrate.calibration:calibrate_by_prediction",), always(None)
@@ -101,6 +108,12 @@ PARTS = {
 
 def leave_out(part: Part) -> None:
     """Put what stands for a part in its place, in this process."""
+    for owner, name in _places(part):
+        setattr(owner, name, part.instead)
+
+
+def _places(part: Part) -> Iterator[tuple[Any, str]]:
+    """The modules and classes that have a part, with its name there."""
     for place in part.places:
         module, _, name = place.partition(":")
         owner: Any = importlib.import_module(f"{DIAGNOSIS}.{module}")
@@ -109,10 +122,59 @@ def leave_out(part: Part) -> None:
             owner = getattr(owner, one)
         if not callable(getattr(owner, function)):
             raise AttributeError(f"{place} is no function")
-        setattr(owner, function, part.instead)
+        yield owner, function
 
 
-def changed_without(cases: Sequence[Case], name: str) -> list[str]:
+def watch(parts: Mapping[str, Part]) -> set[str]:
+    """From now on, in this process, the names of parts that gave something else than what stands for them."""
+    acting: set[str] = set()
+    for name, part in parts.items():
+        for owner, function in _places(part):
+            setattr(owner, function, _watched(name, part, getattr(owner, function), acting))
+    return acting
+
+
+def _watched(name: str, part: Part, function: Callable[..., Any], acting: set[str]) -> Callable[..., Any]:
+    @wraps(function)
+    def watched(*arguments: Any, **named: Any) -> Any:
+        found = function(*arguments, **named)
+        if name not in acting and (part.is_slow or not _is_same(found, part.instead(*arguments, **named))):
+            acting.add(name)
+        return found
+
+    return watched
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Whether two results are equal for sure."""
+    if one is other:
+        return True
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_is_same, one, other))
+    try:
+        return bool(one == other)
+    except ValueError:  # arrays somewhere inside
+        return False
+
+
+def parts_acting(case: Case) -> set[str]:
+    """Which parts act on a log; they are watched in this process for good."""
+    from benchmarks.blind.examine import examine_one
+    from benchmarks.blind.seal import answers_folder, write_json
+
+    folder, task = case
+    mine = answers_folder(folder) / "without"
+    mine.mkdir(exist_ok=True)
+    noted = mine / f"{task}.json"
+    if not noted.exists():
+        acting = watch(PARTS)
+        with TemporaryDirectory() as answers:  # the answer itself is there
+            examine_one(folder, Path(answers), task)
+        write_json(noted, {"acting": sorted(acting)})
+    return set(json.loads(noted.read_text())["acting"])
+
+
+def changed_without(name: str, cases: Sequence[Case]) -> list[str]:
     """What the answers to some logs say otherwise without a part; it is left out of this process for good."""
     from benchmarks.blind.examine import examine_one
     from benchmarks.blind.seal import answers_folder
@@ -141,11 +203,11 @@ def cases_of(folders: Sequence[Path], logs: int, workers: int) -> list[Case]:
     return [(folder, task) for folder in folders for task in sorted(read_manifest(folder)["tasks"])[:logs]]
 
 
-def table(changed: dict[str, list[str]], logs: int) -> Table:
+def table(changed: Mapping[str, Sequence[str]], acting: Mapping[str, Sequence[Case]], logs: int) -> Table:
     """Each part with how many answers change without it, the needless first."""
-    ranked = sorted(changed, key=lambda name: len(changed[name]))
-    rows = [(name, PARTS[name].does, f"{len(changed[name])} of {logs}") for name in ranked]
-    return Table("Without one part", ("part", "what it does", "answers that change"), rows)
+    ranked = sorted(changed, key=lambda name: (len(changed[name]), len(acting[name])))
+    rows = [(name, PARTS[name].does, str(len(acting[name])), f"{len(changed[name])} of {logs}") for name in ranked]
+    return Table("Without one part", ("part", "what it does", "logs it acts on", "answers that change"), rows)
 
 
 def main() -> None:
@@ -162,13 +224,16 @@ def main() -> None:
 
     cases, changed = cases_of(asked.folders, asked.logs, asked.workers), {}
     names = asked.only or list(PARTS)
-    context = multiprocessing.get_context("forkserver")  # each process leaves out one part
+    context = multiprocessing.get_context("forkserver")  # each process watches or leaves out for good
     with ProcessPoolExecutor(asked.workers, context, max_tasks_per_child=1) as pool:
-        done = pool.map(partial(changed_without, cases), names)
+        noted = pool.map(parts_acting, cases)
+        each = list(zip(cases, tqdm(noted, total=len(cases), unit="log", disable=None), strict=True))
+        acting = {name: [case for case, parts in each if name in parts] for name in names}
+        done = pool.map(changed_without, names, [acting[name] for name in names])
         for name, moved in zip(names, tqdm(done, total=len(names), unit="part", disable=None), strict=True):
             changed[name] = moved
-            tqdm.write("\n".join([f"{name}: {len(moved)}", *(f"  {one}" for one in moved)]))
-    print(markdown(table(changed, len(cases))))
+            tqdm.write("\n".join([f"{name}: {len(moved)} of {len(acting[name])}", *(f"  {one}" for one in moved)]))
+    print(markdown(table(changed, acting, len(cases))))
 
 
 if __name__ == "__main__":

@@ -118,9 +118,9 @@ def _is_exact_wiring(
         for parameter, found in effect["parameters"].items():
             number = int(parameter.rpartition("_")[2]) if parameter[-1].isdigit() else 0
             if effect["name"] == "thruster_swap":
-                giver[number - 1] = round(found["value"])
-            elif effect["name"] == "thruster_gain" and number and found["value"] < 0:
-                backwards.add(number)
+                giver[number - 1] = round(abs(found["value"]))
+            if effect["name"] in ("thruster_swap", "thruster_gain") and number and found["value"] < 0:
+                backwards ^= {number}
     return giver == label["drawn"]["giver"] and backwards == set(label["drawn"]["backwards"])
 
 

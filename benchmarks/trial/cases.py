@@ -79,11 +79,11 @@ def _of_kind(number: int, kind: str, frame: int, rng: np.random.Generator, n: in
 
     if kind == "healthy":
         return Case(number, kind, frame)
+    turned = {"thruster_swap": {f"command_{n}": -float(n)}}
     if kind == "direction":
-        turned = {"thruster_gain": {f"gain_{n}": -1.0}}
         return Case(number, kind, frame, parameters={f"MOT_{n}_DIRECTION": -1.0}, truth=turned)
     if kind == "reversed":
-        return Case(number, kind, frame, mirrored=(n,), truth={"thruster_gain": {f"gain_{n}": -1.0}})
+        return Case(number, kind, frame, mirrored=(n,), truth=turned)
     if kind == "plugs":
         other = int(rng.choice([m for m in range(1, thrusters + 1) if m != n]))
         truth = {"thruster_swap": {f"command_{n}": float(other), f"command_{other}": float(n)}}

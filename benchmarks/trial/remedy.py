@@ -60,4 +60,6 @@ def mended(effects: Effects, remedy: Remedy) -> dict[str, dict[str, Any]]:
 
 def still_mirrored(mirrored: tuple[int, ...], remedy: Remedy) -> list[int]:
     """Thrusters whose phase wires stay exchanged; a parameter of the firmware leaves them as they are."""
-    return [n for n in mirrored if ("thruster_gain", f"gain_{n}") not in remedy.repaired]
+    turned_back = {("thruster_gain", f"gain_{n}"): n for n in mirrored}
+    turned_back |= {("thruster_swap", f"command_{n}"): n for n in mirrored}
+    return sorted({*mirrored} - {turned_back[one] for one in remedy.repaired if one in turned_back})

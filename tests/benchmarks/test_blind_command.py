@@ -7,11 +7,12 @@ from operator import attrgetter
 import pytest
 
 from auv_torchrl.diagnosis import thresholds
+from auv_torchrl.diagnosis.identify import evidence
 from auv_torchrl.diagnosis.identify.search import _EffectSearch
 from benchmarks.blind.ablation import OFF, ablate
 from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.examine import examine
-from benchmarks.blind.without import PARTS, Part, always, cases_of, changed_without
+from benchmarks.blind.without import PARTS, Part, always, cases_of, changed_without, watch
 from tests.command_lines import answers_of
 
 OTHERS = [f"families.{family}=0" for family in FAMILIES if family not in ("single", "no_gap")]
@@ -110,8 +111,23 @@ def test_an_answer_that_changes_without_a_part_is_counted(runs, monkeypatch):
     cases = [case for case in cases_of([answers.parent], 3, 1) if results[case[1]] != "no_gap"]
     took = {case: json.loads((answers / f"{case[1]}.json").read_text())["cpu_s"] for case in cases}
     quickest = min(cases, key=took.__getitem__)
-    (changed,) = changed_without([quickest], "all_small")
+    (changed,) = changed_without("all_small", [quickest])
     assert changed.startswith(f"{answers.parent.name}/{quickest[1]}: explained (")
+
+
+def test_a_part_that_is_watched_acts_where_it_gives_something_else(monkeypatch):
+    """What gives the same as what stands for it cannot change an answer, nor can one that is never called."""
+    for name in ("exchanges", "derangements"):
+        monkeypatch.setattr(evidence, name, getattr(evidence, name))  # is put back afterwards
+    place = ("identify.evidence:exchanges",)
+    acting = watch({
+        "other": Part("gives another", place, always(0)),
+        "same": Part("gives the same", place, always(1)),
+        "slow": Part("is not asked what it gives", place, always(1), is_slow=True),
+        "never": Part("is not called", ("identify.evidence:derangements",), always(0)),
+    })  # fmt: skip
+    assert evidence.exchanges({1: 2, 2: 1}) == 1
+    assert acting == {"other", "slow"}
 
 
 @pytest.mark.slow

@@ -149,7 +149,14 @@ def test_wiring_is_right_only_where_it_is_exact():
         effect("thruster_swap", [1, 2], command_1=2.0, command_2=1.0),
         effect("thruster_gain", [5], gain_5=-0.9),
     )
-    for said, right in (((swapped, turned), True), ((swapped,), False), ((turned,), False)):
+    wires = effect("thruster_swap", [1, 2, 5], command_1=2.0, command_2=1.0, command_5=-5.0)
+    both = (wires, True), (effect("thruster_swap", [5], command_5=-5.0), False)
+    for said, right in (
+        ((swapped, turned), True),
+        ((swapped,), False),
+        ((turned,), False),
+        *(((a,), b) for a, b in both),
+    ):
         found = score_owner("case_0001", label(WIRING, drawn=drawn), answer(*said), VEHICLE)
         assert found.right is right
 

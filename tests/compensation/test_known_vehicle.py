@@ -56,6 +56,17 @@ def test_what_is_known_is_undone(name, healthy):
     assert late_errors(behind(adapter, fleet(flown, TO_THRUSTERS)), "expected")[0] < healthy[0] + 0.005
 
 
+def test_propellers_that_turn_the_wrong_way_are_undone_on_exchanged_plugs_too():
+    """Of thrusters that push less hard backwards, which a gain of -1 does not say."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    content = {"effects": {"thruster_swap": {"pair": [1, 2], "reversed": [2, 4]}}}
+    flown = read_scenario("wires", content, vehicle)
+    healthy = late_errors(make_fleet("mujoco", vehicle, TASK, 4, seed=0))
+    adapter = KnownVehicle(vehicle, flown.vehicle_at(vehicle), TASK)
+    fleet = make_fleet("mujoco", vehicle, TO_THRUSTERS, 4, scenario=flown, seed=0)
+    assert late_errors(behind(adapter, fleet), "expected")[0] < healthy[0] + 0.005
+
+
 def test_a_known_heading_bias_leaves_no_heading_error(healthy):
     """Without the map the vehicle stands 20 degrees off."""
     flown = scenario("heading_bias")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
-from auv_torchrl.diagnosis.lengths import MOST_COMMANDS, looked_at, stretches_of
+from auv_torchrl.diagnosis.lengths import MOST_COMMANDS, share_findings, stretches_of
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import FEWEST, MOST, affordable
 from auv_torchrl.diagnosis.thresholds import MAX_WINDOWS
@@ -51,7 +51,7 @@ def test_windows_of_a_long_log_of_many_channels_fit_the_memory(errors):
     begins = windows.time
     assert begins[0] < 3 and begins[-1] > 890
     np.testing.assert_allclose(np.diff(begins), np.diff(begins).mean(), atol=SETTINGS.window_s)
-    (finding,) = looked_at(windows, log)
+    (finding,) = share_findings(windows, log)
     share = len(windows) * SETTINGS.window_s / log.duration
     assert (
         finding.code == "looked_at" and f"of 15 min that are learnt from, {share:.0%} are looked at" in finding.sentence
@@ -72,7 +72,7 @@ def test_of_an_ordinary_log_all_windows_are_kept(seconds, rate_hz, axes):
     log = log_of(swaying(seconds, rate_hz, axes), axes=axes)
     windows = cut(log)
     assert len(windows) == int((seconds - SETTINGS.lead_s) / SETTINGS.window_s)
-    assert windows.share == 1 and not looked_at(windows, log)
+    assert windows.share == 1 and not share_findings(windows, log)
 
 
 def test_a_long_log_says_what_part_of_it_is_looked_at():
@@ -80,7 +80,7 @@ def test_a_long_log_says_what_part_of_it_is_looked_at():
     log = log_of(swaying(900.0, 20.0, POSE_ALONE), axes=POSE_ALONE)
     windows = cut(log)
     assert len(windows) == MAX_WINDOWS
-    assert "40% are looked at" in looked_at(windows, log)[0].sentence
+    assert "40% are looked at" in share_findings(windows, log)[0].sentence
 
 
 def test_one_long_episode_among_many_short_ones_is_cut():

@@ -24,8 +24,19 @@ from auv_torchrl.diagnosis.report import named_files, report_page, summary_table
 from auv_torchrl.diagnosis.report.charts import horizons, shares
 from auv_torchrl.diagnosis.report.svg import decades, ticks
 from auv_torchrl.diagnosis.report.wording import sentence
-from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Diagnosis, Errors, Estimate, FoundEffect, Verdict
+from auv_torchrl.diagnosis.scenario_file import alternatives_yaml, randomization_yaml, scenario_yaml
+from auv_torchrl.diagnosis.verdict import (
+    NOT_SHOWN,
+    Alternative,
+    Decision,
+    Diagnosis,
+    Errors,
+    Estimate,
+    FoundEffect,
+    Hypothesis,
+    Outcome,
+    Verdict,
+)
 from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
@@ -339,6 +350,29 @@ def test_every_effect_can_be_written_as_a_scenario(diagnosis, effect, name):
     scenario = read_scenario("found", yaml.safe_load(scenario_yaml(found, vehicle)), vehicle)
     assert set(scenario.changes[0].values) == set(parameters)
     read_ranges(vehicle, yaml.safe_load(randomization_yaml(found, vehicle)))
+
+
+def test_each_other_explanation_is_a_scenario_of_its_own(diagnosis, paper):
+    """With the values of its best fit; the explanation of scenario.yaml and what was not fitted are not among them."""
+
+    def fitted(effects, parameters, proposed="", outcome=Outcome.NO_GAIN):
+        return Hypothesis(effects, parameters, -10.0, 0.0, 1.0, proposed, outcome)
+
+    own, drag, load = diagnosis.effects[0].name, "quadratic_drag", "buoyancy"
+    trace = (
+        replace(fitted((drag,), {f"{drag}.scale_surge": 3.0}), log_evidence=-12.0),
+        fitted((drag,), {f"{drag}.scale_surge": 2.5}),
+        fitted((drag, load), {f"{drag}.scale_surge": 1.5, f"{load}.force": 1e9}),
+    )
+    either = [Alternative((own,), "", 0.4), Alternative((drag,), "", 0.3), Alternative((drag, load), "", 0.2)]
+    either += [Alternative(("tether",), "", 0.05), Alternative((), "something unknown", 0.05)]
+    found = replace(diagnosis, alternatives=tuple(either), decision=Decision(trace), effects=diagnosis.effects[:1])
+    one, two = (read_scenario("other", yaml.safe_load(text), paper) for text in alternatives_yaml(found, paper))
+    assert {change.effect.name: change.values for change in one.changes} == {drag: {"scale_surge": 2.5}}
+    assert {change.effect.name: change.values for change in two.changes} == {
+        drag: {"scale_surge": 1.5},
+        load: {"force": EFFECTS[load].parameters[0].high},
+    }
 
 
 def test_no_effect_is_the_empty_scenario(paper):

@@ -24,18 +24,18 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.shared_data import shared
 
-PAPER = load_vehicle("paper")
+PAPER, HEAVY = load_vehicle("paper"), load_vehicle("bluerov2_heavy")
 SETTINGS = load_settings()
 USED = [0, 1, 2, 5]  # degrees of freedom that the pilot of these logs uses: vertical thrusters get one command
 
 
-def wrench(values):
+def wrench(values, vehicle=PAPER):
     """The wrench per demand of the pilot of a level vehicle with some effects."""
-    vehicle = PAPER
+    mixer = vehicle.mixer[:, USED]
     for name, row in values.items():
         vehicle = EFFECTS[name].apply(vehicle, row)
     c = prepare(vehicle).numpy()
-    return (c.allocation[USED] * c.full_thrust) @ c.routing @ PAPER.mixer[:, USED]
+    return (c.allocation[USED] * c.full_thrust) @ c.routing @ mixer
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -53,6 +53,33 @@ def test_any_plugs_are_proposed_at_once(seed):
     proposed = propose_routing(problem, follow, Explanation())
     assert proposed is not None
     np.testing.assert_allclose(wrench(proposed.explanation.values(PAPER)), wrench(truth), atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_any_plugs_are_proposed_of_thrusters_that_push_harder_ahead(seed):
+    """A propeller that turns the wrong way then pushes otherwise than one with a gain of -1."""
+    rng, vehicle = np.random.default_rng(seed), hold(HEAVY)
+    giver, sign = rng.permutation(8), rng.choice((-1.0, 1.0), 8, p=(0.3, 0.7))
+    truth = {"thruster_swap": {f"command_{i}": float(g) for i, g in enumerate(sign * (giver + 1), start=1)}}
+    flown = fly(vehicle, truth, seed=seed, episodes=2, seconds=20.0)
+    problem = Problem.of(cut_windows(flown, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+    problem, follow = follow_windows(problem)
+    proposed = propose_routing(problem, follow, Explanation())
+    assert proposed is not None and proposed.explanation.effects == ("thruster_swap",)
+    np.testing.assert_allclose(wrench(proposed.explanation.values(HEAVY), HEAVY), wrench(truth, HEAVY), atol=1e-9)
+
+
+@pytest.mark.parametrize("which", [1, 3])
+def test_a_propeller_that_turns_the_wrong_way_is_one_cause(which):
+    """Also where it pushes less hard that way, and with what to do about it."""
+    vehicle = hold(HEAVY)
+    diagnosis = diagnose(fly(vehicle, {"thruster_swap": {f"command_{which}": -float(which)}}, seed=which), vehicle)
+    (effect,) = diagnosis.effects
+    assert effect.name == "thruster_swap" and effect.probability > 0.9 and effect.thrusters == (which,)
+    assert effect.parameters[f"command_{which}"].value == -which
+    assert effect.sentence == f"thruster {which} turns the wrong way"
+    (advice,) = effect.advice
+    assert f"MOT_{which}_DIRECTION" in advice.do
 
 
 def test_plugs_that_are_where_they_belong_are_not_proposed():
@@ -113,3 +140,7 @@ def test_a_permutation_costs_its_plugs():
         log(15 * 9 / 15) - log(ONE_MORE_VALUE) + WORTH_AN_EFFECT
     )
     assert cost((1, 2, 3)) == cost((4, 6, 5))
+    reversed_one = Explanation((Term("thruster_swap", ("command_3",), -3.0, True),))
+    assert prior.structure(reversed_one) == pytest.approx(
+        prior.structure(Explanation((Term("thruster_gain", ("gain_3",), -1.0),)))
+    )

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -92,9 +93,9 @@ def test_a_simulated_map_is_recovered(values):
     ],
 )
 def test_a_log_from_another_simulator_names_the_thruster(name, effect, values):
-    """With its value, and nothing beside it."""
+    """With its value, and nothing beside it; also where the file of the vehicle is a guess, as it says."""
     log = read_flightlog(shared(f"field/{name}.csv"), HEAVY)
-    diagnosis = diagnose(log, HEAVY)
+    diagnosis = diagnose(log, HEAVY, uncertainty=load_uncertainty("bluerov2_heavy", HEAVY))
     assert diagnosis.verdict is Verdict.EXPLAINED
     (its,) = diagnosis.effects
     assert its.name == effect and its.parameters.keys() == values.keys() and its.probability > 0.9
@@ -102,8 +103,20 @@ def test_a_log_from_another_simulator_names_the_thruster(name, effect, values):
         assert its.parameters[member].value == pytest.approx(value, abs=0.02)
 
 
+def test_one_cause_that_explains_all_is_not_taken_up_by_a_file_that_is_a_guess():
+    """Many coefficients that are free together would fit a part of what one thruster does."""
+    vehicle = hold(HEAVY)
+    uncertain = load_uncertainty("bluerov2_heavy", HEAVY)
+    log = fly(vehicle, {"reverse_gain": {"gain_2": 0.0}}, seed=5, episodes=3, seconds=20.0)
+    diagnosis = diagnose(log, vehicle, uncertainty=uncertain)
+    assert [(e.name, e.thrusters, e.calibrates) for e in diagnosis.effects] == [("reverse_gain", (2,), False)]
+    assert diagnosis.verdict is Verdict.EXPLAINED and diagnosis.effects[0].probability > 0.9
+
+
 def test_the_pulse_of_a_neutral_is_told_where_the_direction_is_known():
     """ArduSub sends 1500 us at rest and 400 us more or less at full command, by the direction of the motor."""
     known, unknown = neutral_offset({"offset_2": -0.1, "offset_3": -0.1}, {"MOT_2_DIRECTION": -1.0})
     assert "stands still at 1540 µs" in known.do and "SERVOn_TRIM" in known.do
     assert "40 µs beside 1500" in unknown.do
+    (both,) = neutral_offset({"offset_2": -0.1, "offset_3": -0.1}, {})
+    assert both.do.startswith("thrusters 2, 3 stand still at 40 µs beside 1500: set the trim of their outputs")

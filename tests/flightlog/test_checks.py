@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.flightlog import FlightLogError, Severity, read_flightlog, write_flightlog
+from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.log import Episode, FlightLog
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
@@ -165,6 +166,17 @@ def test_z_up_or_reversed_vertical_thrusters_stays_open(healthy, paper, tmp_path
     upside = changed(healthy, lambda e: {"pose": e.pose * np.array([1, 1, -1, 1, 1, 1])})
     log = reread(replace(upside, axes=POSE_ONLY), paper, tmp_path)
     assert [(f.code, f.severity) for f in log.findings] == [("z_up_or_reversed", Severity.WARNING)]
+
+
+def test_the_frame_of_a_firmware_is_not_in_doubt(healthy, paper):
+    """Where the log is a firmware's, a vehicle that heaves against its thrusters has thrusters that are wrong."""
+    upside = changed(
+        healthy,
+        lambda e: {"pose": e.pose * np.array([1, 1, -1, 1, 1, 1]), "velocity": np.full_like(e.velocity, np.nan)},
+    )
+    for known, code in ((False, "z_up_or_reversed"), (True, "against_thrusters")):
+        (found,) = check_frames(upside.episodes, POSE_ONLY, paper, frame_known=known)[2]
+        assert found.code == code and found.limits is not known
 
 
 @pytest.mark.parametrize("axes", [POSE_ONLY, FULL], ids=["pose", "full"])

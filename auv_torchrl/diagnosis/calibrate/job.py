@@ -31,7 +31,6 @@ from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.request import plain_config, report_findings
 from auv_torchrl.diagnosis.settings import read_settings
-from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS
 from auv_torchrl.diagnosis.verdict import Errors
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join, read_flightlog
@@ -149,7 +148,7 @@ def console_lines(
 ) -> list[str]:
     """What a person reads who called the command."""
     lines = [str(finding) for finding in calibration.findings]
-    if 0 < len(calibration.wrong_effects) <= MOST_EFFECTS:
+    if 0 < len(calibration.wrong_effects) <= settings.most_effects:
         lines.append(
             f"the file is off in {', '.join(words(name) for name in calibration.wrong_effects)} alone: if that has not "
             "always been so, it is a fault, and no calibration; diagnose.py log=... tells"

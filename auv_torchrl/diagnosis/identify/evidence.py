@@ -38,11 +38,7 @@ class Prior:
             members = len(declared(effect, self.vehicle).parameters)
             terms = [term for term in explanation.terms if term.effect == effect]
             if terms[0].discrete:
-                moved = min(len(terms), members)
-                giver = giver_of(terms)
-                total += (exchanges(giver) - 1) * log(ONE_MORE_VALUE)
-                total -= (len(rings(giver)) - 1) * WORTH_AN_EFFECT  # a ring of plugs is a mishap of its own
-                total -= log(comb(members, moved) * max(1, derangements(moved)))
+                total += _log_prior_of_plugs(giver_of(terms), sum(term.value < 0 for term in terms), members)
                 continue
             total += (len(terms) - 1) * log(ONE_MORE_VALUE)
             if members > 1:
@@ -50,9 +46,22 @@ class Prior:
         return total
 
 
+def _log_prior_of_plugs(giver: Mapping[int, int], opposite: int, thrusters: int) -> float:
+    """Of whose command each thruster gets, and that some of them get the opposite."""
+    moved = sum(receiver != its for receiver, its in giver.items())
+    others = [ring for ring in rings(giver) if len(ring) > 1]
+    total = (exchanges(giver) + opposite - 1) * log(ONE_MORE_VALUE)
+    total -= (len(others) + (opposite > 0) - 1) * WORTH_AN_EFFECT  # a ring of plugs is a mishap of its own
+    if others:
+        total -= log(comb(thrusters, min(moved, thrusters)) * max(1, derangements(moved)))
+    if opposite:
+        total -= log(thrusters) + log(comb(thrusters, min(opposite, thrusters)))  # how many, then which
+    return total
+
+
 def giver_of(terms: Sequence[Term]) -> dict[int, int]:
-    """By number of a thruster, whose command it gets under discrete terms."""
-    return {int(term.members[0].rsplit("_", 1)[1]): round(term.value) for term in terms}
+    """By number of a thruster, whose command it gets under discrete terms, or the opposite of whose."""
+    return {int(term.members[0].rsplit("_", 1)[1]): round(abs(term.value)) for term in terms}
 
 
 def exchanges(giver: Mapping[int, int]) -> int:

@@ -48,6 +48,7 @@ class Settings:
     ignored: tuple[str, ...] | None
     thresholds: tuple[str, ...] | None
     excess: Annotated[float, In("[1, 1000]")]
+    most_effects: Annotated[int, In("[1, 20]")]
     tempering: Annotated[float, In("(0, 1]")]
 
     @property
@@ -125,8 +126,18 @@ def make_candidates(vehicle: Vehicle, settings: Settings, effects: Mapping[str, 
         else:
             for p in effect.parameters:
                 candidates += _one_by_one(effect, p, vehicle, scans.get(p.name))
+    tried = {candidate.effect for candidate in candidates}
+    candidates = [one for one in candidates if not _is_better_called(one, effects[one.effect], vehicle, tried)]
     acts = do_change(vehicle, [(candidate.effect, candidate.values) for candidate in candidates])
     return [candidate for candidate, does in zip(candidates, acts, strict=True) if does]
+
+
+def _is_better_called(candidate: Candidate, effect: Effect, vehicle: Vehicle, tried: Collection[str]) -> bool:
+    """Whether all that it changes has the name of another effect that is tried."""
+    if effect.trial.same_as is None:
+        return False
+    same = [effect.trial.same_as(vehicle, *value) for value in candidate.values.items()]
+    return all(one is not None and one[0] in tried for one in same)
 
 
 def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Scan | None) -> list[Candidate]:
@@ -149,7 +160,7 @@ def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Scan | Non
 
 
 def _permutations(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
-    """Exchanges of two thrusters, and 3-cycles of those that push alike (all horizontal, or all vertical)."""
+    """Exchanges of two thrusters, 3-cycles of those that are all horizontal or all vertical, and opposite commands."""
     n = vehicle.thrusters
     rings: list[tuple[int, ...]] = [(i, j) for i, j in combinations(range(1, n + 1), 2)]
     upright = np.abs(vehicle.thruster_direction[..., 2]).reshape(-1, n)[0] > 0.5
@@ -158,14 +169,12 @@ def _permutations(effect: Effect, vehicle: Vehicle) -> list[Candidate]:
             first, *rest = trio
             rings += [(first, *order) for order in permutations(rest)]
     key = effect.parameters[0].name
-    return [
-        Candidate(
-            effect.name,
-            {f"{key}_{receiver}": float(giver) for giver, receiver in zip(ring, ring[1:] + ring[:1], strict=True)},
-            discrete=True,
-        )
+    changes = [
+        {f"{key}_{receiver}": float(giver) for giver, receiver in zip(ring, ring[1:] + ring[:1], strict=True)}
         for ring in rings
     ]
+    changes += [{f"{key}_{i}": -float(i)} for i in range(1, n + 1)]
+    return [Candidate(effect.name, values, discrete=True) for values in changes]
 
 
 def do_change(vehicle: Vehicle, changes: Sequence[tuple[str, dict[str, float]]]) -> list[bool]:

@@ -22,8 +22,7 @@ from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
     DOUBTED,
     DOUBTED_SHARE,
-    LOOKED_ALONG,
-    MOST_EFFECTS,
+    FITTED_ALONG,
     SIMULATED,
     WORTH_AN_EFFECT,
 )
@@ -67,8 +66,6 @@ class Neighbourhood:
     def larger(self) -> list[Proposal[Neighbour]]:
         """With one effect, or one value of an effect, more: as promised about the best fit and the measured motion."""
         problem, mine = self.problem, set(self.best.explanation.effects)
-        if len(mine) >= MOST_EFFECTS:
-            return []
         fields = [(Field.of(problem, self.best.path), self.best.path)] if mine else [(self.field, self.follow)]
         if mine and leaves_much(problem, self.best):
             fields.append((Field.of(problem, self.follow, self.best.explanation), self.follow))
@@ -77,7 +74,7 @@ class Neighbourhood:
             here = field.none().evidence
             for one in field.families():
                 what, added = Neighbour(one.explanation, path), set(one.explanation.effects) - mine
-                if self._are_twins(added, mine):
+                if self._are_twins(added, mine) or len(mine | added) > problem.settings.most_effects:
                     continue
                 how = f"with {_words(added)}" if added else "with more values of what is there"
                 proposal = self._proposal(what, one.evidence - here, one.chi2, how)
@@ -92,7 +89,7 @@ class Neighbourhood:
         least = self.here - self.doubt
         likely = [one for one in ranked if promise(one) > least]
         if leaves_much(problem, self.best) and len(likely) > SIMULATED:
-            likely = [*self._looked_along(likely[:LOOKED_ALONG]), *likely[LOOKED_ALONG:]]
+            likely = [*self._fitted_along(likely[:FITTED_ALONG]), *likely[FITTED_ALONG:]]
         chosen = [one.what.key for one in likely[:SIMULATED]]
         rest = [one for one in ranked if one.what.key not in chosen]
         return [*likely[:SIMULATED], *(replace(one, simulate=False) for one in rest)]
@@ -110,7 +107,7 @@ class Neighbourhood:
         gain = one.evidence - field.none().evidence
         return [self._proposal(Neighbour(one.explanation, self.follow), gain, one.chi2, "with the plugs as they act")]
 
-    def _looked_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
+    def _fitted_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
         """Proposals with their values fitted along the measured motion, the likeliest first."""
         fits = [fit_along_motion(self.problem, one.what.explanation, self.follow) for one in proposals]
         found = [

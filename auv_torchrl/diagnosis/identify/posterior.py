@@ -7,7 +7,7 @@ from auv_torchrl.sysid.posterior import probabilities, weights
 
 NONE, UNKNOWN = "none", "unknown"
 SOMETHING_UNKNOWN = "something unknown"
-LEAST_TOLD = 0.01  # probability below which an alternative goes with all the others of its kind
+LEAST_TOLD = 0.03  # probability below which an alternative goes with the others: a reader acts on none of these
 
 
 def effect_probabilities(found: Found, unknown: float) -> dict[str, float]:

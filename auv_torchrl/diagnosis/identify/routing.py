@@ -1,9 +1,10 @@
 """Which command drives which thruster, with sign: the routing estimated whole, and rounded to plugs.
 
-Along the measured motion the force of a vehicle is linear in its routing matrix: thruster i gives what command j would
-have made it give, times an entry. All entries are fitted at once by least squares, and rounded to a permutation with
-signs by assignment. Where several thrusters get the same commands, least squares leave entries open, and rounding alone
-may miss: exchanges of two commands, and other signs, are tried on the same quadratic until none is better.
+Along the measured motion the force of a vehicle is linear in what its thrusters get: a thruster gives what a command
+would have made it give, times an entry, and what the opposite of that command would have, times another. All entries
+are fitted at once by least squares, and rounded to a permutation with signs by assignment. Where several thrusters get
+the same commands, least squares leave entries open, and rounding alone may miss: exchanges of two commands, and other
+signs, are tried on the same quadratic until none is better.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,6 +23,7 @@ from auv_torchrl.diagnosis.identify.screen import Screened
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE
 from auv_torchrl.effects.actuation import thruster_gain, thruster_swap
+from auv_torchrl.vehicle import Vehicle
 
 SIGNS = (1.0, -1.0, 0.0)  # as it should be, reversed, dead
 STARTS = 12  # of the search for the best permutation: a fifth as many missed one of eight plugs in fifty
@@ -37,32 +39,33 @@ class Routing:
 
     @property
     def departure(self) -> Floats:
-        """(n * n,) its matrix less the identity, row by row."""
+        """(2 n n,) its entries less those of a sound vehicle, of commands and then of their opposites."""
         n = len(self.giver)
-        matrix = np.zeros((n, n))
-        matrix[np.arange(n), self.giver] = self.sign
-        return (matrix - np.eye(n)).ravel()
+        entries, thrusters = np.zeros((2, n, n)), np.arange(n)
+        entries[0, thrusters, self.giver] = self.sign > 0
+        entries[1, thrusters, self.giver] = self.sign < 0
+        entries[0] -= np.eye(n)
+        return entries.ravel()
 
     @property
     def plugs(self) -> int:
         """How many exchanges of two plugs it takes, and how many that are reversed or dead."""
         return exchanges(dict(enumerate(self.giver.tolist()))) + int((self.sign != 1.0).sum())
 
-    def terms(self) -> tuple[Term, ...]:
-        """The values that it sets."""
-        (command,), (gain,) = thruster_swap.parameters, thruster_gain.parameters
-        moved = [i for i, j in enumerate(self.giver) if i != j]
-        swapped = [
-            Term(thruster_swap.name, (f"{command.name}_{i + 1}",), float(self.giver[i] + 1), True) for i in moved
-        ]
-        other = np.flatnonzero(self.sign != 1.0).tolist()
-        members = tuple(f"{gain.name}_{i + 1}" for i in other)
-        if len(other) == len(self.giver) and (self.sign == self.sign[0]).all():
-            return *swapped, Term(thruster_gain.name, members, float(self.sign[0]))
-        scaled = [
-            Term(thruster_gain.name, (member,), float(self.sign[i])) for member, i in zip(members, other, strict=True)
-        ]
-        return *swapped, *scaled
+    def terms(self, even: Sequence[bool]) -> tuple[Term, ...]:
+        """The values that it sets; a thruster that is ``even`` has a gain of -1 where it is reversed."""
+        swapped: list[Term] = []
+        gains: dict[str, float] = {}
+        for i, (j, sign) in enumerate(zip(self.giver.tolist(), self.sign.tolist(), strict=True), start=1):
+            has_gain = sign == 0.0 or (sign < 0 and even[i - 1])
+            number = j + 1 if has_gain else int(sign) * (j + 1)
+            if number != i:
+                swapped.append(_gets(i, number))
+            if has_gain:
+                gains[_gain(i)] = sign
+        if len(gains) == len(self.giver) and len({*gains.values()}) == 1:
+            return *swapped, Term(thruster_gain.name, tuple(gains), float(self.sign[0]))
+        return *swapped, *(Term(thruster_gain.name, (member,), sign) for member, sign in gains.items())
 
     def neighbours(self) -> Iterator["Routing"]:
         """With two commands exchanged, whatever the signs of both then, or with another sign of one thruster."""
@@ -81,50 +84,80 @@ def propose_routing(problem: Problem, follow: WindowPath, around: Explanation) -
     n = problem.vehicle.thrusters
     if n < 2 or not set(mine) <= {candidate.effect for candidate in problem.candidates}:
         return None
-    constant, g, H = _of_entries(problem, follow, rest, n)
+    even = _even(problem.vehicle)
+    constant, g, H = _of_entries(problem, follow, rest, even)
     if not np.isfinite(H).all() or not np.isfinite(g).all():
         return None
     best = _likeliest(g, H, n)
     if not best.plugs:
         return None
-    terms, d = best.terms(), best.departure
+    terms, d = best.terms(even), best.departure
     explanation = Explanation((*rest.terms, *terms))
     chi2 = constant - 2 * float(g @ d) + float(d @ H @ d)
-    gains = [i for i in range(n) if best.sign[i] != 1.0]
-    curvature, widths = H[np.ix_(*2 * [[n * i + best.giver[i] for i in gains]])], []
-    if gains:
-        widths = [problem.prior.width(thruster_gain.name, f"{thruster_gain.parameters[0].name}_{i + 1}") for i in gains]
-    evidence = log_evidence(problem, chi2, explanation) + volume(curvature, np.array(widths))
+    gains = [int(member.rsplit("_", 1)[1]) for term in terms if not term.discrete for member in term.members]
+    places = [n * (i - 1) + int(best.giver[i - 1]) for i in gains]
+    widths = np.array([problem.prior.width(thruster_gain.name, _gain(i)) for i in gains])
+    evidence = log_evidence(problem, chi2, explanation) + volume(H[np.ix_(places, places)], widths)
     return Screened(explanation, chi2, evidence)
 
 
-def _of_entries(problem: Problem, follow: WindowPath, rest: Explanation, n: int) -> tuple[float, Floats, Floats]:
-    """Chi-square ``constant - 2 g d + d H d`` of entries ``d`` (n * n,) of the routing less the identity."""
-    (command,), (gain,) = thruster_swap.parameters, thruster_gain.parameters
-    changes = []
-    for i, j in product(range(1, n + 1), repeat=2):
-        other = Term(thruster_swap.name, (f"{command.name}_{i}",), float(j), True)
-        none = Term(thruster_gain.name, (f"{gain.name}_{i}",), 0.0)
-        changes.append(Explanation((*rest.terms, none if i == j else other)))
+def _even(vehicle: Vehicle) -> list[bool]:
+    """Of each thruster, whether the opposite of a command gives the opposite thrust."""
+    same_as = thruster_swap.trial.same_as
+    numbers = range(1, vehicle.thrusters + 1)
+    return [same_as is not None and same_as(vehicle, _gets(i, -i).members[0], -float(i)) is not None for i in numbers]
+
+
+def _gets(thruster: int, command: int) -> Term:
+    return Term(thruster_swap.name, (f"{thruster_swap.parameters[0].name}_{thruster}",), float(command), True)
+
+
+def _gain(thruster: int) -> str:
+    return f"{thruster_gain.parameters[0].name}_{thruster}"
+
+
+def _of_entries(
+    problem: Problem, follow: WindowPath, rest: Explanation, even: Sequence[bool]
+) -> tuple[float, Floats, Floats]:
+    """Chi-square ``constant - 2 g d + d H d`` of the departure ``d`` (2 n n,) of a routing."""
+    changes, amounts = _changes(even)
     around = None if rest == follow.explanation else rest
-    q = quadratic(problem, follow, changes, around, chosen=problem.followed)
+    q = quadratic(
+        problem, follow, [Explanation((*rest.terms, change)) for change in changes], around, chosen=problem.followed
+    )
     b, A = without_nuisance(problem, q, rest)
     k, precision = len(problem.nuisance), problem.nuisance_precision
     at = nuisance_now(problem, rest)
     pull = q.b[:k] - precision @ at
     constant = q.constant + float(at @ precision @ at) - float(pull @ np.linalg.solve(q.A[:k, :k] + precision, pull))
-    # A thruster that gets another command does no longer what its own would make it do; a dead one does neither.
-    amounts = np.eye(n * n)
-    for i in range(n):
-        amounts[n * i + i, n * i : n * i + n] = -1.0
     return constant, amounts.T @ b, amounts.T @ A @ amounts
+
+
+def _changes(even: Sequence[bool]) -> tuple[list[Term], Floats]:
+    """Changes of a vehicle (C,), and how much of each (C, 2 n n) an entry of the routing takes.
+
+    A thruster that gets another command does no longer what its own would make it do; a dead one does neither.
+    """
+    n = len(even)
+    changes = [Term(thruster_gain.name, (_gain(i + 1),), 0.0) for i in range(n)]
+    columns = np.zeros((n + 2 * n * n, 2, n, n))
+    for sign, i, j in product((0, 1), range(n), range(n)):
+        if sign and even[i]:
+            columns[:, 1, i, j] = -columns[:, 0, i, j]
+            continue
+        columns[i, sign, i, j] = -1.0
+        if sign or i != j:
+            columns[len(changes), sign, i, j] = 1.0
+            changes.append(_gets(i + 1, -(j + 1) if sign else j + 1))
+    return changes, columns[: len(changes)].reshape(len(changes), -1)
 
 
 def _likeliest(g: Floats, H: Floats, n: int) -> Routing:
     """The permutation with signs that has the least chi-square, what each plug costs included."""
     from scipy.optimize import linear_sum_assignment  # here: few logs come to it, and it takes long to import
 
-    entries = np.linalg.solve(H + np.eye(n * n), g).reshape(n, n) + np.eye(n)
+    ahead, opposite = np.linalg.solve(H + np.eye(len(g)), g).reshape(2, n, n)
+    entries = np.eye(n) + ahead - opposite
     _, giver = linear_sum_assignment(-np.abs(entries))
     rounded = Routing(giver, np.where(entries[np.arange(n), giver] < 0, -1.0, 1.0))
     rng = np.random.default_rng(0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.diagnosis.configured import to_change
-from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
+from auv_torchrl.diagnosis.scenario_file import alternatives_yaml, randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Window
 from auv_torchrl.diagnosis.verdict_file import to_json
 from auv_torchrl.extras import command, is_installed
@@ -26,6 +26,8 @@ _FOR_PROGRAMS = ("randomization.yaml", "predictions.parquet", RECORDING)
 
 def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: bool = False) -> list[Path]:
     """Write diagnosis.json, report.html, scenario.yaml and what goes with them; each appears complete or not at all.
+
+    ``alternative_1.yaml`` and so on hold the other explanations that the log leaves open.
 
     Args:
         diagnosis: what to write.
@@ -48,6 +50,8 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
         "scenario.yaml": encoded(scenario_yaml(diagnosis, vehicle)),
         "randomization.yaml": encoded(randomization_yaml(diagnosis, vehicle)),
     }
+    others = alternatives_yaml(diagnosis, vehicle)
+    contents |= {f"alternative_{i}.yaml": encoded(text) for i, text in enumerate(others, start=1)}
     if is_installed("pyarrow"):
         contents["predictions.parquet"] = _parquet(predictions(diagnosis.windows))
     else:

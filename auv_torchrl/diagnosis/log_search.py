@@ -23,7 +23,7 @@ from auv_torchrl.diagnosis.identify.paths import Fit, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Progress, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import MOST_EFFECTS, SIMULATED
+from auv_torchrl.diagnosis.thresholds import SIMULATED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
@@ -34,7 +34,7 @@ HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt
 
 
 @dataclass(frozen=True)
-class Looked:
+class LogSearch:
     """A log explained under one assumption about the attitude."""
 
     found: Found
@@ -44,15 +44,15 @@ class Looked:
     contradiction: tuple[Finding, ...] = ()  # why the healthy logs are not used
 
 
-def look(
+def search_log(
     training: FlightLog,
     vehicle: Vehicle,
     sound: Calibration | None,
     settings: Settings,
     report: Progress,
-    seen: Looked | None = None,
+    seen: LogSearch | None = None,
     left: HealthyPrior | None = None,
-) -> Looked:
+) -> LogSearch:
     """Explain a log with a vehicle, or with what was calibrated of it on healthy logs.
 
     ``left`` is what this log leaves open of a vehicle whose file was corrected on it. ``seen`` is what a vehicle with
@@ -72,17 +72,17 @@ def look(
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is None:
         found = search(problem, follow, report, begin)
-        return Looked(_search_along(problem, found, report), sound)
+        return LogSearch(_search_along(problem, found, report), sound)
     plain = replace(problem, windows=replace(problem.windows, whitening=None))  # parts of it are whitened anew
     behind, its_follow = follow_agreeing(Problem.of(plain.windows.subset(onset.behind), own, settings, known))
     found = search(behind, its_follow, report, begin)
     if seen or is_absent(plain, onset, found.best.explanation, own, settings):
         del problem, follow, plain  # the whole log would fill the memory beside the part
-        return Looked(_search_along(behind, found, report), sound, onset)
+        return LogSearch(_search_along(behind, found, report), sound, onset)
     hints = _each_once(found.fits)[:SIMULATED]
     del behind, its_follow, found  # and the part beside the whole
     whole = search(problem, follow, report, hints, further=False)
-    return Looked(_search_along(problem, whole, report), sound)
+    return LogSearch(_search_along(problem, whole, report), sound)
 
 
 def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
@@ -111,7 +111,7 @@ def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Fin
     return Finding(Severity.WARNING, "healthy_not_healthy", sentence, remedy)
 
 
-def look_both_ways(
+def search_both_attitudes(
     training: FlightLog,
     vehicle: Vehicle,
     healthy: Sequence[FlightLog],
@@ -120,7 +120,7 @@ def look_both_ways(
     coefficients: Sequence[Coefficient] = (),
     kept: StoredCalibration | None = None,
     left: HealthyPrior | None = None,
-) -> Looked:
+) -> LogSearch:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle.
 
     ``kept`` is what the vehicle's file keeps of healthy logs, for where there are none, and ``left`` what this log
@@ -132,17 +132,17 @@ def look_both_ways(
     sound = kept.calibration(held) if kept and not healthy else None
     if healthy:
         drafted = draft(healthy, held, settings, coefficients)
-        few = 0 < len(drafted.wrong_effects) <= MOST_EFFECTS
+        few = 0 < len(drafted.wrong_effects) <= settings.most_effects
         fault = _fault_of(healthy, vehicle, settings, report) if few else None
         if fault is None:
             sound = calibrate_draft(drafted, settings, free)
             fault = _fault_of(healthy, vehicle, settings, report) if sound.has_gap and not few else None
         if fault is not None:
-            looked = look_both_ways(training, vehicle, (), settings, report)
-            return replace(looked, contradiction=(healthy_not_healthy(healthy, fault),))
+            searched = search_both_attitudes(training, vehicle, (), settings, report)
+            return replace(searched, contradiction=(healthy_not_healthy(healthy, fault),))
     if sound is not None and hidden and sound.tilts:
-        return look(training, vehicle, sound, settings, report)
-    level = look(training, held, sound, settings, report, left=left)
+        return search_log(training, vehicle, sound, settings, report)
+    level = search_log(training, held, sound, settings, report, left=left)
     best = level.found.best
     if not hidden or judge(level.found) is Verdict.NO_GAP:
         return level
@@ -150,7 +150,7 @@ def look_both_ways(
         return replace(level, attitude=(level_enough(),))
     if sound is not None:
         sound = calibrate_free(healthy, sound, vehicle.free, settings) if healthy else sound.with_free_tilts()
-    tilting = look(training, vehicle, sound, settings, report, level, left)
+    tilting = search_log(training, vehicle, sound, settings, report, level, left)
     odds = log_likelihood(tilting.found.problem, tilting.found.best) - log_likelihood(level.found.problem, best)
     better = tilting if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
@@ -164,7 +164,7 @@ def _fault_of(
     Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects that
     explain all of it are a fault that was there already.
     """
-    found = look_both_ways(join(healthy), vehicle, (), settings, report).found
+    found = search_both_attitudes(join(healthy), vehicle, (), settings, report).found
     return found.best.explanation if judge(found) is Verdict.EXPLAINED else None
 
 
