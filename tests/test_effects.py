@@ -154,7 +154,10 @@ def test_commands_of_no_thruster_are_refused(settings):
 
 
 def test_a_reversed_propeller_gives_what_it_gives_backwards():
-    """Exchanged phase wires come before the curve, a gain of -1 behind it; on even thrusters the two are one."""
+    """Exchanged phase wires come before the curve, a gain of -1 behind it; on even thrusters the two are one.
+
+    A fin that gets the opposite of its command has a gain of its own.
+    """
     for name, is_even in (("paper", True), ("bluerov2_heavy", False)):
         vehicle = load_vehicle(name)
         wires = get_effect("thruster_swap").apply(vehicle, get_effect("thruster_swap").read(vehicle, {"reversed": [2]}))
@@ -169,6 +172,7 @@ def test_a_reversed_propeller_gives_what_it_gives_backwards():
         assert same_as is not None
         same = same_as(vehicle, "command_2", -2.0)
         assert same == (("thruster_gain", "gain_2", -1.0) if is_even else None)
+        assert same_as(load_vehicle("remus100"), "command_2", -2.0) == ("fin_gain", "gain_2", -1.0)
 
 
 def test_a_cycle_passes_commands_on():

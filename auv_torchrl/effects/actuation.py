@@ -96,7 +96,8 @@ def _reversed_gain(vehicle: Vehicle, member: str, command: float) -> Same | None
     i = int(member.rsplit("_", 1)[1]) - 1
     fields = ((vehicle.asymmetry, 0.0), (vehicle.neutral_offset, 0.0), (vehicle.forward_gain, vehicle.reverse_gain))
     is_even = all(bool((host(own - other)[..., i] == 0).all()) for own, other in fields)
-    return (thruster_gain.name, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
+    gain = "fin_gain" if i in vehicle.fins else thruster_gain.name
+    return (gain, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
 
 
 thruster_swap = Effect(
