@@ -187,7 +187,7 @@ def judge(found: Found, corrected: bool = False) -> Verdict:
 
     ``corrected`` tells that coefficients of the vehicle's file were corrected, so that there was a gap in any case.
     """
-    explained = found.excess_as_stated < found.problem.settings.excess
+    explained = found.excess_as_stated < found.most_left
     if not found.best.explanation.effects and not corrected:
         return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED

@@ -154,7 +154,7 @@ def diagnose_answering(
     verdict = limited(outcome, doubted)
     from scipy.special import expit  # here: it takes long to import
 
-    unknown = float(expit((found.excess_as_stated - settings.excess) / UNKNOWN_WIDTH))
+    unknown = float(expit((found.excess_as_stated - found.most_left) / UNKNOWN_WIDTH))
     unknown = 1.0 if vetoed or partly else unknown
     probability = bounded(effect_probabilities(found, unknown), doubted)
     either = alternatives(found, unknown)

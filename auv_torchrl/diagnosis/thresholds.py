@@ -17,6 +17,9 @@ NOISIER = 1.3  # times the noise of the healthy log, from which its noise says n
 REPEATS = 0.003  # relative, how well a sound vehicle repeats itself from day to day
 # Likewise where a wrong file was mended: its numbers take up what the model lacks, in each flight anew.
 MENDED_REPEATS = 0.02
+# Of what a fault does, by which the model of that fault may be wrong: no chart of a thruster is better, and the wake of
+# one that turns backwards is not modelled.
+FAULT_KNOWN = 0.02
 MODEL_ERROR = 0.001  # of an effect's size: sampling, integration and rounding, which the noise does not cover
 LEAST_NOISE = 1e-6  # m, rad, m/s, rad/s: the last digit that logs hold
 LEAST_FREEDOM = 0.15  # share of the numbers that a force must leave over to tell the noise from them

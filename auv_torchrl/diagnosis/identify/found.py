@@ -9,6 +9,7 @@ from auv_torchrl.diagnosis.identify.fit import reassess
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.thresholds import FAULT_KNOWN
 from auv_torchrl.sysid.trace import SearchTrace
 
 
@@ -28,6 +29,13 @@ class Found:
     def excess(self) -> float:
         """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
         return self.best.excess
+
+    @property
+    def most_left(self) -> float:
+        """Chi-square per number that an explanation may leave: what physics and the model of a fault are wrong by."""
+        gap = self.field.none().chi2 / self.field.quadratic.numbers - self.excess
+        does = max(gap, 0.0) if self.best.explanation.effects else 0.0
+        return self.problem.settings.excess + FAULT_KNOWN**2 * does
 
     @cached_property
     def excess_as_stated(self) -> float:
