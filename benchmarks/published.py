@@ -92,6 +92,7 @@ SECTIONS = {
         _real("ardusub_vectored", _LOGS),
         _real("haizhe", _ALIKE, QUICK),
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
+        Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
         Section("owners.md", "owners mocap", _DIAGNOSIS, SEALED, rows.of_owners),
         Section("dives.md", "dives", (*_DIAGNOSIS, "auv_torchrl/monitoring"), SEALED, rows.of_dives),
     )

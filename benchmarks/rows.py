@@ -54,6 +54,13 @@ def of_owners(command: str) -> Labels:
     return _one([*labels, *(row[0] for row in score.owner_numbers([], sensors).rows)])
 
 
+def of_without(command: str) -> Labels:
+    """Of the diagnosis without one of its parts."""
+    from benchmarks.blind.without import PARTS
+
+    return _one(PARTS)
+
+
 def of_dives(command: str) -> Labels:
     """Of the benchmark over many dives."""
     from auv_torchrl.vehicle import load_vehicle

@@ -21,10 +21,13 @@ from typing import Any
 
 from tqdm import tqdm
 
+from benchmarks import provenance
 from benchmarks.blind.ablation import Case, difference
 from benchmarks.blind.table import Table
+from benchmarks.published import RESULTS, SECTIONS, publish
 
 DIAGNOSIS = "auv_torchrl.diagnosis"
+PAGE, SECTION = RESULTS / "ablation.md", "without"
 LOGS = 40  # of each folder: an answer is then a fortieth of them
 
 
@@ -216,10 +219,15 @@ def main() -> None:
     parser.add_argument("folders", nargs="+", type=Path, help="of sealed logs, flown by python -m benchmarks.blind")
     parser.add_argument("--logs", type=int, default=LOGS, help=f"of each folder ({LOGS})")
     parser.add_argument("--only", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument("--publish", action="store_true", help=f"write the table into {PAGE.name}")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of one thread each")
     asked = parser.parse_args()
     if unknown := set(asked.only or ()) - set(PARTS):
         parser.error(f"no parts: {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
+    try:
+        commit = provenance.committed(SECTIONS[PAGE.name, SECTION].measures) if asked.publish else ""
+    except ValueError as error:
+        parser.error(str(error))
     from benchmarks.blind.report import markdown
 
     cases, changed = cases_of(asked.folders, asked.logs, asked.workers), {}
@@ -233,7 +241,11 @@ def main() -> None:
         for name, moved in zip(names, tqdm(done, total=len(names), unit="part", disable=None), strict=True):
             changed[name] = moved
             tqdm.write("\n".join([f"{name}: {len(moved)} of {len(acting[name])}", *(f"  {one}" for one in moved)]))
-    print(markdown(table(changed, acting, len(cases))))
+    text = markdown(table(changed, acting, len(cases)))
+    print(text)
+    if asked.publish:
+        given = " ".join(folder.name for folder in asked.folders)
+        publish(PAGE, SECTION, text, f"python -m benchmarks.blind.without {given} --logs {asked.logs}", commit)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
 """How a verdict was reached: the answer says what was compared, what was kept, and why each effect is named or not."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.report import decision_table, report_page
 from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
@@ -81,3 +83,19 @@ def test_what_tells_the_next_best_apart_is_said(answered):
         assert decision.next_best and decision.apart
     assert list(decision.apart.values()) == sorted(decision.apart.values(), reverse=True)
     assert 0 <= sum(decision.apart.values()) <= 1 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("effects", "gap", "most"), [(("tether",), 1000.0, 1.15 + 0.4), (("tether",), 1.0, 1.15), ((), 1e6, 1.15)]
+)
+def test_what_an_explanation_may_leave_grows_with_what_the_fault_does(effects, gap, most):
+    """By the square of the share by which its model may be wrong; where no fault is named, by nothing."""
+    found = SimpleNamespace(
+        excess=1.0,
+        best=SimpleNamespace(explanation=SimpleNamespace(effects=effects)),
+        problem=SimpleNamespace(settings=SimpleNamespace(excess=1.15)),
+        field=SimpleNamespace(
+            none=lambda: SimpleNamespace(chi2=50.0 * (gap + 1.0)), quadratic=SimpleNamespace(numbers=50)
+        ),
+    )
+    assert vars(Found)["most_left"].fget(found) == pytest.approx(most, abs=1e-3)
