@@ -4,11 +4,9 @@ import sys
 from importlib import import_module
 
 import pytest
-from hydra._internal.hydra import Hydra
 
 from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input, claim_folder
-from auv_torchrl.hydra_command.entry import composing_once
 from tests.command_lines import answers_of
 
 
@@ -90,6 +88,7 @@ def train(monkeypatch, capsys):
         like_another("box_m=inf", ["box_m is inf", "above 0"]),
         ("agent.loss=a=b", ["agent.loss", "in quotes"]),
         ("flight.csv", ["flight.csv is given without a key: give key=value"]),
+        ("hydra.searchpath=[file:///tmp]", ["--config-dir FOLDER"]),
         ("+hydra.callbacks.mine={_target_:os.system,command:false}", ["os.system"]),
         ("+hydra.callbacks.mine={_target_:logging.os.system,command:false}", ["os.system"]),
     ],
@@ -153,23 +152,6 @@ def test_errors_of_the_program_itself_keep_their_traceback():
         _ = 1 / 0
     with pytest.raises(BadInput, match="^a b$"), checking_input():
         raise ValueError("a\n  b")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "asks"),
-    [
-        (["vehicle=paper", "+scenario=swap", "-m"], False),
-        (["+experiment=sweep"], True),
-        (["hydra.mode=MULTIRUN"], True),
-        (["++hydra.mode=RUN"], True),
-    ],
-)
-def test_settings_are_composed_just_to_find_the_mode_only_where_something_may_set_it(arguments, asks):
-    """An experiment may, and so may an argument; physical numbers cannot."""
-    asked = Hydra.get_mode
-    with composing_once(arguments, ("scenario", "experiment")):
-        assert (Hydra.get_mode is asked) is asks
-    assert Hydra.get_mode is asked
 
 
 @pytest.mark.parametrize("part", ["experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export"])

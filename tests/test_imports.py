@@ -1,19 +1,16 @@
 """What commands import before their work begins, by sys.modules and not by the clock."""
 
 import ast
-import gc
 import json
 import os
 import re
 import subprocess
 import sys
-from importlib import import_module
 from importlib.util import find_spec
 
 import pytest
 import yaml
 
-from auv_torchrl.importing import importing
 from auv_torchrl.paths import CONF, PROJECT
 
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
@@ -71,6 +68,8 @@ WORK = {  # by module that a command works with, what it imports of these nevert
     "auv_torchrl.monitoring.repeated_runs": set(),
     "auv_torchrl.link.job": set(),
     "auv_torchrl.fly.job": set(),
+    "auv_torchrl.export.vehicle_job": set(),
+    "auv_torchrl.page.worker": set(),
     "auv_torchrl.page.recognise": set(),
     "auv_torchrl.page.app": {"jinja2"},  # last: every answer of it is a page
 }
@@ -143,20 +142,6 @@ def test_a_command_begins_its_work_without_what_it_may_not_need(imported, module
     if module not in imported:
         pytest.skip("fastapi is not installed: pip install '.[page]'")
     assert imported[module] & (LATE | HEAVY - {"scipy"}) == WORK[module]
-
-
-@pytest.mark.parametrize("enabled", [True, False])
-def test_imports_without_collections_leave_the_collector_as_it_was(enabled):
-    """Also where what is imported fails."""
-    before = gc.isenabled()
-    try:
-        (gc.enable if enabled else gc.disable)()
-        with pytest.raises(ModuleNotFoundError), importing():
-            assert not gc.isenabled()
-            import_module("no_such_module")
-        assert gc.isenabled() is enabled
-    finally:
-        (gc.enable if before else gc.disable)()
 
 
 WITHOUT = """
@@ -286,3 +271,12 @@ print(json.dumps(sys.stdout.getvalue()), file=out)
     settings["handlers"] = {"console": settings["handlers"]["console"]}  # no file
     settings["root"]["handlers"] = ["console"]
     assert printed(code, settings) == ""
+
+
+def test_hydra_is_reached_by_its_public_names():
+    """What stands behind them moves with its versions; the name of a logger is none of these."""
+    files = [path for part in ("auv_torchrl", "benchmarks", "tests") for path in (PROJECT / part).rglob("*.py")]
+    code = {path: set(imported_by(path)) for path in files}
+    assert any("hydra" in names for names in code.values())
+    inside, logger = ".".join(("hydra", "_")), ".".join(("hydra", "_internal", "callbacks"))
+    assert not [path for path, names in code.items() for name in names - {logger} if name.startswith(inside)]

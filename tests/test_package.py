@@ -89,8 +89,16 @@ def test_the_wheel_holds_the_configuration_and_nothing_of_the_tests(wheel):
     )
 
 
+def test_twine_takes_the_wheel(wheel):
+    """Without a warning: the README is shown as it stands."""
+    pytest.importorskip("twine", reason="pip install twine")
+    check = [sys.executable, "-m", "twine", "check", "--strict", str(wheel)]
+    done = subprocess.run(check, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
 def test_the_metadata_are_what_an_index_takes(wheel):
-    """As twine checks them: fields by the specification, and README as Markdown."""
+    """Also where twine is not installed: fields by the specification, and README as Markdown."""
     with zipfile.ZipFile(wheel) as content:
         (name,) = (name for name in content.namelist() if name.endswith(".dist-info/METADATA"))
         metadata = Metadata.from_email(content.read(name), validate=True)

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
-from hydra._internal.sources_registry import SourcesRegistry
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.singleton import Singleton
 from hydra.plugins.config_source import ConfigLoadError
+from hydra.types import RunMode
 
 from auv_torchrl.experiment import schema
-from auv_torchrl.hydra_command.config_source import CheckedFiles, check_config_files
-from auv_torchrl.paths import CONF, PROJECT, config_path
+from auv_torchrl.hydra_command.config_source import check_config_files
+from auv_torchrl.paths import CONF, OWN, PROJECT, config_path
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import MOST_BYTES, YamlFileError, read_yaml
 
@@ -109,13 +110,14 @@ def in_folder(folder, group, kind):
 @pytest.mark.parametrize(
     "kind", ["broken", "repeated inside", "scalar", "interpolation", "latin-1", "bomb", "a folder"]
 )
-def test_commands_read_such_files_with_the_same_errors(tmp_path, group, kind):
+def test_commands_read_such_files_with_the_same_errors(tmp_path, monkeypatch, group, kind):
     """Whatever names the file: Hydra loads none that is not checked."""
     path, message = in_folder(tmp_path, group.strip("+"), kind)
+    monkeypatch.setenv(OWN, str(tmp_path))
     schema.register()
     check_config_files()
     with initialize_config_dir(str(CONF), version_base="1.3"), pytest.raises(ConfigLoadError, match=message) as error:
-        compose("train", [f"{group}=mine", f"hydra.searchpath=[file://{tmp_path}]"])
+        compose("train", [f"{group}=mine"])
     assert str(path) in str(error.value)
 
 
@@ -130,9 +132,16 @@ def test_a_command_ends_with_that_line(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_processes_of_a_sweep_check_the_files_too(monkeypatch):
-    """They get Hydra's state from the process that started them, and register Hydra's own sources once more."""
-    monkeypatch.setattr(Singleton, "_instances", dict(Singleton._instances))
+def test_processes_of_a_sweep_check_the_files_too(tmp_path, monkeypatch):
+    """They get Hydra's state and its loader from the process that started them, and look for plugins anew."""
+    path, message = in_folder(tmp_path, "vehicle", "interpolation")
+    monkeypatch.setenv(OWN, str(tmp_path))
+    schema.register()
     check_config_files()
-    Singleton.set_state(Singleton.get_state())
-    assert SourcesRegistry.instance().resolve("file") is CheckedFiles
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        loader, state = GlobalHydra.instance().config_loader(), Singleton.get_state()
+        with monkeypatch.context() as another_process, pytest.raises(ConfigLoadError, match=message) as error:
+            another_process.setattr(Singleton, "_instances", {})
+            Singleton.set_state(state)
+            loader.load_configuration("train", ["vehicle=mine"], RunMode.RUN)
+    assert str(path) in str(error.value)

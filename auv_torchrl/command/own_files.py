@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from auv_torchrl.command.errors import checking_input
-from auv_torchrl.importing import environment
+from auv_torchrl.environment import environment
 from auv_torchrl.paths import CONF, OWN, config_path, own_folder
 from auv_torchrl.registry import PYTHON_FOLDERS, read_all
 

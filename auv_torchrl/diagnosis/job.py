@@ -5,7 +5,6 @@ import logging
 from omegaconf import DictConfig
 
 from auv_torchrl.command import Run, checking_input
-from auv_torchrl.diagnosis.memory import give_back_freed_memory
 from auv_torchrl.diagnosis.pipeline import diagnose
 from auv_torchrl.diagnosis.report import decision_table, named_files, summary_table, write_files
 from auv_torchrl.diagnosis.request import read_request
@@ -19,19 +18,13 @@ def answer(config: DictConfig, run: Run) -> None:
     """Read the logs, diagnose them, print the verdict, write the files."""
     with checking_input():
         request = read_request(config)
-    give_back_freed_memory()
     with checking_input((FlightLogError,)), Progress() as progress:
-
-        def behind(step: str, share: float) -> None:
-            give_back_freed_memory()  # each stage makes arrays of other sizes
-            progress(step, share)
-
         diagnosis = diagnose(
             request.log,
             request.vehicle,
             healthy=request.healthy,
             test=request.test,
-            progress=behind,
+            progress=progress,
             vehicle_name=request.vehicle_name,
             settings=request.settings,
             uncertainty=request.uncertainty,

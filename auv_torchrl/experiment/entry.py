@@ -4,7 +4,6 @@ from omegaconf import DictConfig
 
 from auv_torchrl.experiment import schema
 from auv_torchrl.hydra_command import hydra_command
-from auv_torchrl.importing import importing
 
 
 @hydra_command(
@@ -16,7 +15,6 @@ from auv_torchrl.importing import importing
 )
 def train_command(config: DictConfig) -> None:
     """Run the experiment of a config that Hydra has checked."""
-    with importing():  # here, not above: --help and a mistaken command line need nothing of it
-        from auv_torchrl.experiment.job import train
+    from auv_torchrl.experiment.job import train  # here, not above: --help and a mistaken command line need no torch
 
     train(config)

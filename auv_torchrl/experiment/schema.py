@@ -17,7 +17,8 @@ from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs.make import BACKENDS
 from auv_torchrl.experiment.flight_config import FlightConfig
-from auv_torchrl.paths import ENDINGS, SCHEMA, config_names, config_path
+from auv_torchrl.hydra_command.config_source import store_schema
+from auv_torchrl.paths import ENDINGS, config_names, config_path
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS
 from auv_torchrl.yaml_file import read_yaml
@@ -91,4 +92,4 @@ def register() -> None:
         for name, kind in registry.items():
             given: list[Any] = [("name", str, field(default=name))]
             named = make_dataclass(f"{kind.__name__}Named", given, bases=(schema_of(kind),))
-            ConfigStore.instance().store(f"{name}{SCHEMA}", named, group=group)
+            store_schema(named, group, name)

@@ -2,36 +2,68 @@
 
 from pathlib import Path
 
-from hydra._internal.core_plugins.file_config_source import FileConfigSource
-from hydra._internal.core_plugins.structured_config_source import StructuredConfigSource
-from hydra._internal.sources_registry import SourcesRegistry
 from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.config_store import ConfigStore
 from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
-from hydra.plugins.config_source import ConfigLoadError, ConfigResult
+from hydra.plugins.config_source import ConfigLoadError, ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
+from omegaconf import OmegaConf
 
 from auv_torchrl.paths import ENDINGS, OWN, PLAIN, SCHEMA, own_folder
 from auv_torchrl.yaml_file import YamlFileError, read_yaml
 
+_HEADER = 512  # characters at the beginning of a file among which ``# @package`` is looked for
+_SCHEMAS = "schema"  # before the group of a schema in Hydra's store, so that no group lists one
 
-class CheckedFiles(FileConfigSource):
+
+def store_schema(schema: type, group: str, name: str) -> None:
+    """Let files of a group name a schema in their defaults, as ``<name>_schema``; nobody chooses one."""
+    ConfigStore.instance().store(name, schema, group=f"{_SCHEMAS}/{group}")
+
+
+class CheckedFiles(ConfigSource):
     """Files of configuration; those that :func:`auv_torchrl.yaml_file.read_yaml` refuses are errors of one line.
 
     What is chosen for a group of :data:`PLAIN` is a name, or a file anywhere: ``vehicle=path/to/mine.yaml``.
     """
+
+    @staticmethod
+    def scheme() -> str:
+        """What the addresses of such folders begin with."""
+        return "checked"
+
+    def load_config(self, config_path: str) -> ConfigResult:
+        """Check a file, then load it; or the schema of that name."""
+        if schema := _schema(config_path):
+            stored = ConfigStore.instance().load(schema)
+            return ConfigResult(self.provider, self.full_path(), stored.node, {"package": stored.package})
+        self._check(config_path)
+        text = self._path(config_path).read_text(encoding="utf-8-sig")
+        header = self._get_header_dict(text[:_HEADER])
+        return ConfigResult(self.provider, self.full_path(), OmegaConf.create(text), header)
 
     def is_config(self, config_path: str) -> bool:
         """Whether there is such a file; a folder of that name is an error, not an unknown name."""
         path = self._path(config_path)
         if path.is_dir() or self._elsewhere(config_path):
             self._check(config_path)
-        return path.is_file()
+        return path.is_file() or _schema(config_path) is not None
 
-    def load_config(self, config_path: str) -> ConfigResult:
-        """Check a file, then load it."""
-        self._check(config_path)
-        return super().load_config(str(self._path(config_path)))  # an absolute path stays what it is
+    def is_group(self, config_path: str) -> bool:
+        """Whether it is a folder."""
+        return (Path(self.path) / config_path).is_dir()
+
+    def available(self) -> bool:
+        """Whether there is such a folder at all."""
+        return self.is_group("")
+
+    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
+        """The entries of a group."""
+        found: list[str] = []
+        for path in (Path(self.path) / config_path).iterdir():
+            self._list_add_result(found, f"{config_path}/{path.name}".lstrip("/"), path.name, results_filter)
+        return sorted(set(found))
 
     def _check(self, config_path: str) -> None:
         group = config_path.partition("/")[0] if self._elsewhere(config_path) else config_path.rpartition("/")[0]
@@ -42,7 +74,7 @@ class CheckedFiles(FileConfigSource):
 
     def _path(self, config_path: str) -> Path:
         elsewhere = self._elsewhere(config_path)
-        return elsewhere or (Path(self.path) / self._normalize_file_name(config_path)).absolute()
+        return elsewhere or (Path(self.path) / _file_name(config_path)).absolute()
 
     def _elsewhere(self, config_path: str) -> Path | None:
         """The file that ``vehicle/path/to/mine.yaml`` stands for; None for an entry of this folder."""
@@ -52,35 +84,32 @@ class CheckedFiles(FileConfigSource):
         path = Path(chosen).expanduser().absolute()
         return None if (Path(self.path) / config_path).is_file() and not path.exists() else path
 
-    @staticmethod
-    def _normalize_file_name(filename: str) -> str:
-        return filename if filename.endswith(ENDINGS) else f"{filename}.yaml"
+
+def _file_name(config_path: str) -> str:
+    return config_path if config_path.endswith(ENDINGS) else f"{config_path}.yaml"
 
 
-class UnlistedSchemas(StructuredConfigSource):
-    """What Python has told Hydra; files name schemas in their defaults, nobody chooses one."""
-
-    def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
-        """The entries of a group but its schemas."""
-        return [name for name in super().list(config_path, results_filter) if not name.endswith(SCHEMA)]
-
-
-# Hydra registers its own sources anew in each process of a sweep: one of the same name stays, another is an error.
-CheckedFiles.__name__ = FileConfigSource.__name__
-UnlistedSchemas.__name__ = StructuredConfigSource.__name__
+def _schema(config_path: str) -> str | None:
+    """Where Hydra's store has the schema ``task/line_schema``; None where it has none of that name."""
+    group, _, name = config_path.removesuffix(".yaml").rpartition("/")
+    stored = f"{_SCHEMAS}/{group}/{name.removesuffix(SCHEMA)}.yaml"
+    is_there = name.endswith(SCHEMA) and ConfigStore.instance().get_type(stored) is ObjectType.CONFIG
+    return stored if is_there else None
 
 
-class OwnFolder(SearchPathPlugin):
-    """Lets Hydra find the groups of one's own folder."""
+class CheckedFolders(SearchPathPlugin):
+    """Lets Hydra read folders through :class:`CheckedFiles`, and find the groups of one's own folder."""
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
-        """Add the folder after those that are there; none of its names is in them."""
+        """Add one's own folder after those that are there; none of its names is in them."""
+        for entry in search_path.get_path():
+            if entry.path is not None and "://" not in entry.path:
+                entry.path = f"{CheckedFiles.scheme()}://{entry.path}"
         if (own := own_folder()) is not None:
             search_path.append(OWN, f"{CheckedFiles.scheme()}://{own}")
 
 
 def check_config_files() -> None:
-    """Let Hydra read files through :class:`CheckedFiles` from now on, in processes of a sweep too; list no schemas."""
-    for source in (CheckedFiles, UnlistedSchemas):
-        SourcesRegistry.instance().types[source.scheme()] = source
-    Plugins.instance().register(OwnFolder)
+    """Let Hydra read files through :class:`CheckedFiles` from now on, in processes of a sweep too."""
+    for plugin in (CheckedFiles, CheckedFolders):
+        Plugins.instance().register(plugin)

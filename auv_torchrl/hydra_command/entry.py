@@ -4,31 +4,28 @@ import functools
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from string import Template
 from types import MappingProxyType
-from typing import Any
 
 import hydra
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.hydra import Hydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.object_type import ObjectType
 from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from auv_torchrl.command.arguments import quote_files, refuse_unknown_keys, spelt_out, without_config_dir
-from auv_torchrl.command.ending import VERSION, ending, on_cluster, terminable
+from auv_torchrl.command.ending import VERSION, ending, on_cluster, say, terminable
 from auv_torchrl.command.errors import BAD_INPUT, BadInput, fail, writing
 from auv_torchrl.command.folder import discard_start, finish, is_finished, leave
 from auv_torchrl.command.own_files import own_files
 from auv_torchrl.command.terminal import prepare_terminal
 from auv_torchrl.hydra_command.config_source import check_config_files
 from auv_torchrl.hydra_command.explain import composed, explain
-from auv_torchrl.paths import CONF, PLAIN
+from auv_torchrl.paths import CONF, config_names
+from auv_torchrl.yaml_file import read_yaml
 
 log = logging.getLogger(__name__)
 
@@ -85,11 +82,14 @@ def hydra_command(
             try:
                 arguments, own = without_config_dir(given[1:])
                 with ending(config_name), terminable(), own_files(own), on_cluster():
+                    if {"-h", "--help"} & set(arguments):
+                        say(help_of(config_name))
+                        return
+                    _refuse_unchecked(arguments)
                     register()
                     sys.argv = [given[0], *quote_files(spelt_out(arguments, short), files)]
                     refuse_unknown_keys(lambda: composed(config_name), sys.argv[1:], groups)
-                    with composing_once(sys.argv[1:], groups), listing_options_fast():
-                        hydra_main()
+                    hydra_main()
             except (HydraException, OmegaConfBaseException) as error:
                 fail(config_name, BadInput(explain(config_name, error)))
             finally:
@@ -113,45 +113,18 @@ def telling_version(entry: Callable[[], None]) -> Callable[[], None]:
     return answer
 
 
-@contextmanager
-def composing_once(arguments: Sequence[str], groups: Sequence[str]) -> Iterator[None]:
-    """Keep Hydra from composing all settings a first time, 0.2 s, just to see whether ``hydra.mode`` is among them.
+def _refuse_unchecked(arguments: Sequence[str]) -> None:
+    for given in arguments:
+        if given.lstrip("+").startswith("hydra.searchpath="):
+            raise BadInput(f"{given}: what is there would not be checked: give --config-dir FOLDER")
 
-    It may be where an argument sets it or adds what may set it, as an experiment does; physical numbers cannot.
+
+def help_of(config_name: str) -> str:
+    """What ``--help`` says: the text of the command's file with what there is to choose.
+
+    Hydra would compose all settings first, and copy them for each group: 1.6 s.
     """
-    keys = ("hydra", *(group for group in groups if group not in PLAIN))
-    if any(given.lstrip("+~").startswith(keys) for given in arguments):
-        yield
-        return
-    with replaced(Hydra, get_mode=lambda *_, **__: None):  # -m counts as ever
-        yield
-
-
-@contextmanager
-def listing_options_fast() -> Iterator[None]:
-    """Keep Hydra from copying all of its configuration for each group that ``--help`` and completion list, 1.5 s."""
-
-    def options(
-        loader: ConfigLoaderImpl,
-        group_name: str,
-        results_filter: ObjectType | None = ObjectType.CONFIG,
-        config_name: str | None = None,
-        overrides: list[str] | None = None,
-    ) -> list[str]:
-        return loader.repository.get_group_options(group_name, results_filter)
-
-    with replaced(ConfigLoaderImpl, get_group_options=options):
-        yield
-
-
-@contextmanager
-def replaced(owner: Any, **values: Any) -> Iterator[None]:
-    """Give attributes of a class or module other values for a while, as unittest.mock would, which imports asyncio."""
-    before = {name: getattr(owner, name) for name in values}
-    try:
-        for name, value in values.items():
-            setattr(owner, name, value)
-        yield
-    finally:
-        for name, value in before.items():
-            setattr(owner, name, value)
+    content = read_yaml(CONF / f"{config_name}.yaml", "configuration", plain=False)
+    groups = sorted(path.name for path in CONF.iterdir() if path.is_dir() and path.name != "hydra")
+    listed = "".join(f"{group}: {', '.join(names)}\n" for group in groups if (names := config_names(group)))
+    return Template(content["hydra"]["help"]["template"]).substitute(APP_CONFIG_GROUPS=listed)

@@ -1,11 +1,11 @@
 """How far a sweep is: its jobs may run in other processes, so their folders are watched."""
 
+import math
 import sys
 import threading
 from contextlib import suppress
 from pathlib import Path
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import DictConfig
@@ -15,7 +15,7 @@ from auv_torchrl.progress import Progress
 from auv_torchrl.quantities import counted
 
 _EVERY_S = 0.5  # between two looks at the folders
-_SWEEPER = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
+_SWEEPER = "basic"  # Hydra's own
 
 
 class SweepProgress:
@@ -27,7 +27,7 @@ class SweepProgress:
 
     def begin(self, config: DictConfig) -> None:
         """Watch the jobs of a sweep; another sweeper than Hydra's own does not say how many there will be."""
-        if config.hydra.sweeper._target_ != _SWEEPER:
+        if config.hydra.runtime.choices["hydra/sweeper"] != _SWEEPER:
             return
         self.end()
         self._progress = Progress(say=_print).__enter__()
@@ -46,7 +46,9 @@ class SweepProgress:
 
     def _watch(self, progress: Progress, folder: Path, total: int) -> None:
         finished: set[Path] = set()
-        while not self._over.wait(_EVERY_S):
+        is_over = False
+        while not is_over:
+            is_over = self._over.wait(_EVERY_S)  # and one look behind the end, for the jobs that finished last
             with suppress(OSError):  # a job removes or replaces what was listed
                 finished |= {job for job in folder.iterdir() if job not in finished and is_finished(job)}
             progress(f"{len(finished)} of {counted(total, 'run')} finished", len(finished) / total)
@@ -57,7 +59,8 @@ def jobs_of(config: DictConfig) -> int:
     given = [f"{key}={value}" for key, value in (config.hydra.sweeper.params or {}).items()]
     parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
     overrides = parser.parse_overrides([*given, *config.hydra.overrides.task])
-    return sum(map(len, BasicSweeper.split_arguments(overrides, None)))
+    values = {one.get_key_element(): one for one in overrides}  # the last of a key counts
+    return math.prod(len(list(one.sweep_string_iterator())) for one in values.values() if one.is_sweep_override())
 
 
 def _print(line: str) -> None:

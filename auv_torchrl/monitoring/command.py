@@ -27,13 +27,11 @@ def main(config: "DictConfig", run: Run) -> None:
     """Diagnose the logs that are named, once it is sure that they are there."""
     # here, not above: --help needs none of these, and a mistaken command line neither physics nor scipy
     from auv_torchrl.diagnosis.logs import find_logs, is_series
-    from auv_torchrl.diagnosis.memory import keep_freed_memory
 
     with checking_input():
         found = find_logs(config)
         if config.alike and not found["healthy"]:
             raise ValueError("alike=true holds runs against sound ones: give healthy=[...], logs of sound runs")
-    keep_freed_memory()
     if config.alike:
         from auv_torchrl.monitoring.repeated_runs import answer_runs as answer
     elif is_series(config):

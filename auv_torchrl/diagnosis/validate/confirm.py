@@ -15,9 +15,9 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.validate.predict import Predictions, closed_share, errors_along, errors_by_kind
 from auv_torchrl.diagnosis.verdict import Confirmation
 from auv_torchrl.effects.effect import changed
+from auv_torchrl.environment import environment
 from auv_torchrl.extras import command, is_installed
 from auv_torchrl.flightlog import Finding, Severity
-from auv_torchrl.importing import environment
 from auv_torchrl.physics import Coefficients, State, prepare
 from auv_torchrl.physics.step import memory_length
 from auv_torchrl.simulator import replay
