@@ -106,7 +106,8 @@ def flight_of(rollout: Any, task: Task) -> Flight:
     states["time"] = time.expand(batch)
     along = torch.cat((rollout["along"][:, :1], after["along"]), dim=1)[..., 0]
     reference = task.reference(along)
-    states["reference_position"], states["reference_quaternion"] = reference.position, reference.quaternion
+    states["reference_position"] = reference.nearest(states["position"])
+    states["reference_quaternion"] = reference.quaternion
     return Flight.from_tensordict(TensorDict(states, batch_size=batch))  # from_dict would load pandas
 
 

@@ -19,8 +19,8 @@ class Flight(TensorClass):
     velocity: Tensor  # (6,) m/s and rad/s, body
     thrust: Tensor  # (n,) N, what each thruster really gave
     command: Tensor  # (n,) thruster commands after mixer and clip, held over the step that ends here
-    action: Tensor  # (4,) what the policy asked for over that step
-    applied_action: Tensor  # (4,) what the adapter made of it; the same without one
+    action: Tensor  # (a,) what the policy asked for over that step
+    applied_action: Tensor  # (k,) what the adapter made of it; the same without one
     reference_position: Tensor  # (3,) m, NED, where the task wanted the vehicle
     reference_quaternion: Tensor  # (4,) likewise
 

@@ -32,6 +32,11 @@ CONTROLLED_INDEX = tuple(DEGREES_OF_FREEDOM.index(name) for name in CONTROLLED)
 Array = Any
 
 
+def index_of(axes: Sequence[str]) -> list[int]:
+    """Places of degrees of freedom in a wrench, a velocity or a row of the mixer."""
+    return [DEGREES_OF_FREEDOM.index(axis) for axis in axes]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Vehicle:
     """Physical parameters of a batch of vehicles: arrays of one library, of one precision.
@@ -51,8 +56,14 @@ class Vehicle:
 
     @property
     def thrusters(self) -> int:
-        """Number of thrusters."""
+        """Number of thrusters, fins among them."""
         return self.gain.shape[-1]
+
+    @property
+    def fins(self) -> tuple[int, ...]:
+        """Which of them are fins, counted from 0; the same throughout a batch."""
+        area = self.fin_area[(0,) * self.batch_dims]
+        return tuple(np.flatnonzero(host(area) > 0).tolist()) if bool((area > 0).any()) else ()
 
     @property
     def batch_size(self) -> tuple[int, ...]:
@@ -223,7 +234,8 @@ def _read_section(section: str, content: Mapping[str, Any]) -> dict[str, np.ndar
     entries = {entry: label(section, entry) for entry in names}
     if missing := [name for key, name in entries.items() if BY_LABEL[name].default is ... and key not in block]:
         raise ValueError(f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing")
+    thrusters = content.get("thrusters")
+    position = thrusters.get("position") if isinstance(thrusters, Mapping) else None
     return {
-        names[key]: read_entry(name, block.get(key, BY_LABEL[name].left_out), block.get("position"))
-        for key, name in entries.items()
+        names[key]: read_entry(name, block.get(key, BY_LABEL[name].left_out), position) for key, name in entries.items()
     }

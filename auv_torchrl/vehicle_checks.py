@@ -83,6 +83,13 @@ def _hull(v: Numbers) -> Floats:
 
 
 _THRUST, _LIMIT, _BAND = "thrusters.full_thrust", "thrusters.limit", "thrusters.dead_band"
+_AREA = "fins.area"
+
+
+def _strongest(v: Numbers) -> Floats:
+    return np.array([]) if v[_AREA].any() else v[_THRUST].max() / v["rigid_body.buoyancy"]
+
+
 RATIOS = (
     Ratio("the largest moment of inertia is {} times the sum of the others, which no body has", _triangle,
           In(f"(0, {1 + ROUNDED}]"), 0.5, ("rigid_body.inertia",), possible=False),
@@ -118,10 +125,12 @@ RATIOS = (
           In("[0, 100]"), 2.0, ("quadratic_drag", "rigid_body.buoyancy")),
     Ratio("the least drag coefficient in surge, sway and heave at 1 m/s is {}, so that it hardly stops", _stopping,
           In("[0.005, inf)"), 2.0, ("quadratic_drag", "linear_drag")),
-    # Vehicles that hover have 0.05 (Girona 500) to 0.5 (BlueROV2); a survey torpedo less, and no four axes.
+    # Vehicles that hover have 0.05 (Girona 500) to 0.5 (BlueROV2); one with fins less, which is not asked.
     Ratio("the strongest thruster pushes with {} times the weight of the displaced water",
-          lambda v: v[_THRUST].max() / v["rigid_body.buoyancy"], In("[0.05, 20]"), 0.3,
-          (_THRUST, "rigid_body.buoyancy")),
+          _strongest, In("[0.05, 20]"), 0.3, (_THRUST, "rigid_body.buoyancy")),
+    Ratio("the lift of a fin points {} of it ahead, where the flow comes from",
+          lambda v: np.abs(v["thrusters.direction"][:, 0])[v[_AREA] > 0], In("[0, 0.9]"), 0.05,
+          ("thrusters.direction", _AREA), possible=False),
     Ratio("the limit is {} times the full thrust", lambda v: v[_LIMIT] / v[_THRUST],
           In("[0.15, 100]"), 1.0, (_LIMIT, _THRUST)),
     Ratio("the dead band is {} times the full thrust", lambda v: v[_BAND] / v[_THRUST],

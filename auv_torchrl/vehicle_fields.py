@@ -202,6 +202,37 @@ VEHICLE_FIELDS: dict[str, Field] = {  # in the order of the class, which hashes 
         _NUMBER, "s", "from command to thruster", "thrusters", given=_WAIT, usual=In("[0, 2]", "s"), mistaken=_TIME
     ),
     "battery_sag": Field(_NUMBER, "1/min", "share of the thrust lost per minute", default=0.0),
+    # fins: actuators with an area, whose full_thrust, limit and dead_band are deflections in rad
+    "fin_area": Field(
+        _EACH, "m^2", "area of a fin; 0 of a thruster", "fins", "area", default=0.0, given=_NOT_NEGATIVE,
+        usual=In("[0, 10]", "m^2"), note="; 0 of a thruster", brief=True, later=True,
+    ),
+    "fin_lift": Field(
+        _EACH, "1/rad", "slope of its lift coefficient", "fins", "lift", default=2.5, given=_NOT_NEGATIVE,
+        usual=In("[0.2, 7]"), note=", slope of the lift coefficient", brief=True, later=True,
+    ),
+    "fin_aspect": Field(
+        _EACH, "", "effective aspect ratio", "fins", "aspect", default=2.0, given=_POSITIVE, usual=In("[0.1, 20]"),
+        note="effective aspect ratio", brief=True, later=True,
+    ),
+    "fin_drag": Field(
+        _EACH, "", "drag coefficient without lift", "fins", "drag", default=0.01, given=_NOT_NEGATIVE,
+        usual=In("[0, 1]"), note="drag coefficient without lift", brief=True, later=True,
+    ),
+    "fin_stall": Field(
+        _EACH, "rad", "angle of attack at which half of the attached flow is left", "fins", "stall", default=0.4,
+        given=In("(0, 1.5]"), usual=In("[0.1, 1.2]", "rad"), mistaken=_ANGLE, note=", half of the flow is off there",
+        brief=True, later=True,
+    ),
+    "fin_rate": Field(
+        _EACH, "rad/s", "fastest turning of the servo; 0 of any speed", "fins", "rate", default=0.0,
+        given=_NOT_NEGATIVE, usual=In("[0, 50]", "rad/s"), note=", of the servo; 0 without a limit", brief=True,
+        later=True,
+    ),
+    "fin_offset": Field(
+        _EACH, "rad", "deflection at no command", "fins", "offset", default=0.0, given=In("[-1.5, 1.5]"),
+        usual=In("[-0.5, 0.5]", "rad"), note=", deflection at no command", brief=True, later=True,
+    ),
     # sensors: what a vehicle's own sensors are off by, where that is known; those of a nominal vehicle are true
     "heading_bias": Field(
         _NUMBER, "rad", "measured yaw minus true yaw", "sensors", default=0.0, usual=In("[-0.8, 0.8]", "rad"),

@@ -52,7 +52,7 @@ def entries(vehicle: Vehicle, name: str) -> dict[str, Any]:
     """
     content: dict[str, Any] = {"name": name}
     for field, kind in VEHICLE_FIELDS.items():
-        if kind.section is None or (kind.brief and _is_zero(vehicle.get(field))):
+        if kind.section is None or (kind.brief and _is_default(field, vehicle.get(field))):
             continue
         block = content.setdefault(kind.section, {}) if kind.section else content
         block[kind.entry or field] = _entry(kind, vehicle.get(field))

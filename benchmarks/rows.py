@@ -141,17 +141,17 @@ def _tracking() -> Labels:
 
 def _tasks() -> Labels:
     from auv_torchrl.agents.config import AGENTS
-    from auv_torchrl.paths import config_names
+    from benchmarks.control.source import hovering_scenarios
     from benchmarks.control.tasks import KINDS
 
-    return _one(config_names("scenario")) | set(product(KINDS, AGENTS))
+    return _one(hovering_scenarios()) | set(product(KINDS, AGENTS))
 
 
 def _comparison() -> Labels:
-    from auv_torchrl.paths import config_names
     from benchmarks.control.methods import METHODS
+    from benchmarks.control.source import hovering_scenarios
 
-    return _one((*config_names("scenario"), *METHODS))
+    return _one((*hovering_scenarios(), *METHODS))
 
 
 _BENCH: dict[str, Callable[[], Any]] = {

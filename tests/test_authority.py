@@ -4,10 +4,10 @@ import pytest
 
 from auv_torchrl.authority import Recovery, authority, check_control, pushed
 from auv_torchrl.effects import get_effect
-from auv_torchrl.paths import config_names
 from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, load_vehicle, read_vehicle_file
 from tests.entries import with_entry
 from tests.few_thrusters import FEW, with_thrusters, without_sway
+from tests.hovering import HOVERING
 
 
 def judge(vehicle_name, **gains):
@@ -15,8 +15,8 @@ def judge(vehicle_name, **gains):
     return authority(get_effect("thruster_gain").apply(nominal, gains), nominal, "fault")
 
 
-@pytest.mark.parametrize("name", config_names("vehicle"))
-def test_every_nominal_vehicle_controls_all_four_degrees_of_freedom(name):
+@pytest.mark.parametrize("name", HOVERING)
+def test_every_nominal_vehicle_that_hovers_controls_all_four_degrees_of_freedom(name):
     """Without a fault both ranks are four and every degree of freedom moves alone."""
     whole = judge(name)
     assert (whole.channel_rank, whole.thruster_rank) == (4, 4)
@@ -24,7 +24,7 @@ def test_every_nominal_vehicle_controls_all_four_degrees_of_freedom(name):
     assert whole.recovery is Recovery.CHANNELS
 
 
-@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("name", HOVERING)
 def test_two_dead_horizontal_thrusters_are_declared_infeasible(name):
     """With thrusters 1 and 2 dead the rank is 3 at the thrusters, sway and yaw only move together."""
     two_dead = judge(name, gain_1=0.0, gain_2=0.0)
@@ -36,7 +36,7 @@ def test_two_dead_horizontal_thrusters_are_declared_infeasible(name):
     assert "no map of commands can recover it" in str(two_dead)
 
 
-@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("name", HOVERING)
 def test_two_reversed_thrusters_need_a_map_to_the_thrusters(name):
     """With thrusters 1 and 2 reversed the channels have rank 3, the thrusters rank 4."""
     two_reversed = judge(name, gain_1=-1.0, gain_2=-1.0)
@@ -58,8 +58,8 @@ def test_a_batch_of_vehicles_is_refused():
         authority(nominal.expand(3), nominal)
 
 
-@pytest.mark.parametrize("name", config_names("vehicle"))
-def test_every_shipped_vehicle_controls_what_the_tasks_need(name):
+@pytest.mark.parametrize("name", HOVERING)
+def test_every_shipped_vehicle_that_hovers_controls_what_its_tasks_need(name):
     """By its mixer and by its thrusters; with eight of them roll and pitch, too."""
     vehicle = load_vehicle(name)
     assert pushed(vehicle, CONTROLLED, by_channels=True) == CONTROLLED

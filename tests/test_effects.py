@@ -10,6 +10,7 @@ from auv_torchrl.paths import config_names
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
 from auv_torchrl.vehicle import load_vehicle, stacked
+from tests.hovering import ACTING, FIN_EFFECTS, one_for
 from tests.uneven import UNEVEN, load_any
 
 effects = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
@@ -39,7 +40,7 @@ def away_from_nominal(effect, vehicle, share=0.4):
 @effects
 def test_an_effect_changes_only_a_copy(effect, name):
     """Apply is pure: the given vehicle stays as it was, and the changed one differs."""
-    vehicle = load_any(name)
+    vehicle = load_any(one_for(effect.name, name))
     before = vehicle.clone()
     values = (
         {"command_1": 2.0, "command_2": 1.0} if effect.name == "thruster_swap" else away_from_nominal(effect, vehicle)
@@ -73,8 +74,10 @@ def test_batches_of_values_broadcast(effect, name):
 @effects
 def test_values_outside_the_bounds_are_refused(effect):
     """Each bound of each parameter holds, and the error names parameter, bounds and unit."""
-    vehicle = load_vehicle("paper")
+    vehicle = load_vehicle(one_for(effect.name, "paper"))
     for name, p in effect.member_parameters(vehicle).items():
+        if effect.name in FIN_EFFECTS and name.endswith("_1"):
+            continue  # the propeller
         for wrong in (p.high + 1.0, p.low - 1.0, math.nan, math.inf, "many", None, True, [1.0]):
             with pytest.raises(ValueError, match=f"effect {effect.name}: {name} is "):
                 effect.read(vehicle, {name: wrong})
@@ -86,7 +89,7 @@ def test_values_outside_the_bounds_are_refused(effect):
 @effects
 def test_unknown_parameters_are_refused(effect):
     """Reading and applying an unknown parameter is an error that lists the known ones."""
-    vehicle = load_vehicle("paper")
+    vehicle = load_vehicle(one_for(effect.name, "paper"))
     known = next(iter(effect.member_parameters(vehicle)))
     with pytest.raises(ValueError, match=f"no parameter 'colour': there are .*{known}"):
         effect.read(vehicle, {"colour": 1.0})
@@ -105,6 +108,29 @@ def test_every_effect_says_what_it_is(effect, name):
     for p in effect.parameters:
         for which in p.which(vehicle) or ("",):
             assert p.said(f"{p.name}_{which}" if which else p.name, p.low)
+
+
+@pytest.mark.parametrize("effect", [effect for name, effect in ACTING.items() if name.startswith("thrust")],
+                         ids=lambda effect: effect.name)  # fmt: skip
+def test_effects_on_thrusters_leave_fins_as_they_are(effect):
+    """But for the delay, the lag and the plugs, which a fin has as well; where it sits counts from the file."""
+    vehicle = load_vehicle("remus100")
+    if effect.name in ("thruster_swap", "thruster_lag"):
+        return
+    after = effect.apply(vehicle, away_from_nominal(effect, vehicle))
+    for field, value in vehicle.items():
+        if value.shape[:1] == (5,):
+            np.testing.assert_array_equal(after.get(field)[1:], value[1:], err_msg=field)
+
+
+def test_effects_on_fins_are_refused_where_there_is_none():
+    """By the number of the thruster, or for a vehicle without fins."""
+    with pytest.raises(ValueError, match="effect fin_gain: gain_1: thruster 1 is no fin: the fins are 2, 3, 4, 5"):
+        get_effect("fin_gain").read(load_vehicle("remus100"), {"gain_1": 0.5})
+    with pytest.raises(ValueError, match="effect fin_stuck: the vehicle has no fins"):
+        get_effect("fin_stuck").read(load_vehicle("paper"), {"stuck": 1.0})
+    both = get_effect("fin_stuck").apply(load_vehicle("remus100"), {"stuck_2": 1.0, "angle_2": 0.1})
+    assert both.gain.tolist() == [1, 0, 1, 1, 1] and both.fin_offset.tolist() == [0, 0.1, 0, 0, 0]
 
 
 def test_an_unknown_effect_lists_the_effects():
@@ -128,7 +154,10 @@ def test_commands_of_no_thruster_are_refused(settings):
 
 
 def test_a_reversed_propeller_gives_what_it_gives_backwards():
-    """Exchanged phase wires come before the curve, a gain of -1 behind it; on even thrusters the two are one."""
+    """Exchanged phase wires come before the curve, a gain of -1 behind it; on even thrusters the two are one.
+
+    A fin that gets the opposite of its command has a gain of its own.
+    """
     for name, is_even in (("paper", True), ("bluerov2_heavy", False)):
         vehicle = load_vehicle(name)
         wires = get_effect("thruster_swap").apply(vehicle, get_effect("thruster_swap").read(vehicle, {"reversed": [2]}))
@@ -143,6 +172,7 @@ def test_a_reversed_propeller_gives_what_it_gives_backwards():
         assert same_as is not None
         same = same_as(vehicle, "command_2", -2.0)
         assert same == (("thruster_gain", "gain_2", -1.0) if is_even else None)
+        assert same_as(load_vehicle("remus100"), "command_2", -2.0) == ("fin_gain", "gain_2", -1.0)
 
 
 def test_a_cycle_passes_commands_on():

@@ -8,6 +8,7 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
+from tests.hovering import FIN_EFFECTS, HOVERING
 
 
 def scenario(name, vehicle):
@@ -16,13 +17,23 @@ def scenario(name, vehicle):
 
 def test_every_effect_acts_in_some_scenario():
     """No effect of the registry is left without a scenario file that uses it."""
-    vehicle = load_vehicle("paper")
-    used = {change.effect.name for name in config_names("scenario") for change in scenario(name, vehicle).changes}
+    used = {
+        change.effect.name
+        for name in config_names("scenario")
+        for change in scenario(name, load_vehicle(suited(name)[0])).changes
+    }
     assert used == set(EFFECTS)
 
 
-@pytest.mark.parametrize("vehicle_name", config_names("vehicle"))
-@pytest.mark.parametrize("name", config_names("scenario"))
+def suited(name):
+    """Vehicles that a scenario is for: those with fins where it is of fins, and of as many thrusters as it names."""
+    effects = yaml.safe_load(config_path("scenario", name).read_text())["effects"]
+    return ["remus100"] if set(effects) & FIN_EFFECTS else HOVERING
+
+
+@pytest.mark.parametrize(
+    ("name", "vehicle_name"), [(name, vehicle) for name in config_names("scenario") for vehicle in suited(name)]
+)
 def test_every_scenario_changes_every_vehicle_within_bounds(name, vehicle_name):
     """Each file can be read for each vehicle, changes it at some time, and says in a comment what it stands for."""
     vehicle = load_vehicle(vehicle_name)

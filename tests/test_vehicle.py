@@ -11,6 +11,7 @@ from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.physics.coefficients import total_mass_matrix
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
 from tests.entries import with_entry
+from tests.hovering import HOVERING
 
 
 def paper():
@@ -28,7 +29,7 @@ def test_every_file_can_be_loaded(name):
     assert yaml.safe_load(config_path("vehicle", name).read_text())["name"] == name
 
 
-@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("name", HOVERING)
 def test_the_mixer_moves_what_it_names(name):
     """Demand in surge, sway, heave or yaw gives a wrench in that degree of freedom, positive, and little else."""
     vehicle = load_vehicle(name)
@@ -53,7 +54,9 @@ def test_table_1_is_reproduced():
 
 def test_an_unknown_name_lists_the_vehicles():
     """The error says what there is."""
-    with pytest.raises(FileNotFoundError, match="there are ardusub_sitl, bluerov2, bluerov2_heavy, paper"):
+    with pytest.raises(
+        FileNotFoundError, match="there are ardusub_sitl, bluerov2, bluerov2_heavy, otter, paper, remus100"
+    ):
         load_vehicle("submarine")
 
 

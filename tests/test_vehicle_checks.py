@@ -19,6 +19,7 @@ FILLED = {  # what a bluerov2 leaves out, or has as 0
     "air": 1.0,
     "thrusters.reaction": 0.016,
     "thrusters.lag": 0.1,
+    "fins": {"stall": 0.4},
     "thrusters.delay": 0.05,
     "rigid_body.centre_of_buoyancy": [0.0, 0.0, -0.03],
     "sensors": {

@@ -68,7 +68,7 @@ print(json.dumps({
 
 
 def paper():
-    return {"sensors": {}, **yaml.safe_load(config_path("vehicle", "paper").read_text())}
+    return {"sensors": {}, "fins": {}, **yaml.safe_load(config_path("vehicle", "paper").read_text())}
 
 
 def other_value(name):

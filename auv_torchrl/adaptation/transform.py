@@ -46,6 +46,11 @@ class ThrusterTransform(CommandMap):
         """The same: each thruster gets a command."""
         return self.thrusters
 
+    @property
+    def channels(self) -> int:
+        """Number of channels."""
+        return self.actuation.channels
+
     @abstractmethod
     def thrusts(self, nominal: Array) -> Array:
         """Thrusts (N, n), shares of full thrust, where the source vehicle would get ``nominal`` (N, n); numpy."""

@@ -1,4 +1,4 @@
-"""How well a policy regulates: its mean position error late in the episode, from fixed starts."""
+"""How well a policy does its task: its mean miss late in the episode, from fixed starts."""
 
 from typing import Any, NamedTuple
 
@@ -9,13 +9,14 @@ from torch import Tensor
 from torchrl.envs import EnvBase, step_mdp
 
 from auv_torchrl.envs.fleet import FleetEnv
+from auv_torchrl.envs.start import BODY
 from auv_torchrl.evaluation import STEADY_FROM_S, task_of
 
 SHOWN_EVERY = 2  # control steps between two pictures of a film
 
 
 class Score(NamedTuple):
-    """Mean over the starts and worst start of the mean position error for t >= 10 s, in m."""
+    """Mean over the starts and worst start of what the task calls a miss, on the mean for t >= 10 s, in m."""
 
     mean_m: float
     worst_m: float
@@ -38,8 +39,8 @@ class Examiner:
         for step in range(self.task.steps):
             state = self.fleet.step(policy(state))
             if step >= self.first:
-                wanted = self.task.reference(state["next", "along"][..., 0]).position
-                errors.append((state["next", "position"] - wanted).norm(dim=-1))
+                position, quaternion, velocity = (state["next", key] for key in BODY)
+                errors.append(self.task.miss(position, quaternion, velocity, state["next", "along"][..., 0]))
             state = state["next"] if self.bare else step_mdp(state)
         error = torch.stack(errors).mean(0)
         return Score(float(error.mean()), float(error.max()))

@@ -1,18 +1,23 @@
 """How much of what a changed vehicle does differently a map of the commands can undo, from a flight of it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from auv_torchrl.compensation.known_vehicle import Model
 from auv_torchrl.flight import Flight
 from auv_torchrl.physics import State, control_step
+from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.quantities import percent
-from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 
 _NONE = 0.002  # root mean square difference, shares of the full wrench, below which the motion is the nominal one
 _MOST = 20_000  # steps looked at
 
 
-def command_share(flight: Flight, nominal: Vehicle, control_dt: float) -> float | None:
+def command_share(
+    flight: Flight, nominal: Vehicle, control_dt: float, axes: Sequence[str] = CONTROLLED, speed: float = 0.0
+) -> float | None:
     """Share of the unexplained acceleration that is an affine function of the command sent in the same step.
 
     Faults of thrusters are such functions and give nearly 1; a current, a delay or drag give little. None where the
@@ -22,8 +27,10 @@ def command_share(flight: Flight, nominal: Vehicle, control_dt: float) -> float 
         flight: of the changed vehicle, with the commands that were sent.
         nominal: one vehicle (empty batch).
         control_dt: s between its samples.
+        axes: degrees of freedom that are controlled.
+        speed: ahead in m/s, at which fins push.
     """
-    model, controlled = Model.of(nominal), list(CONTROLLED_INDEX)
+    model, controlled = Model.of(nominal), index_of(axes)
 
     def samples(name: str, first: int, last: int | None) -> np.ndarray:
         values = getattr(flight, name).double().numpy()[:, first:last]
@@ -38,7 +45,8 @@ def command_share(flight: Flight, nominal: Vehicle, control_dt: float) -> float 
     sent = np.repeat(command[rows, None], 1 + int(np.ceil(float(model.c.delay) / control_dt)), axis=1)
     state = State(position[rows], quaternion[rows], velocity[rows], thrust[rows], sent, time[rows])
     expected = control_step(model.c, model.terms, state, command[rows], control_dt).velocity[:, controlled]
-    most = control_dt * np.abs(model.rate_per_share(np.zeros(1))[0]).sum(-1)
+    reach = model.c.mass_inverse[controlled] @ wrench_per_share(model.c, model.terms, speed)
+    most = control_dt * np.abs(reach).sum(-1)
     missed = (reached[rows] - expected) / most
     if np.sqrt(np.square(missed).mean()) < _NONE:
         return None

@@ -1,10 +1,12 @@
 """What the source vehicle's thrusters make of a command, and the spaces in which commands are mapped.
 
-Controls are kept in units of the four command channels (surge, sway, heave, yaw): 1 is what a full command in
-that channel gives on the source vehicle, so that tau_s of a healthy vehicle equals its command.
+Controls are kept in units of the command channels, one for each of the axes that a task controls (surge, sway, heave
+and yaw of a vehicle that hovers): 1 is what a full command in that channel gives on the source vehicle, so that tau_s
+of a healthy vehicle equals its command.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -12,8 +14,9 @@ from torch import Tensor, nn
 
 from auv_torchrl.ddr.allocation import Allocation, shrunk
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
+from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.physics.thrusters import thrust_target
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
 
 EDGE = 1e-4  # share of full thrust kept clear of the dead band's edge, so that rounding does not fall into it
@@ -24,26 +27,28 @@ class Actuation(nn.Module):
 
     Args:
         vehicle: one vehicle (empty batch), the source.
+        axes: degrees of freedom that a channel commands each.
+        speed: ahead in m/s, at which fins push.
 
     Raises:
         ValueError: if its allocation is singular, so that channels have no unique wrench.
     """
 
-    mixer: Tensor  # (n, 4)
-    channels_per_share: Tensor  # (4, n) channels per share of each thruster's full thrust
+    mixer: Tensor  # (n, a)
+    channels_per_share: Tensor  # (a, n) channels per share of each thruster's full thrust
 
-    def __init__(self, vehicle: Vehicle):
+    def __init__(self, vehicle: Vehicle, axes: Sequence[str] = CONTROLLED, speed: float = 0.0):
         super().__init__()
         c = prepare(tensors(vehicle))
         self.terms = ActiveTerms.of(c)
-        controlled = list(CONTROLLED_INDEX)
+        controlled = index_of(axes)
         mixer = tensors(vehicle).mixer[:, controlled]
-        per_share = (c.allocation * c.full_thrust)[controlled]
+        per_share = wrench_per_share(c, self.terms, speed)[controlled]
         full = per_share @ mixer
-        if torch.linalg.matrix_rank(full) < len(CONTROLLED):
+        if torch.linalg.matrix_rank(full) < len(axes):
             raise ValueError(
                 f"actuation: the allocation of the source vehicle is singular (rank "
-                f"{int(torch.linalg.matrix_rank(full))} of {len(CONTROLLED)}): check thruster positions and the mixer"
+                f"{int(torch.linalg.matrix_rank(full))} of {len(axes)}): check thruster positions and the mixer"
             )
         self.coefficients = Coefficients(*(field.float() for field in c))
         self.register_buffer("mixer", mixer.float(), persistent=False)
@@ -59,6 +64,11 @@ class Actuation(nn.Module):
         return self.mixer.shape[0]
 
     @property
+    def channels(self) -> int:
+        """Number of channels a."""
+        return self.mixer.shape[1]
+
+    @property
     def share_limits(self) -> tuple[Tensor, Tensor]:
         """Least and largest thrust of each thruster (n,), as shares of its full thrust."""
         c = self.coefficients
@@ -71,7 +81,7 @@ class Actuation(nn.Module):
         return thrust_target(self.coefficients, self.terms, command) / self.coefficients.full_thrust
 
     def intended(self, action: Tensor) -> Tensor:
-        """What channels (..., 4) would give without dead band and limits, in channels; the same on a linear curve."""
+        """What channels (..., a) would give without dead band and limits, in channels; the same on a linear curve."""
         command = action @ self.mixer.mT
         beyond = command.abs().amax(-1, keepdim=True).clamp_min(1.0)
         smooth = self.coefficients._replace(dead_band=torch.zeros_like(self.coefficients.dead_band))
@@ -97,7 +107,7 @@ class Actuation(nn.Module):
         return (command + c.neutral_offset).clamp(-1.0, 1.0)
 
     def realised(self, action: Tensor) -> Tensor:
-        """What channels (..., 4) really give after mixer, limits and dead band, in channels (..., 4)."""
+        """What channels (..., a) really give after mixer, limits and dead band, in channels (..., a)."""
         return self.delivered(action @ self.mixer.mT) @ self.channels_per_share.mT
 
 
@@ -110,7 +120,7 @@ class ControlSpace(nn.Module, ABC):
     rows: Tensor
     low: Tensor
     high: Tensor
-    nominal: Tensor  # (4, k) channels per control on the source vehicle
+    nominal: Tensor  # (a, k) channels per control on the source vehicle
 
     def __init__(self, rows: Tensor, low: Tensor, high: Tensor, nominal: Tensor):
         super().__init__()
@@ -123,7 +133,7 @@ class ControlSpace(nn.Module, ABC):
         return self.nominal.shape[1]
 
     def nearest(self, effect: Tensor, wanted: Tensor) -> Tensor:
-        """Controls (N, k) within limits whose effect (1 or N, 4, k) comes nearest to what is wanted (N, 4)."""
+        """Controls (N, k) within limits whose effect (1 or N, a, k) comes nearest to what is wanted (N, a)."""
         low, high, rows = (field.double() for field in (self.low, self.high, self.rows))
         return Allocation(1.0, low, high, rows)(wanted.double(), effect.double()).float()
 
@@ -145,25 +155,25 @@ class ControlSpace(nn.Module, ABC):
 
 
 class Channels(ControlSpace):
-    """The four command channels, as in the paper; limited so that no thruster saturates either."""
+    """The command channels, as in the paper; limited so that no thruster saturates either."""
 
-    unmixer: Tensor  # (4, n)
+    unmixer: Tensor  # (a, n)
 
     def __init__(self, actuation: Actuation):
         low, high = actuation.share_limits
-        one = torch.ones(len(CONTROLLED))
-        rows = torch.cat((actuation.mixer, torch.eye(len(CONTROLLED))))
+        one = torch.ones(actuation.channels)
+        rows = torch.cat((actuation.mixer, torch.eye(actuation.channels)))
         nominal = actuation.channels_per_share @ actuation.mixer
         super().__init__(rows, torch.cat((low, -one)), torch.cat((high, one)), nominal)
         self.actuation = actuation
         self.register_buffer("unmixer", torch.linalg.pinv(actuation.mixer), persistent=False)
 
     def encode(self, command: Tensor) -> Tensor:
-        """Channels (..., 4) as the thrusters' curve and dead band let them through."""
+        """Channels (..., a) as the thrusters' curve and dead band let them through."""
         return self.actuation.delivered(command @ self.actuation.mixer.mT) @ self.unmixer.mT
 
     def decode(self, control: Tensor) -> Tensor:
-        """Channels (..., 4) in [-1, 1] that have this effect through the thrusters' curve."""
+        """Channels (..., a) in [-1, 1] that have this effect through the thrusters' curve."""
         thrusters = self.actuation.command_for(control @ self.actuation.mixer.mT, skip_dead_band=False)
         return (thrusters @ self.unmixer.mT).clamp(-1.0, 1.0)
 

@@ -35,7 +35,7 @@ class DDRAdapter(CommandMap):
         self.count = 1 if self.config.shared else count
         learners = [MapLearner(make_map(models, self.config), models.states, self.config) for _ in range(self.count)]
         self.learner: Any = learners[0] if self.config.shared else LearnerPerVehicle(learners)
-        self.dither = Dither(self.config.seed)
+        self.dither = Dither(self.config.seed, self.config.dither_steps)
         self.register_buffer("_learning", torch.zeros((), dtype=torch.bool))
 
     @property
@@ -71,9 +71,14 @@ class DDRAdapter(CommandMap):
         """Number of commands."""
         return self.maps[0].space.size
 
+    @property
+    def channels(self) -> int:
+        """Number of channels."""
+        return self.models.actuation.channels
+
     @torch.no_grad()
     def translate(self, state: Tensor, action: Tensor) -> Tensor:
-        """Commands (N, k) in [-1, 1] for the source policy's actions (N, 4) in states x (N, s)."""
+        """Commands (N, k) in [-1, 1] for the source policy's actions (N, a) in states x (N, s)."""
         tau = torch.nan_to_num(action, nan=0.0).clamp(-1.0, 1.0)
         if self.config.composition == "long":
             tau = self.models.R(state, self.models.F(state, tau))

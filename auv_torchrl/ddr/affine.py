@@ -21,8 +21,8 @@ class AffineMap(nn.Module):
         ridge: pull towards the healthy map, in pairs of unit size.
     """
 
-    weight: Tensor  # (4, k)
-    bias: Tensor  # (4,)
+    weight: Tensor  # (a, k)
+    bias: Tensor  # (a,)
     standard_error: Tensor  # () largest standard error of a weight; infinite before the first fit
 
     def __init__(self, space: ControlSpace, ridge: float):
@@ -45,16 +45,16 @@ class AffineMap(nn.Module):
         return size[0] / size[-1]
 
     def forward(self, state: Tensor, control: Tensor) -> Tensor:
-        """G: what controls (n, k) do in states (n, s), in source channels (n, 4)."""
+        """G: what controls (n, k) do in states (n, s), in source channels (n, a)."""
         return control @ self.weight.mT + self.bias
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
-        """H: controls (N, k) within limits whose G comes nearest to ``tau`` (N, 4)."""
+        """H: controls (N, k) within limits whose G comes nearest to ``tau`` (N, a)."""
         return self.space.nearest(self.weight[None], tau - self.bias)
 
     @property
     def unlimited(self) -> Tensor:
-        """H without limits and bias, (k, 4)."""
+        """H without limits and bias, (k, a)."""
         wide = self.weight.double()
         gram = wide.mT @ wide + RIDGE * torch.eye(wide.shape[-1], dtype=wide.dtype, device=wide.device)
         return torch.linalg.solve(gram, wide.mT).float()
@@ -63,7 +63,7 @@ class AffineMap(nn.Module):
     def fit(self, pairs: Pairs) -> None:
         """Fit the map from scratch."""
         x = nn.functional.pad(pairs.control, (0, 1), value=1.0).double()
-        healthy = nn.functional.pad(self.space.nominal.double(), (0, 1))  # (4, k + 1)
+        healthy = nn.functional.pad(self.space.nominal.double(), (0, 1))  # (a, k + 1)
         gram = x.mT @ x + self.ridge * torch.eye(x.shape[-1], dtype=x.dtype, device=x.device)
         away = pairs.source.double() - x @ healthy.mT
         solution = healthy + torch.linalg.solve(gram, x.mT @ away).mT

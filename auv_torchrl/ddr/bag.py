@@ -11,7 +11,7 @@ class Pairs(NamedTuple):
 
     state: Tensor  # (n, s) x
     control: Tensor  # (n, k) tau_t
-    source: Tensor  # (n, 4) tau_s = R(x, x')
+    source: Tensor  # (n, a) tau_s = R(x, x')
 
 
 def bag_size(weights: int, cap: int) -> int:

@@ -22,6 +22,7 @@ class AdapterConfig:
     composition: Annotated[str, OneOf(COMPOSITIONS)] = "short"  # H(x, u_s) or H(x, R(x, F(x, u_s)))
     target_data_s: Annotated[float, In("(0, 3600]")] = 4.0
     dither: Annotated[float, In("[0, 1)")] = 0.2
+    dither_steps: Annotated[int, In("[1, 1000]")] = 1
     bag_cap: Annotated[int, In("[1, 100000]")] = 400
     bag_least: Annotated[int, In("[1, 100000]")] = 12
     least_pairs: Annotated[int, In("[1, 100000]")] = 12

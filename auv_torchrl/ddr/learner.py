@@ -48,7 +48,7 @@ class MapLearner(nn.Module):
         Args:
             state: (N, s) x before.
             command: (N, k) commands tau_t that were executed.
-            source: (N, 4) R(x, x').
+            source: (N, a) R(x, x').
             valid: (N,) bool, transitions that happened.
         """
         finite = state.isfinite().all(-1) & command.isfinite().all(-1)
@@ -89,7 +89,7 @@ class MapLearner(nn.Module):
         return (self.g,)
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
-        """H: controls (N, k) within limits for source channels (N, 4) in states (N, s)."""
+        """H: controls (N, k) within limits for source channels (N, a) in states (N, s)."""
         return self.g.invert(state, tau)
 
     @torch.no_grad()
@@ -134,7 +134,7 @@ class LearnerPerVehicle(nn.Module):
             learner.observe(state[only], command[only], source[only], valid[only])
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
-        """H of each vehicle: controls (N, k) within limits for source channels (N, 4) in states (N, s).
+        """H of each vehicle: controls (N, k) within limits for source channels (N, a) in states (N, s).
 
         Raises:
             ValueError: if there are more or fewer rows than maps.

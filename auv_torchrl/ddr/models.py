@@ -1,7 +1,7 @@
 """F and R: networks trained on transitions of the source vehicle, forward and inverse (Lu et al. 2023, Eq. 10).
 
 The state x of DDR is the motion: body velocities and, where the vehicle's restoring moment does not hold it level,
-tilt. Position and heading do not enter the source dynamics.
+tilt. Position and heading do not enter the source dynamics. Speeds along the axes of an action come first.
 """
 
 import torch
@@ -9,10 +9,8 @@ from torch import Tensor, nn
 
 from auv_torchrl.ddr.actuation import Actuation
 from auv_torchrl.physics.kinematics import rotation_matrix
-from auv_torchrl.tasks import Task
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
-
-ROLL_AND_PITCH = [3, 4]  # in a velocity
+from auv_torchrl.tasks import Task, cruise_speed
+from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle, index_of
 
 
 class Regressor(nn.Module):
@@ -86,22 +84,22 @@ class ForwardModel(nn.Module):
     def __init__(self, states: int, hidden: int, actuation: Actuation):
         super().__init__()
         self.actuation = actuation
-        self.change = Regressor(states, len(CONTROLLED), states, hidden)
+        self.change = Regressor(states, actuation.channels, states, hidden)
 
     def forward(self, state: Tensor, action: Tensor) -> Tensor:
-        """(..., s) and (..., 4) in [-1, 1] to (..., s)."""
+        """(..., s) and (..., a) in [-1, 1] to (..., s)."""
         return state + self.change(torch.cat((state, self.actuation.realised(action)), dim=-1))
 
 
 class InverseModel(nn.Module):
     """R: (x_t, x_{t+1}) to tau_s, the channels that the source vehicle's thrusters must have realised."""
 
-    def __init__(self, states: int, hidden: int):
+    def __init__(self, states: int, hidden: int, channels: int):
         super().__init__()
-        self.control = Regressor(states, states, len(CONTROLLED), hidden)
+        self.control = Regressor(states, states, channels, hidden)
 
     def forward(self, state: Tensor, next_state: Tensor) -> Tensor:
-        """(..., s) and (..., s) to (..., 4)."""
+        """(..., s) and (..., s) to (..., a)."""
         return self.control(torch.cat((state, next_state - state), dim=-1))
 
 
@@ -111,15 +109,14 @@ class SourceModels(nn.Module):
     def __init__(self, vehicle: Vehicle, task: Task, hidden: int = 48):
         super().__init__()
         self.tilt, self.hidden = task.tilt, hidden
-        self.states = len(CONTROLLED) + 4 * task.tilt
-        self.actuation = Actuation(vehicle)
+        felt = DEGREES_OF_FREEDOM if task.tilt else CONTROLLED
+        self._speeds = index_of((*task.axes, *(axis for axis in felt if axis not in task.axes)))
+        self.states = len(self._speeds) + 2 * task.tilt
+        self.actuation = Actuation(vehicle, task.axes, cruise_speed(task))
         self.F = ForwardModel(self.states, hidden, self.actuation)
-        self.R = InverseModel(self.states, hidden)
+        self.R = InverseModel(self.states, hidden, self.actuation.channels)
 
     def state_of(self, quaternion: Tensor, velocity: Tensor) -> Tensor:
-        """The motion x (..., s) of attitudes (..., 4) and body velocities (..., 6): speeds, tilt rates, tilt."""
-        controlled = velocity[..., list(CONTROLLED_INDEX)]
-        if not self.tilt:
-            return controlled
-        down = rotation_matrix(quaternion)[..., 2, :2]
-        return torch.cat((controlled, velocity[..., ROLL_AND_PITCH], down), dim=-1)
+        """The motion x (..., s) of attitudes (..., 4) and body velocities (..., 6): speeds, tilt."""
+        speeds = velocity[..., self._speeds]
+        return torch.cat((speeds, rotation_matrix(quaternion)[..., 2, :2]), dim=-1) if self.tilt else speeds

@@ -34,11 +34,11 @@ class NetworkMap(AffineMap):
         return super().weights + sum(p.numel() for p in self.g.parameters())
 
     def forward(self, state: Tensor, control: Tensor) -> Tensor:
-        """G: what controls (n, k) do in states (n, s), in source channels (n, 4)."""
+        """G: what controls (n, k) do in states (n, s), in source channels (n, a)."""
         return super().forward(state, control) + self.g(torch.cat((state, control), dim=-1))
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
-        """H: controls (N, k) within limits for source channels (N, 4) in states (N, s)."""
+        """H: controls (N, k) within limits for source channels (N, a) in states (N, s)."""
         return self.space.shrink(super().invert(state, tau) + self.h(torch.cat((state, tau), dim=-1)))
 
     def fit(self, pairs: Pairs) -> None:

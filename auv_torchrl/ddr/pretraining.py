@@ -10,10 +10,15 @@ from torch import Tensor
 
 from auv_torchrl.ddr.models import Regressor, SourceModels
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
+from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.physics.kinematics import quaternion_from_euler
-from auv_torchrl.tasks import Task
-from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.tasks import Task, cruise_speed
+from auv_torchrl.vehicle import Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
+
+SLIP = 0.3  # speed aside over the speed ahead: 17 degrees, beyond which a hull stalls
+TURN = 0.35  # rad/m, turning over the speed ahead: a circle of 3 m radius
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +39,7 @@ class Transitions(NamedTuple):
     """One control step each of n vehicles, float64."""
 
     state: Tensor  # (n, s) x
-    realised: Tensor  # (n, 4) channels
+    realised: Tensor  # (n, a) channels
     next_state: Tensor  # (n, s) x'
     mixed: Tensor  # (n,) bool, commanded through the mixer; elsewhere the thrusters one by one
 
@@ -53,16 +58,19 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
         return 2 * torch.rand(count, *shape, generator=generator, dtype=torch.float64) - 1
 
     sound = tensors(vehicle)
-    strong = sound.replace(gain=sound.gain * config.overdrive)
+    overdrive = 1.0 if vehicle.fins else config.overdrive  # a fin would stall
+    strong = sound.replace(gain=sound.gain * overdrive)
     c = prepare(strong.expand(count).clone())
-    command = (uniform(4) @ sound.mixer[:, list(CONTROLLED_INDEX)].mT).clamp(-1, 1)
+    command = (uniform(len(task.axes)) @ sound.mixer[:, index_of(task.axes)].mT).clamp(-1, 1)
     mixed = torch.ones(count, dtype=torch.bool)
     if task.tilt:  # single thrusters tilt the vehicle, which R must not take for one of the channels
         mixed = torch.rand(count, generator=generator) < 0.5
         command = torch.where(mixed[:, None], command, uniform(vehicle.thrusters))
-    realised = models.actuation.double().delivered(command) @ models.actuation.channels_per_share.mT * config.overdrive
+    realised = models.actuation.double().delivered(command) @ models.actuation.channels_per_share.mT * overdrive
     fastest = fastest_speeds(strong, task)
     velocity = fastest * uniform(6) * 10 ** (uniform(1) - 1)
+    if cruise_speed(task):
+        velocity[:, 0] = cruise_speed(task) * (1 + 0.5 * uniform())
     levels = torch.zeros(count, dtype=torch.float64)
     tilt = config.tilt * uniform(2) if task.tilt else torch.zeros(count, 2, dtype=torch.float64)
     if not task.tilt:
@@ -70,20 +78,27 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
     quaternion = quaternion_from_euler(tilt[:, 0], tilt[:, 1], levels)
     position = torch.zeros(count, 3, dtype=torch.float64)
     before = rest_state(position, quaternion, velocity, vehicle.thrusters)
-    after = control_step(c, ActiveTerms.of(c), before, command, task.control_dt)
+    terms = ActiveTerms.of(c)
+    if terms.fins:  # where a servo is after some steps with the same command
+        before = before._replace(thrust=thrust_target(c, terms, command))
+    after = control_step(c, terms, before, command, task.control_dt)
     x, following = (models.state_of(s.quaternion, s.velocity) for s in (before, after))
     models.float()
     return Transitions(x, realised, following, mixed)
 
 
 def fastest_speeds(vehicle: Vehicle, task: Task) -> Tensor:
-    """Largest speeds (6,) worth knowing, m/s and rad/s: terminal speed at full thrust, or that of the starts."""
+    """Largest speeds (6,) worth knowing, m/s and rad/s: terminal speed at full thrust, or that of the starts.
+
+    What flies ahead slips and turns by its hull, faster than fins alone would push it aside.
+    """
     c = prepare(vehicle)
-    force = (c.allocation * c.full_thrust).abs().sum(-1)
+    force = wrench_per_share(c, ActiveTerms.of(c), cruise_speed(task)).abs().sum(-1)
     linear, quadratic = c.linear_drag.diagonal(), c.quadratic_drag.clamp_min(1e-6)
     terminal = (-linear + (linear**2 + 4 * quadratic * force).sqrt()) / (2 * quadratic)
     start = torch.tensor((*(task.start_speed,) * 3, 0.5, 0.5, task.start_yaw_rate), dtype=torch.float64)
-    return torch.maximum(terminal, start)
+    aside = cruise_speed(task) * torch.tensor((0.0, SLIP, SLIP, 0.0, TURN, TURN), dtype=torch.float64)
+    return torch.maximum(torch.maximum(terminal, start), aside)
 
 
 def pretrain(vehicle: Vehicle, task: Task, config: PretrainingConfig | None = None) -> SourceModels:

@@ -13,13 +13,12 @@ from torchrl.envs.transforms import Compose, Transform
 from auv_torchrl.envs.start import BODY, EXPECTED, MEASURED, expected_along
 from auv_torchrl.quantities import counted
 from auv_torchrl.tasks import Task
-from auv_torchrl.vehicle import CONTROLLED
 
 ACTION, APPLIED, OBSERVATION = "action", "applied_action", "observation"
 
 
 class CommandMap(Transform):
-    """Turns the actions of a policy (N, 4) into commands (N, k), and reports those as ``applied_action``.
+    """Turns the actions of a policy (N, a) into commands (N, k), and reports those as ``applied_action``.
 
     ``out_keys_inv`` are the entries that the map reads before a step: the policy's action, which the rollout keeps, and
     what is measured of the vehicle. Another first entry may be set before the map goes into an environment. The
@@ -48,9 +47,14 @@ class CommandMap(Transform):
     def outputs(self) -> int:
         """Number of commands k."""
 
+    @property
+    @abstractmethod
+    def channels(self) -> int:
+        """Number of channels a that a policy acts in."""
+
     @abstractmethod
     def command(self, action: Tensor, *measured: Tensor) -> Tensor:
-        """Commands (N, k) for actions (N, 4) of the policy and what ``out_keys_inv`` names behind them, (N, ...)."""
+        """Commands (N, k) for actions (N, a) of the policy and what ``out_keys_inv`` names behind them, (N, ...)."""
 
     def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
         """Called when episodes begin in some rows, (r,); may write to ``tensordict``; does nothing."""
@@ -83,7 +87,7 @@ class CommandMap(Transform):
         return _as_batch(reset.set(APPLIED, observation.new_zeros(len(observation), self.outputs)), tensordict_reset)
 
     def transform_action_spec(self, action_spec: TensorSpec) -> TensorSpec:
-        """The policy acts in the four channels, whatever the vehicle takes."""
+        """The policy acts in the channels, whatever the vehicle takes."""
         spec, (key,), wanted = cast(Composite, action_spec), self.in_keys_inv, self.out_keys_inv[0]
         executed = spec[key]
         if executed.shape[-1] != self.outputs:
@@ -93,7 +97,7 @@ class CommandMap(Transform):
                 "thruster_commands=True, a map to the channels one without"
             )
         del spec[key]
-        spec[wanted] = _commands(executed, len(CONTROLLED))
+        spec[wanted] = _commands(executed, self.channels)
         return spec
 
     def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:

@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.actuation import usual_speed
 from auv_torchrl.diagnosis.thresholds import STEEP
 from auv_torchrl.flightlog import POSE, Finding, FlightLog, FlightLogError, Severity
 from auv_torchrl.flightlog.log import AXES, with_axes
 from auv_torchrl.flightlog.readiness import followed_axes
-from auv_torchrl.physics import prepare
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.fins import wrench_per_unit
 from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 
@@ -59,7 +61,8 @@ def unseen(problem: Problem) -> list[str]:
         return []
     remedies = dict.fromkeys(REMEDY[name] for name in hidden)
     sentence = f"{', '.join(hidden)} {'is' if len(hidden) == 1 else 'are'} not measured: no gap there can be seen"
-    push = np.abs(prepare(problem.vehicle.expand(1)).numpy().allocation[0])
+    c = prepare(problem.vehicle.expand(1)).numpy()
+    push = np.abs(wrench_per_unit(c, ActiveTerms.of(c), usual_speed(problem.windows))[0])
     seen = push[problem.layout.dof]
     unlit = seen.max(0) < DARK * push.max()
     turning = (push[problem.layout.dof[problem.layout.dof < 3]].max(0, initial=0.0) < DARK * push.max()) & ~unlit

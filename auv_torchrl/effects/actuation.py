@@ -8,7 +8,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host, like, vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, of_thrusters, own, sets
 from auv_torchrl.effects.trial import Same, Scan, Trial
 from auv_torchrl.vehicle import Vehicle
 
@@ -35,7 +35,7 @@ thruster_gain = Effect(
             varies=0.03,  # volts, which all thrusters share
         ),
     ),
-    change=_gain,
+    change=of_thrusters(_gain),
     advice=advice.thruster_gain,
     trial=Trial(
         wears={"gain": -1},
@@ -96,7 +96,8 @@ def _reversed_gain(vehicle: Vehicle, member: str, command: float) -> Same | None
     i = int(member.rsplit("_", 1)[1]) - 1
     fields = ((vehicle.asymmetry, 0.0), (vehicle.neutral_offset, 0.0), (vehicle.forward_gain, vehicle.reverse_gain))
     is_even = all(bool((host(own - other)[..., i] == 0).all()) for own, other in fields)
-    return (thruster_gain.name, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
+    gain = "fin_gain" if i in vehicle.fins else thruster_gain.name
+    return (gain, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
 
 
 thruster_swap = Effect(
@@ -149,7 +150,7 @@ thruster_misalignment = Effect(
             ordinary=0.05,
         ),
     ),
-    change=_misalignment,
+    change=of_thrusters(_misalignment),
     advice=advice.thruster_misalignment,
     trial=Trial(
         scans={"angle": Scan((-1.3, -0.7, -0.3, 0.3, 0.7, 1.3), all=True)},
@@ -170,7 +171,7 @@ thrust_limit = Effect(
     parameters=(
         Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {quantity}", "thruster"),
     ),
-    change=sets(limit="limit"),
+    change=of_thrusters(sets(limit="limit")),
     advice=advice.thrust_limit,
     trial=Trial(
         wears={"limit": -1},
@@ -207,7 +208,7 @@ thruster_place = Effect(
         )
         for axis, words in (("x", "forward of"), ("y", "to starboard of"), ("z", "below"))
     ),
-    change=_place,
+    change=of_thrusters(_place),
     advice=advice.said("measure where the thrusters sit, and put it into the vehicle file (thrusters.position)"),
     is_property=True,
     trial=Trial(
@@ -238,7 +239,7 @@ reaction_torque = Effect(
             guessed=_guessed_arm,
         ),
     ),
-    change=sets(arm="reaction"),
+    change=of_thrusters(sets(arm="reaction")),
     advice=advice.reaction_torque,
     trial=Trial(
         odds=1e-2,  # a propeller of the other hand, with its wires exchanged, is rarer than one that is worn

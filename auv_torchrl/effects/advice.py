@@ -49,6 +49,33 @@ def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
     return Advice(f"{gives}: compare its propeller and its volts with the vehicle file")
 
 
+def fin_gain(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a fin that stays where it is, turns the wrong way, or not as far as it is told."""
+    return tuple(_fin_gain(which(member), gain) for member, gain in values.items())
+
+
+def _fin_gain(fin: str, gain: float) -> Advice:
+    if gain <= -DEAD:
+        return Advice(f"fin {fin} turns the wrong way: exchange the ends of its servo in the autopilot, or its linkage")
+    if gain < DEAD:
+        return Advice(f"fin {fin} does not follow its command: look at its servo, its power and its linkage")
+    return Advice(
+        f"fin {fin} turns {percent(gain)} as far as it is told: look at its linkage and the ends of its servo"
+    )
+
+
+def fin_offset(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a fin that is off its middle."""
+    turned = [f"fin {which(member)} by {-math.degrees(angle):+.0f}°" for member, angle in values.items()]
+    return (Advice(f"set the middle of {' and '.join(turned)}: at its servo horn, or as the trim of its output"),)
+
+
+def fin_stuck(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+    """Of a fin that stands still."""
+    stuck = sorted({which(member) for member in values}, key=int)
+    return tuple(Advice(f"fin {fin} is stuck: look at its servo, its power and its linkage") for fin in stuck)
+
+
 def _turned_back(thruster: str, autopilot: Values, besides: str = "") -> Advice:
     """Of a propeller that turns the wrong way."""
     name = f"MOT_{thruster}_DIRECTION"

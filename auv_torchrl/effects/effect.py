@@ -1,7 +1,7 @@
 """An effect is a named, bounded change of a vehicle; its nominal values are the identity."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -68,6 +68,12 @@ class Parameter:
         if getattr(value, "ndim", 0):  # one per thruster
             value = mean(value) if self.over is None else value[self.members(vehicle).index(member)]
         return float(value)
+
+    def reaching(self, nominal: float) -> "Parameter":
+        """The same, with bounds that hold a nominal value and room about it: some vehicles are larger than most."""
+        if self.low <= nominal <= self.high:
+            return self
+        return replace(self, low=min(self.low, 2 * nominal), high=max(self.high, 2 * nominal))
 
     def said(self, member: str, value: float) -> str:
         """The sentence of a report about a member that has a value."""
@@ -137,8 +143,12 @@ class Effect:
         return self.advice(departed, autopilot) if self.advice and departed else ()
 
     def member_parameters(self, vehicle: Vehicle) -> dict[str, Parameter]:
-        """Every full parameter name for this vehicle with its declaration."""
-        return {member: p for p in self.parameters for member in p.members(vehicle)}
+        """Every full parameter name for this vehicle with its declaration, whose bounds hold what the vehicle has."""
+        return {
+            member: p.reaching(p.nominal_value(vehicle, member)) if callable(p.nominal) else p
+            for p in self.parameters
+            for member in p.members(vehicle)
+        }
 
     def nominal(self, vehicle: Vehicle) -> dict[str, float]:
         """The values at which the effect does nothing to this vehicle."""
@@ -191,6 +201,39 @@ class Effect:
             columns = [xp.broadcast_to(given[m] if m in given else nominal[m], batch) for m in members]
             arguments[p.name] = xp.stack(columns, axis=-1) if p.over is not None else columns[0]
         return self.change(vehicle, **arguments)
+
+
+def of_thrusters(change: Callable[..., Vehicle]) -> Callable[..., Vehicle]:
+    """A change of thrusters that leaves fins, which stand among them, as they are."""
+
+    def changed_alone(vehicle: Vehicle, **values: Array) -> Vehicle:
+        after = change(vehicle, **values)
+        return _among(vehicle, after, fins=False) if vehicle.fins else after
+
+    return changed_alone
+
+
+def of_fins(change: Callable[..., Vehicle]) -> Callable[..., Vehicle]:
+    """A change of fins that leaves thrusters as they are."""
+
+    def changed_alone(vehicle: Vehicle, **values: Array) -> Vehicle:
+        return _among(vehicle, change(vehicle, **values), fins=True) if vehicle.fins else vehicle
+
+    return changed_alone
+
+
+def _among(before: Vehicle, after: Vehicle, fins: bool) -> Vehicle:
+    """What changed, of the fins alone or of the thrusters alone."""
+    xp, rows = array_namespace(before.mass), before.fin_area > 0
+    new = rows if fins else ~rows
+    fields = {}
+    for name, value in after.items():
+        was = before.get(name)
+        if value is was:
+            continue
+        each = new if value.ndim == new.ndim else new[..., None]
+        fields[name] = xp.where(each, value, was)
+    return after.replace(**fields)
 
 
 def own(field: str) -> Callable[[Vehicle], Array]:

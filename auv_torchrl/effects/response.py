@@ -7,7 +7,7 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, mean, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, mean, of_thrusters, own, sets
 from auv_torchrl.effects.trial import DELAYS, Scan, Trial, Valley
 from auv_torchrl.vehicle import Vehicle
 
@@ -51,7 +51,7 @@ dead_band = Effect(
             guessed=_guessed_width,
         ),
     ),
-    change=_dead_band,
+    change=of_thrusters(_dead_band),
     advice=advice.said(
         "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
     ),
@@ -110,7 +110,7 @@ thrust_curve = Effect(
             guessed=0.15,  # T200: a fifth
         ),
     ),
-    change=_curve,
+    change=of_thrusters(_curve),
     is_property=True,
     advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
     trial=Trial(
@@ -138,7 +138,7 @@ def _one_way(field: str, way: str, meaning: str) -> Effect:
                 "thruster",
             ),
         ),
-        change=lambda vehicle, gain: changed(vehicle, **{field: gain}),
+        change=of_thrusters(lambda vehicle, gain: changed(vehicle, **{field: gain})),
         advice=partial(advice.one_way_gain, way),
         trial=Trial(
             wears={"gain": -1},
@@ -170,7 +170,7 @@ neutral_offset = Effect(
             "thruster",
         ),
     ),
-    change=sets(offset="neutral_offset"),
+    change=of_thrusters(sets(offset="neutral_offset")),
     is_property=True,  # a setting of the speed controller: it does not come about between two runs
     advice=advice.neutral_offset,
     trial=Trial(

@@ -18,7 +18,7 @@ from auv_torchrl.simulator.base import FARTHEST, FASTEST
 from auv_torchrl.simulator.scene import SIZE, Scene
 from auv_torchrl.tasks import Task
 from auv_torchrl.tasks.judge import Judge
-from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle import Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
 
 Array = Any
@@ -68,7 +68,7 @@ class FleetEnv(EnvBase):
         self.num_envs = simulator.count
         self.state_dtype = dtype
         self._make_specs(simulator.thrusters)
-        mixer = self.vehicle.mixer[0][:, list(CONTROLLED_INDEX)]
+        mixer = self.vehicle.mixer[0][:, index_of(task.axes)]
         mixer = torch.eye(simulator.thrusters) if task.thruster_commands else mixer
         self._mixer = mixer.T.to(self.device, torch.float32).contiguous()  # from an action to thruster commands
         self.generator = torch.Generator()  # of starts, sensor noise, and whatever draws for this fleet
@@ -90,7 +90,7 @@ class FleetEnv(EnvBase):
         """The vehicle of a row, with its own thrusters, as an RGB image (height, width, 3), uint8."""
         if self._scene is None or self._scene[0] != row:
             self._scene = row, Scene(self.simulator.vehicles[row])
-        parts = (*self._state[:2], self.task.reference(self._along).position)
+        parts = (*self._state[:2], self.task.reference(self._along).nearest(self._state.position))
         position, quaternion, target = (self._tensor(part[row], torch.float64).cpu().numpy() for part in parts)
         return self._scene[1].photograph(position, quaternion, size, target)
 
@@ -132,7 +132,7 @@ class FleetEnv(EnvBase):
         start = {key: spec.clone() for key, spec in {**body, ALONG: values(1)}.items()}
         self.state_spec = entries({"start": entries(start)})
         self.reset_spec = reset_spec(self.vehicle)
-        actions = thrusters if self.task.thruster_commands else len(CONTROLLED_INDEX)
+        actions = thrusters if self.task.thruster_commands else len(self.task.axes)
         self._action_shape = torch.Size((*shape, actions))
         self.action_spec = Bounded(-1.0, 1.0, self._action_shape, dtype=torch.float32, device=device)
         self.reward_spec = values(1, dtype=torch.float32)

@@ -44,6 +44,6 @@ class MujocoFleet(FleetEnv):
             raise ValueError(
                 f"fleet: walls at {walls} m, starts reach {farthest:g} m: give farther walls or a smaller box"
             )
-        vehicles, arrays = vehicles_of(vehicle, num_envs, task), NumpyArrays(torch.device(device))
+        (vehicles, task), arrays = vehicles_of(vehicle, num_envs, task), NumpyArrays(torch.device(device))
         simulator = MujocoSimulator(vehicles, task.control_dt, scenario=scenario, arrays=arrays, walls=walls)
         super().__init__(simulator, task, seed)

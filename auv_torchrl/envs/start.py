@@ -8,7 +8,7 @@ from torch import Tensor
 from torchrl.data import Composite, Unbounded
 
 from auv_torchrl.authority import check_control
-from auv_torchrl.tasks import Task
+from auv_torchrl.tasks import Task, cruise_speed, fitted
 from auv_torchrl.vehicle import Vehicle
 from auv_torchrl.vehicle_tensors import vehicle_of
 
@@ -20,8 +20,8 @@ MEASURED = "measured"  # the fleet's report of position, quaternion and velocity
 EXPECTED = "expected"  # by a map that predicts: the same when the next command acts, and ``time`` then
 
 
-def vehicles_of(vehicle: Vehicle, num_envs: int, task: Task) -> Vehicle:
-    """One vehicle per environment, from one nominal vehicle or a batch, whose first can fly the task.
+def vehicles_of(vehicle: Vehicle, num_envs: int, task: Task) -> tuple[Vehicle, Task]:
+    """One vehicle per environment, from one nominal vehicle or a batch, and the task as its first vehicle can fly it.
 
     Raises:
         ValueError: for no vehicles, a batch of vehicles that is not one per environment, or thrusters that cannot push
@@ -32,8 +32,9 @@ def vehicles_of(vehicle: Vehicle, num_envs: int, task: Task) -> Vehicle:
     if vehicle.batch_size not in ((), (num_envs,)):
         raise ValueError(f"fleet: the vehicle has batch {list(vehicle.batch_size)}: give one vehicle or {num_envs}")
     first = vehicle.reshape(-1)[0]  # the others are drawn around the same
-    check_control(first, task.name, task.needs, by_channels=not task.thruster_commands)
-    return vehicle.expand(num_envs)
+    task = fitted(task, first)
+    check_control(first, task.name, task.needs, not task.thruster_commands, speed=cruise_speed(task))
+    return vehicle.expand(num_envs), task
 
 
 def read_start(start: TensorDictBase | None, rows: Tensor) -> tuple[Tensor, ...]:

@@ -41,7 +41,7 @@ class TorchFleet(FleetEnv):
         compiled: bool = False,
         straight_through: bool = False,
     ) -> None:
-        vehicles, arrays = vehicles_of(vehicle, num_envs, task), TorchArrays(torch.device(device), dtype)
+        (vehicles, task), arrays = vehicles_of(vehicle, num_envs, task), TorchArrays(torch.device(device), dtype)
         simulator = PlainSimulator(
             vehicles, task.control_dt, scenario=scenario, arrays=arrays,
             compiled=compiled, straight_through=straight_through,

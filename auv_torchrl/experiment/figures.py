@@ -17,9 +17,10 @@ from auv_torchrl.flight import Flight
 from auv_torchrl.palette import CONTROLLER, LABEL, NEUTRAL
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.coefficients import allocation_matrix
+from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.quantities import counted
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
 
 SHOWN = 12  # starts whose trajectory is drawn
@@ -27,12 +28,19 @@ REFERENCE_WIDTH = 4.0  # points, broad enough to be seen below the paths on it
 FLOOR_M = 1e-4  # smallest error on a logarithmic axis
 DPI = 150
 _DASH: dict[str, Literal["-", "--", ":"]] = {"u_s": "--", "u_t": "-", "nominal": ":"}
-_FORCE_UNIT = {"surge": "N", "sway": "N", "heave": "N", "yaw": "N m"}
+_FORCE_UNIT = {"surge": "N", "sway": "N", "heave": "N", "roll": "N m", "pitch": "N m", "yaw": "N m"}
 
 Flights = Mapping[str, Flight]
 
 
-def save_figures(folder: Path, flights: Flights, vehicles: Mapping[str, Vehicle], scenario: str) -> list[Path]:
+def save_figures(
+    folder: Path,
+    flights: Flights,
+    vehicles: Mapping[str, Vehicle],
+    scenario: str,
+    axes: tuple[str, ...] = CONTROLLED,
+    speed: float = 0.0,
+) -> list[Path]:
     """Draw all figures of a run into ``folder`` and return their paths.
 
     Args:
@@ -40,11 +48,13 @@ def save_figures(folder: Path, flights: Flights, vehicles: Mapping[str, Vehicle]
         flights: ``nominal``, ``u_s`` and ``u_t``, as far as they were flown, from the same starts.
         vehicles: the vehicle (no batch) that each of them flew.
         scenario: its name, for the titles and the paper's numbers.
+        axes: that the policy commands.
+        speed: ahead in m/s, at which fins push.
     """
     drawn = {
         "trajectories.png": trajectories(flights, scenario),
         "errors.png": errors(flights, scenario),
-        "forces.png": forces(flights, vehicles, scenario),
+        "forces.png": forces(flights, vehicles, scenario, axes, speed),
         "distribution.png": distribution(flights, scenario),
     }
     for name, figure in drawn.items():
@@ -135,16 +145,24 @@ def errors(flights: Flights, scenario: str) -> Figure:
     return figure
 
 
-def forces(flights: Flights, vehicles: Mapping[str, Vehicle], scenario: str) -> Figure:
+def forces(
+    flights: Flights,
+    vehicles: Mapping[str, Vehicle],
+    scenario: str,
+    controlled: tuple[str, ...] = CONTROLLED,
+    speed: float = 0.0,
+) -> Figure:
     """Figure 11: what the thrusters were asked for and what the changed vehicle adds to it, for the first start."""
     columns = [name for name in ("u_s", "u_t") if name in flights] or ["nominal"]
-    figure = _figure(5.2 * len(columns), 8, f"Control force and disturbance, first start, {scenario}")
-    grid = figure.subplots(len(CONTROLLED), len(columns), sharex=True, sharey="row", squeeze=False)
+    figure = _figure(
+        5.2 * len(columns), 2.0 * len(controlled), f"Control force and disturbance, first start, {scenario}"
+    )
+    grid = figure.subplots(len(controlled), len(columns), sharex=True, sharey="row", squeeze=False)
     for column, name in enumerate(columns):
         flight = flights[name].of_start(0)
-        asked, given = control_forces(flight, vehicles["nominal"], vehicles[name])
+        asked, given = control_forces(flight, vehicles["nominal"], vehicles[name], controlled, speed)
         time = flight.time.double().numpy()
-        for row, channel in enumerate(CONTROLLED):
+        for row, channel in enumerate(controlled):
             axes = grid[row, column]
             axes.plot(time, asked[:, row], color=CONTROLLER[name], linewidth=1.2)
             axes.plot(time, (given - asked)[:, row], color="black", linewidth=1.0, linestyle="--")
@@ -160,17 +178,28 @@ def forces(flights: Flights, vehicles: Mapping[str, Vehicle], scenario: str) -> 
     return figure
 
 
-def control_forces(flight: Flight, nominal: Vehicle, flown: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """Forces in N and moments in N m in surge, sway, heave and yaw, both (T + 1, 4), of one start.
+def control_forces(
+    flight: Flight,
+    nominal: Vehicle,
+    flown: Vehicle,
+    controlled: tuple[str, ...] = CONTROLLED,
+    speed: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Forces in N and moments in N m along the controlled axes, both (T + 1, a), of one start.
 
     Returns:
-        What the thruster commands give on the nominal vehicle at rest, and what the thrusters of the flown
-        vehicle gave; they differ by the disturbance that the changed actuation is.
+        What the thruster commands give on the nominal vehicle, at rest or with fins at the speed, and what the
+        thrusters of the flown vehicle gave; they differ by the disturbance that the changed actuation is.
     """
 
     def in_channels(vehicle: Vehicle, thrust: Tensor) -> np.ndarray:
-        wrench = thrust @ allocation_matrix(tensors(vehicle)).to(thrust).T
-        return wrench[:, list(CONTROLLED_INDEX)].numpy()
+        sound = tensors(vehicle)
+        each = allocation_matrix(sound).to(thrust)
+        if vehicle.fins:
+            whole = prepare(sound.replace(gain=torch.ones_like(sound.gain)))
+            each = wrench_per_share(whole, ActiveTerms.of(whole), speed).to(thrust) / whole.full_thrust
+        wrench = thrust @ each.T
+        return wrench[:, index_of(controlled)].numpy()
 
     intact = prepare(tensors(nominal))
     asked = thrust_target(intact, ActiveTerms.of(intact), flight.command.to(intact.limit))

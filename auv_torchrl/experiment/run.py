@@ -29,6 +29,7 @@ from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.quantities import counted, words
 from auv_torchrl.recording import ControlMap, record_run
+from auv_torchrl.tasks import cruise_speed
 from auv_torchrl.vehicle import CONTROLLED
 
 STORE = (CheckpointError, PolicyError, StorageError)  # files that a user can mend or move away
@@ -65,14 +66,16 @@ def run(experiment: Experiment, folder: Path) -> Results:
         if outcome.closing is not None:
             outcome.closing.save(folder, experiment)
         vehicles = {"nominal": experiment.vehicle, "u_s": experiment.target, "u_t": experiment.target}
-        save_figures(folder, flights, vehicles, flown)
+        save_figures(folder, flights, vehicles, flown, experiment.task.axes, cruise_speed(experiment.task))
         one_flight = None
         if outcome.in_flight is not None:
             one_flight = outcome.in_flight.one_flight(experiment.vehicle)
             title = f"{flown} in flight: start {outcome.in_flight.shown + 1} of {results.starts}"
             flight_figure(one_flight, title).savefig(folder / "flight.png", dpi=DPI)
-        control_map = linear_map(outcome.adaptation.adapter) if outcome.adaptation is not None else None
-        record_run(folder / "run.rrd", flights, vehicles, results.table(), control_map, one_flight, replace=True)
+        axes, adaptation = experiment.task.axes, outcome.adaptation
+        control_map = linear_map(adaptation.adapter, axes) if adaptation is not None else None
+        table = results.table()
+        record_run(folder / "run.rrd", flights, vehicles, table, control_map, one_flight, replace=True, axes=axes)
     return results
 
 
@@ -113,13 +116,21 @@ def change_in_flight(experiment: Experiment, policy: SourcePolicy, stages: Stage
     if not experiment.flight.fly:
         stages.skip(1, "No flight in which the vehicle changes: flight.fly is false")
         return None
+    if experiment.task.axes != CONTROLLED:
+        stages.skip(
+            1, f"No flight in which the vehicle changes: the adaptation in flight is of {', '.join(CONTROLLED)}"
+        )
+        return None
     with stages(f"Fly them once more: {words(experiment.scenario.name)} sets in during the flight"):
         return fly_in_flight(experiment, policy.module)
 
 
 def obstacle(experiment: Experiment) -> str | None:
     """Why no map of this kind can recover the vehicle, with the rank; None if one can."""
-    judged = authority(experiment.target, experiment.vehicle, experiment.scenario.name)
+    judged = authority(
+        experiment.target, experiment.vehicle, experiment.scenario.name,
+        experiment.task.axes, cruise_speed(experiment.task),
+    )  # fmt: skip
     if judged.recovery is Recovery.NONE:
         return str(judged)
     if judged.recovery is Recovery.THRUSTERS and experiment.adapter.map != "thrusters":
@@ -194,7 +205,13 @@ def summarize(
         reason=reason,
         policy=policy.metadata["hash"],
         in_flight=in_flight.as_dict() if in_flight else None,
-        command_share=command_share(flights["u_s"], experiment.vehicle, experiment.exam.control_dt)
+        command_share=command_share(
+            flights["u_s"],
+            experiment.vehicle,
+            experiment.exam.control_dt,
+            experiment.task.axes,
+            cruise_speed(experiment.task),
+        )
         if "u_s" in flights
         else None,
         closed=closing.after if closing else None,
@@ -203,11 +220,12 @@ def summarize(
     )
 
 
-def linear_map(adapter: DDRAdapter) -> ControlMap:
+def linear_map(adapter: DDRAdapter, axes: tuple[str, ...] = CONTROLLED) -> ControlMap:
     """H about rest, away from the limits; of a network map its affine part, of several maps the first vehicle's."""
     g = adapter.maps[0]
     matrix = g.unlimited.double()
     offset = -matrix @ g.bias.double()
     size = matrix.shape[0]
-    rows = CONTROLLED if size == len(CONTROLLED) else tuple(f"thruster {i + 1}" for i in range(size))
-    return ControlMap(matrix.numpy(), offset.numpy(), rows)
+    to_channels = adapter.config.map != "thrusters"
+    rows = axes if to_channels else tuple(f"thruster {i + 1}" for i in range(size))
+    return ControlMap(matrix.numpy(), offset.numpy(), rows, axes)

@@ -79,6 +79,11 @@ def read_asked(config: DictConfig) -> Asked:
     policy = load_policy(folder)
     shaped = policy.metadata["ingredients"]
     task, vehicle = read_task(shaped["task"]), source_vehicle(shaped["vehicle"])
+    if task.axes != CONTROLLED:
+        raise ValueError(
+            f"the policy in {folder} commands {', '.join(task.axes)} (task {task.name}), and what is exported flies "
+            f"{', '.join(CONTROLLED)}: export a policy of another task"
+        )
     if task.thruster_commands:
         if learnt is not None:
             raise ValueError(f"adapter={learnt} maps channels, and the policy in {folder} commands thrusters itself")

@@ -21,6 +21,7 @@ FORMATS: dict[str, tuple[str, Callable[[Described], str]]] = {
     "ardusub": ("vehicle.parm", ardusub),
     "fossen": ("vehicle.md", fossen),
 }
+THRUSTERS_ALONE = ("mjcf", "sdf")
 
 
 def export_vehicle(config: DictConfig, run: Run) -> None:
@@ -29,6 +30,11 @@ def export_vehicle(config: DictConfig, run: Run) -> None:
         if config.format not in FORMATS:
             raise ValueError(f"format={config.format} is none: give one of {', '.join(FORMATS)}")
         described = read_described(str(config.vehicle))
+        if described.vehicle.fins and config.format in THRUSTERS_ALONE:
+            raise ValueError(
+                f"vehicle={described.name} has fins, which {config.format} has no force for: give format=fossen, or "
+                "fly it with train.py"
+            )
         name, write = FORMATS[config.format]
         text = write(described)
     path = run.folder / name

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from array_api_compat import array_namespace
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.fins import fin_wrench
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, rotation_and_rate
 from auv_torchrl.physics.pace import CONTROL_DT, SUBSTEPS
@@ -101,7 +102,7 @@ def stage_thrusts(
 
     Where the push of the thrusters is the same at all stages, there is one. Arguments as of :func:`runge_kutta_steps`.
     """
-    if not (terms.lag or terms.battery_sag) and all(target is targets[0] for target in targets):
+    if not (terms.lag or terms.battery_sag or terms.fins) and all(target is targets[0] for target in targets):
         return [(targets[0], time)], targets[0]
     stages = []
     for target in targets:
@@ -127,7 +128,7 @@ def runge_kutta_step(
     xp = array_namespace(body)
     later = thrust_after(c, terms, thrust, target, h)
     stages = [(later, time)]
-    if terms.lag or terms.battery_sag:
+    if terms.lag or terms.battery_sag or terms.fins:
         first = thrust_after(c, terms, thrust, target, 0.0)  # the new target at once where a thruster has no lag
         midway = thrust_after(c, terms, thrust, target, h / 2)
         stages = [(first, time), (midway, time + h / 2), (later, time + h)]
@@ -142,6 +143,8 @@ def runge_kutta_step(
             wrench = body_wrench(c, terms, given_in_water(c, terms, given, rotation, position), at) + force
         else:
             wrench = wrenches[stage]
+        if terms.fins:
+            wrench = wrench + fin_wrench(c, terms, rotation, position, velocity, stages[stage][0])
         rate = acceleration(c, terms, rotation, position, velocity, wrench)
         return xp.concat((matvec(rotation, velocity[..., :3]), turning, rate), axis=-1)
 

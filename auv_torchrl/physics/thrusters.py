@@ -1,5 +1,6 @@
 """From commands to the wrench on the body: delay, routing, curve, dead band, limit, lag, allocation."""
 
+from collections.abc import Callable
 from typing import Any
 
 from array_api_compat import array_namespace
@@ -99,8 +100,38 @@ def straight_through_targets(
 
 
 def thrust_after(c: Coefficients, terms: ActiveTerms, thrust: Array, target: Array, elapsed: float) -> Array:
-    """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``."""
-    return target + (thrust - target) * lag_left(c, elapsed) if terms.lag else target
+    """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``.
+
+    The deflection of a fin, in rad, does the same as far as its rate allows.
+    """
+    return thrust_follower(c, terms, elapsed)(thrust, target)
+
+
+def thrust_follower(c: Coefficients, terms: ActiveTerms, elapsed: float) -> Callable[[Array, Array], Array]:
+    """:func:`thrust_after` of one elapsed time, for many thrusts and their targets."""
+    xp = array_namespace(c.lag)
+    left = lag_left(c, elapsed) if terms.lag else None
+    most = c.fin_rate * elapsed if terms.fins else None
+
+    def after(thrust: Array, target: Array) -> Array:
+        later = target if left is None else target + (thrust - target) * left
+        if most is None:
+            return later
+        return xp.where(c.fin_rate > 0, thrust + xp.minimum(xp.maximum(later - thrust, -most), most), later)
+
+    return after
+
+
+def slowest_s(c: Coefficients, terms: ActiveTerms, time_constants: float) -> float:
+    """Seconds for which thrusts and deflections remember older commands: of a lag, so many of its time constants."""
+    xp = array_namespace(c.lag)
+    memory = time_constants * float(xp.max(c.lag)) if terms.lag else 0.0
+    if not terms.fins:
+        return memory
+    turning = c.fin_rate > 0
+    rate = xp.where(turning, c.fin_rate, xp.ones_like(c.fin_rate))
+    whole = xp.where(turning, 2.0 * xp.minimum(c.full_thrust, c.limit) / rate, xp.zeros_like(rate))
+    return memory + float(xp.max(whole))
 
 
 def lag_left(c: Coefficients, elapsed: float) -> Array:

@@ -14,7 +14,7 @@ from auv_torchrl.recording.body import record_vehicle
 from auv_torchrl.recording.file import write_recording
 from auv_torchrl.recording.flight import OneFlight, record_flight
 from auv_torchrl.recording.series import record_reference, record_series, thruster_series
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
 
 PATHS = 24  # starts whose path is drawn
@@ -26,13 +26,14 @@ AXES_M = 0.4  # length of the axes at the origin
 class ControlMap:
     """What the adaptation learnt, linear about rest: demand on the target = matrix @ demand on the source + offset."""
 
-    matrix: np.ndarray  # (k, 4) per unit of each channel
+    matrix: np.ndarray  # (k, a) per unit of each channel
     offset: np.ndarray  # (k,)
     rows: tuple[str, ...]  # names of the k outputs
+    axes: tuple[str, ...] = CONTROLLED  # of the a channels
 
     def markdown(self) -> str:
         """As a table of numbers."""
-        head = "| target | " + " | ".join(CONTROLLED) + " | offset |\n|---|" + "---:|" * (len(CONTROLLED) + 1)
+        head = "| target | " + " | ".join(self.axes) + " | offset |\n|---|" + "---:|" * (len(self.axes) + 1)
         lines = [
             f"| **{name}** | " + " | ".join(f"{value:+.2f}" for value in row) + f" | {offset:+.2f} |"
             for name, row, offset in zip(self.rows, self.matrix, self.offset, strict=True)
@@ -48,6 +49,7 @@ def record_run(
     control_map: ControlMap | None = None,
     one_flight: OneFlight | None = None,
     replace: bool = False,
+    axes: tuple[str, ...] = CONTROLLED,
 ) -> None:
     """Write the flights to ``path`` with a blueprint, so that the viewer opens arranged.
 
@@ -59,6 +61,7 @@ def record_run(
         control_map: the map, where one was learnt.
         one_flight: in which the vehicle changes, where one was flown.
         replace: the file if there is one; otherwise there must be none.
+        axes: that the policy commands.
 
     Raises:
         FileExistsError: if there is such a file and it is not to be replaced.
@@ -69,7 +72,7 @@ def record_run(
     first = next(iter(flights.values()))
     reach = float(max(path[shown].norm(dim=-1).max() for path in (first.position[:, :1], first.reference_position)))
     driven = "u_t" if "u_t" in flights else list(flights)[-1]
-    commands = _command_names(flights[driven])
+    commands = control_map.rows if control_map is not None else _command_names(flights[driven], axes)
     with rr.RecordingStream("auv_torchrl train") as recording:
         memory = recording.memory_recording()
         blueprint = run_blueprint(list(flights), commands, reach, one_flight is not None)
@@ -85,7 +88,7 @@ def record_run(
             for number, start in enumerate(shown[:VEHICLES], start=1):
                 entity = f"world/{name}/start_{number}"
                 record_vehicle(recording, entity, vehicles[name], flight.of_start(start), CONTROLLER[name])
-        _record_commands(recording, flights[driven].of_start(shown[0]), vehicles[driven], commands)
+        _record_commands(recording, flights[driven].of_start(shown[0]), vehicles[driven], commands, axes)
         if control_map is not None:
             _record_map(recording, control_map)
         if one_flight is not None:
@@ -137,17 +140,19 @@ def _record_thrust(recording: rr.RecordingStream, name: str, flight: Flight) -> 
     record_series(recording, f"thrust/{name}", flight, flight.thrust.double().numpy(), names, colours)
 
 
-def _command_names(flight: Flight) -> tuple[str, ...]:
-    """The channels where the map goes from channels to channels, the thrusters where it goes to those."""
-    if flight.applied_action.shape[-1] == len(CONTROLLED):
-        return CONTROLLED
+def _command_names(flight: Flight, axes: tuple[str, ...]) -> tuple[str, ...]:
+    """The channels where commands are as many, else the thrusters."""
+    if flight.applied_action.shape[-1] == len(axes):
+        return axes
     return tuple(f"thruster_{i + 1}" for i in range(flight.applied_action.shape[-1]))
 
 
-def _record_commands(recording: rr.RecordingStream, flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> None:
+def _record_commands(
+    recording: rr.RecordingStream, flight: Flight, vehicle: Vehicle, names: tuple[str, ...], axes: tuple[str, ...]
+) -> None:
     before = flight.action.double()
-    if names != CONTROLLED and before.shape[-1] == len(CONTROLLED):
-        mixer = tensors(vehicle).mixer[:, list(CONTROLLED_INDEX)]
+    if names != axes and before.shape[-1] == len(axes):
+        mixer = tensors(vehicle).mixer[:, index_of(axes)]
         before = (before @ mixer.T).clamp(-1, 1)
     both = {"before": (before, CONTROLLER["u_s"]), "after": (flight.applied_action.double(), CONTROLLER["u_t"])}
     for i, name in enumerate(names):

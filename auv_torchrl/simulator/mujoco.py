@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from auv_torchrl.physics import SUBSTEPS, ActiveTerms, ByRow, Coefficients, Forces, RowFunction, State, Targets
+from auv_torchrl.physics.fins import fin_wrench
 from auv_torchrl.physics.free_body import body_velocity, free_body_force
 from auv_torchrl.physics.kinematics import matvec, rotation_matrix
 from auv_torchrl.physics.step import push, stage_thrusts
@@ -108,6 +109,9 @@ class MujocoSimulator(Simulator):
     def _force(self, c: Coefficients, terms: ActiveTerms, thrust: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Generalized force (N, 6) that gives MuJoCo's bodies the Fossen acceleration at this stage."""
         wrench = body_wrench(c, terms, given_in_water(c, terms, thrust, self._rotation, self._pose[:, :3]), time)
+        if terms.fins:
+            moving = np.concatenate((matvec(self._rotation.mT, self._rate[:, :3]), self._rate[:, 3:]), axis=-1)
+            wrench = wrench + fin_wrench(c, terms, self._rotation, self._pose[:, :3], moving, thrust)
         force, sane = free_body_force(
             c, terms, self._inertia, RUNAWAY, self._pose[:, :3], self._rate, self._rotation, wrench
         )

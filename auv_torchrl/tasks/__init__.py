@@ -6,6 +6,7 @@ from typing import Any, cast
 
 from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
+from auv_torchrl.tasks.cruise import Cruise
 from auv_torchrl.tasks.following import Following, StationKeeping
 from auv_torchrl.tasks.recorded import Recorded
 from auv_torchrl.tasks.task import Reference, Task
@@ -19,17 +20,19 @@ from auv_torchrl.tasks.tracking import (
     Square,
     Tracking,
 )
+from auv_torchrl.tasks.underway import cruise_speed, fitted
 from auv_torchrl.tasks.waypoints import Waypoints
 
 TASKS: Registry[type[Task]] = Registry(
     "tasks",
     Task,
-    (StationKeeping, Waypoints, Line, Square, Lawnmower, Lemniscate, Circle, Helix, Recorded, Docking),
+    (StationKeeping, Waypoints, Line, Square, Lawnmower, Lemniscate, Circle, Helix, Recorded, Docking, Cruise),
 )
 
 __all__ = [
     "TASKS",
     "Circle",
+    "Cruise",
     "Docking",
     "Following",
     "Helix",
@@ -43,6 +46,8 @@ __all__ = [
     "Task",
     "Tracking",
     "Waypoints",
+    "cruise_speed",
+    "fitted",
     "read_task",
 ]
 

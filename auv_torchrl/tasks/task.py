@@ -28,6 +28,7 @@ class Reference(NamedTuple):
     quaternion: Array  # (..., 4) w x y z, body to earth
     velocity: Array = None  # (..., 6) m/s and rad/s, along the axes of the earth; None for one that rests
     heading: Array = None  # (...) rad, where it is known without the quaternion
+    free: Array = None  # (3,) bool, coordinates in which any position will do; None for none
 
     @classmethod
     def resting(cls, position: Array) -> Self:
@@ -41,6 +42,12 @@ class Reference(NamedTuple):
     def yaw(self) -> Array:
         """Its heading (...) in rad."""
         return heading_of(self.quaternion) if self.heading is None else self.heading
+
+    def nearest(self, position: Array) -> Array:
+        """Where a vehicle at a position (..., 3) should be, m: along free coordinates where it is."""
+        if self.free is None:
+            return self.position
+        return array_namespace(position).where(self.free, position, self.position)
 
     def moving(self, to_body: Array) -> Array:
         """Its velocity (..., 6) along axes that ``to_body`` (..., 3, 3) turns those of the earth to; 0 if it rests."""
@@ -75,9 +82,14 @@ class Task(ABC):
         return round(self.episode_s / self.control_dt)
 
     @property
+    def axes(self) -> tuple[str, ...]:
+        """Degrees of freedom that an action commands, one entry each, through the mixer of the vehicle."""
+        return CONTROLLED
+
+    @property
     def needs(self) -> tuple[str, ...]:
         """Degrees of freedom that a vehicle has to push, each by itself and both ways."""
-        return CONTROLLED
+        return self.axes
 
     @property
     @abstractmethod
@@ -92,6 +104,11 @@ class Task(ABC):
     @abstractmethod
     def reference(self, time: Array) -> Reference:
         """Where vehicles should be that are ``time`` (...) s along the task."""
+
+    def miss(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
+        """How far off vehicles are, (...) m, by which the best policy is chosen: how far from where they should be."""
+        wanted = self.reference(time).nearest(position)
+        return array_namespace(position).linalg.vector_norm(position - wanted, axis=-1)
 
     @abstractmethod
     def observe(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:

@@ -5,13 +5,13 @@ import pytest
 import torch
 
 from auv_torchrl.adaptation.motion import SourceMotion
-from auv_torchrl.paths import config_names
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
 from auv_torchrl.vehicle_tensors import tensors
+from tests.hovering import HOVERING
 
 
-@pytest.mark.parametrize("name", config_names("vehicle"))
+@pytest.mark.parametrize("name", HOVERING)
 def test_one_step_is_that_of_the_plain_physics(name):
     """Velocity after a control step agrees with the plain model's, but for what roll and pitch do."""
     motion, vehicle = SourceMotion(load_vehicle(name), 0.05), tensors(load_vehicle(name))

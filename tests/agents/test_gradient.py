@@ -62,7 +62,8 @@ def test_gradients_flow_through_every_task(task):
     config = settings_of(**settings)
     torch.manual_seed(0)
     fleet = config.make_fleet("mujoco", load_vehicle("paper"), task(), 0, "cpu")
-    learner = GradientLearner(len(task().observation_names), 4, config, torch.device("cpu"))
+    sizes = fleet.observation_spec["observation"].shape[-1], fleet.action_spec.shape[-1]
+    learner = GradientLearner(*sizes, config, torch.device("cpu"))
     learnt = [each.losses for each in learner.learn(fleet, 0, 0)]
     assert len(learnt) == 3
     assert all(losses and losses["loss_actor"].isfinite() and losses["gradient_norm"] > 0 for losses in learnt)

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from auv_torchrl.effects import EFFECTS, get_effect
+from auv_torchrl.effects import get_effect
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.simulator import record
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
@@ -28,6 +28,7 @@ from benchmarks.blind.sizes import (
     draw_values,
 )
 from benchmarks.blind.strangers import with_changes
+from tests.hovering import ACTING
 
 VEHICLE = load_vehicle("paper")
 # m. Roll and pitch move in MuJoCo and are held in the foreign simulator, which three effects notice; a command that is
@@ -63,7 +64,7 @@ def distance(one, other):
 def test_sizes_cover_the_registry():
     """Every effect that opens a gap of its own has a clear size."""
     others = {*NOT_A_GAP, *NOT_LOGGED, *NOT_TOLD, *NOT_MET, *COEFFICIENTS}
-    assert set(CLEAR) | others == set(EFFECTS)
+    assert set(CLEAR) | others == set(ACTING)
 
 
 @pytest.mark.parametrize("failed", [2, 3])

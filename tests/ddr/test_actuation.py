@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.ddr.actuation import Actuation, Channels, Thrusters
-from auv_torchrl.paths import config_names
 from auv_torchrl.vehicle import load_vehicle
+from tests.hovering import HOVERING
 
-VEHICLES = {name: Actuation(load_vehicle(name)) for name in config_names("vehicle")}
+VEHICLES = {name: Actuation(load_vehicle(name)) for name in HOVERING}
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.sysid import Outcome
 from auv_torchrl.vehicle import load_vehicle
+from tests.hovering import ACTING
 
 PAPER = load_vehicle("paper")
 TRUTHS = {"a weak thruster": {"thruster_gain": {"gain_4": 0.55}}, "nothing": {}}
@@ -70,7 +71,7 @@ def test_page_and_console_tell_how_it_was_decided(answered):
     assert 'id="decision"' in page and "How this was decided" in page
     assert page.count(Outcome.KEPT.value) == table.count(Outcome.KEPT.value) == 1
     assert "why each effect is named, or is not" in table
-    assert all(name.replace("_", " ") in page for name in EFFECTS)
+    assert all(name.replace("_", " ") in page for name in ACTING)
 
 
 def test_what_tells_the_next_best_apart_is_said(answered):

@@ -15,6 +15,7 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import simulated_logs
+from tests.hovering import ACTING
 
 VEHICLE = load_vehicle("bluerov2")  # free to tilt
 NOISE = {"roll": 4e-3, "pitch": 4e-3, "yaw": 4e-3, "ax": 0.05, "ay": 0.05, "az": 0.05}  # rad, m/s^2; else 2e-3
@@ -67,7 +68,7 @@ def moved(effect):
                 yield {name: nominal[name] + share * (ends[name] - nominal[name]) for name in nominal}
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", ACTING)
 def test_two_simulations_differ_by_the_mark(name):
     """Every effect, of a sensor or of the vehicle, marks the samples as two simulations of a small change differ."""
     closest = np.inf

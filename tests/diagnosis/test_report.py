@@ -45,6 +45,7 @@ from auv_torchrl.paths import config_names
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.example import example, hydrodynamic, no_gap
+from tests.hovering import ACTING
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
@@ -333,7 +334,7 @@ def test_ranges_around_it_can_be_randomized(diagnosis, paper):
 
 
 @pytest.mark.parametrize("name", config_names("vehicle"))
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+@pytest.mark.parametrize("effect", ACTING.values(), ids=ACTING)
 def test_every_effect_can_be_written_as_a_scenario(diagnosis, effect, name):
     """Each effect with all of its parameters, far outside their bounds, gives files that read."""
     vehicle = load_vehicle(name)

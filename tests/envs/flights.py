@@ -25,9 +25,9 @@ def held_actions(count, steps, seed=0, hold=10):
     return (2 * torch.rand(-(-steps // hold), count, 4) - 1).repeat_interleave(hold, 0)[:steps]
 
 
-def resting(count, *positions):
-    """A start at rest, heading north."""
+def resting(count, *positions, ahead=0.0):
+    """A start heading north, at rest or at a speed ahead in m/s."""
     position = torch.tensor(positions or [[0.0, 0.0, 0.0]]).expand(count, 3)
     quaternion = torch.tensor([1.0, 0.0, 0.0, 0.0]).expand(count, 4)
-    velocity = torch.zeros(count, 6)
+    velocity = torch.tensor([ahead, 0.0, 0.0, 0.0, 0.0, 0.0]).expand(count, 6)
     return TensorDict({"position": position, "quaternion": quaternion, "velocity": velocity}, [count])

@@ -17,9 +17,10 @@ from auv_torchrl.envs.start import BODY
 from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.sensors import MOTION
-from auv_torchrl.tasks import Lemniscate, StationKeeping
+from auv_torchrl.tasks import Cruise, Lemniscate, StationKeeping, cruise_speed, fitted
 from auv_torchrl.vehicle import load_vehicle
 from tests.few_thrusters import without_sway
+from tests.hovering import FIN_EFFECTS, one_for
 
 PAPER = load_vehicle("paper")
 SHORT = StationKeeping(episode_s=0.5)
@@ -172,8 +173,12 @@ def test_late_sensors_and_commands_need_no_preparation(backend):
 )
 def test_every_effect_is_felt(backend, effect):
     """Away from nominal, each effect changes the motion or the observation, but of sensors that no policy has."""
-    nominal = effect.nominal(PAPER)
-    declared = effect.member_parameters(PAPER)
+    sound, task = (
+        load_vehicle(one_for(effect.name, "paper")),
+        Cruise() if effect.name in FIN_EFFECTS else StationKeeping(),
+    )
+    nominal = effect.nominal(sound)
+    declared = effect.member_parameters(sound)
     values = {k: v + 0.4 * (declared[k].high - v) for k, v in nominal.items()}
     if effect.name == "thruster_swap":
         values = effect.read(PAPER, {"pair": [1, 2]})
@@ -181,11 +186,11 @@ def test_every_effect_is_felt(backend, effect):
         values = effect.read(PAPER, {"limit": 20.0})
     if effect.name == "tether":
         values = {"north": 5.0, "stiffness": 20.0, "slack": 1.0}
-    start = resting(2, [0.4, -0.3, 0.2], [0.1, 0.3, -0.4])
-    actions = held_actions(2, 30)
+    start = resting(2, [0.4, -0.3, 0.2], [0.1, 0.3, -0.4], ahead=cruise_speed(task))
+    actions = held_actions(2, 30)[..., : len(fitted(task, sound).axes)]
     plain, changed = (
-        fly(make_fleet(backend, vehicle, StationKeeping(), 2, seed=1), actions, start)
-        for vehicle in (PAPER, effect.apply(PAPER, values))
+        fly(make_fleet(backend, vehicle, task, 2, seed=1), actions, start)
+        for vehicle in (sound, effect.apply(sound, values))
     )
     assert (plain["observation"] - changed["observation"]).abs().max() > 1e-3
 

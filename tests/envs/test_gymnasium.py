@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from auv_torchrl.envs import BACKENDS, ID, RegulationEnv, make_fleet
 from auv_torchrl.paths import config_names, config_path
-from auv_torchrl.tasks import Lemniscate, StationKeeping, read_task
+from auv_torchrl.tasks import Lemniscate, StationKeeping, fitted, read_task
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import read_yaml
 from tests.few_thrusters import without_sway
@@ -68,7 +68,8 @@ def test_a_task_is_chosen_by_name(name):
     env = cast(RegulationEnv, gymnasium.make(ID, backend="torch", task=name).unwrapped)
     assert env.fleet.task.name == name
     content = read_yaml(config_path("task", name), "task")
-    assert env.fleet.task == read_task({key: value for key, value in content.items() if key != "defaults"})
+    given = read_task({key: value for key, value in content.items() if key != "defaults"})
+    assert env.fleet.task == fitted(given, load_vehicle("paper"))
     env.reset(seed=0)
     env.step(env.action_space.sample())
 
@@ -138,7 +139,7 @@ def test_starts_can_be_given():
         ({"vehicle": "submarine"}, FileNotFoundError, "there are .*bluerov2_heavy"),
         ({"scenario": "storm"}, FileNotFoundError, "there are accelerometer_bias, added_mass"),
         ({"backend": "gazebo"}, ValueError, "there are mujoco, torch"),
-        ({"task": "figure"}, FileNotFoundError, "there are circle, docking, helix, lawnmower, lemniscate"),
+        ({"task": "figure"}, FileNotFoundError, "there are circle, cruise, docking, helix, lawnmower, lemniscate"),
         ({"task": {"name": "figure"}}, ValueError, "there are station_keeping, waypoints"),
         ({"vehicle": without_sway()}, ValueError, "task station_keeping also needs sway"),
         ({"task": {"box": 1.0}}, ValueError, "box.*box_m"),

@@ -152,6 +152,7 @@ LINES = {
     "format=urdf": "give one of mjcf, sdf, ardusub, fossen",
     "format=mjcf vehicle=submarine": "no vehicle named 'submarine'",
     "policy=x": "give policy=FOLDER, or vehicle=FILE",
+    "format=mjcf vehicle=remus100": "remus100 has fins, which mjcf has no force for: give format=fossen",
 }
 
 
@@ -167,3 +168,10 @@ def test_the_command_writes_the_file_and_refuses_what_it_cannot(tmp_path):
         assert code == 2 and says in errors and errors.count("\n") == 1, errors
     assert answers["format=fossen"][0] == 0
     assert "| X_udot | -5.5 |" in (tmp_path / str(len(LINES)) / "vehicle.md").read_text()
+
+
+def test_fins_are_written_for_people():
+    """Their full command is an angle, and area and lift stand beside it."""
+    shown = {symbol: (value, unit) for symbol, value, unit, _ in rows(read_described("remus100"))}
+    assert shown["K_1"] == (10.9, "N at command 1") and shown["K_2"] == (0.237, "rad at command 1")
+    assert shown["A_2"] == (6.65e-3, "m^2, a fin") and "A_1" not in shown

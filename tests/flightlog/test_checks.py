@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import FlightLogError, Severity, read_flightlog, write_flightlog
 from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.flightlog.log import Episode, FlightLog
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
 from tests.flightlog.test_reader import column, rows_of, store
+from tests.hovering import ACTING
 
 FULL = ("x", "y", "z", "roll", "pitch", "yaw", "u", "v", "w", "p", "q", "r")
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
@@ -124,7 +124,7 @@ LONG = {("paper", "pose"), *(("bluerov2_heavy", what) for what in LOGGED if what
 )
 def test_sound_logs_of_faulty_vehicles_are_not_suspected(faulty, name, axes, tmp_path):
     """A log in the right format gives no finding, whichever effect acts on the vehicle."""
-    assert set(CLEAR) == set(EFFECTS)
+    assert set(CLEAR) == set(ACTING)
     vehicle, logs = faulty(name)
     for effect, log in logs.items():
         path = write_flightlog(replace(log, axes=axes), tmp_path / f"{effect}.csv")

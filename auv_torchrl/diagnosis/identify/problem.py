@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import (
     sensor_nuisance,
 )
 from auv_torchrl.diagnosis.latest import Latest
+from auv_torchrl.diagnosis.motion.actuation import usual_speed
 from auv_torchrl.diagnosis.motion.noise import first_noise
 from auv_torchrl.diagnosis.motion.reduce import Freedom
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed
@@ -32,7 +33,8 @@ from auv_torchrl.diagnosis.thresholds import (
     WIDE_SHARE,
 )
 from auv_torchrl.effects import EFFECTS
-from auv_torchrl.physics import prepare
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.vehicle import Vehicle
 
 NuisanceEntry = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
@@ -111,7 +113,7 @@ class Problem:
             FlightLogError: if the log measures no degree of freedom in which the vehicle moves.
         """
         layout = Layout.of(windows, vehicle, settings.bin_s)
-        reach = _reach(vehicle)
+        reach = _reach(vehicle, usual_speed(windows))
         rough, noisier, floor = first_noise(windows), {}, np.array(settings.floor_force)
         if known is None:
             nuisance = tuple(nuisance_parameters(vehicle, settings, windows.channels))
@@ -212,10 +214,10 @@ def _noisier(now: dict[str, float], then: dict[str, float]) -> dict[str, float]:
     return {name: times for name, times in ratio.items() if times > NOISIER}
 
 
-def _reach(vehicle: Vehicle) -> Floats:
-    """Force (6,) that the thrusters can make in each degree of freedom, N and N m, or most of it."""
+def _reach(vehicle: Vehicle, speed: float) -> Floats:
+    """Force (6,) that thrusters, and fins at a speed, can make in each degree of freedom, N and N m, or most of it."""
     c = prepare(batch(vehicle, [{}])).numpy()
-    push = np.abs((c.allocation * c.full_thrust[..., None, :])[0]).sum(-1)
+    push = np.abs(wrench_per_share(c, ActiveTerms.of(c), speed)[0]).sum(-1)
     return np.maximum(WIDE_SHARE * push, LEAST_REACH)
 
 

@@ -17,8 +17,9 @@ from auv_torchrl.physics.thrusters import (
     CURVE_FIELDS,
     TARGET_FIELDS,
     at_volts,
-    lag_left,
     load,
+    slowest_s,
+    thrust_follower,
     thrust_target,
 )
 from auv_torchrl.sensors import Inverse, ages
@@ -131,6 +132,11 @@ def left_by_volts(
     return at_volts(by_step, windows.volts[windows.episode[chunk, None], grid][:, None])
 
 
+def usual_speed(windows: Windows) -> float:
+    """Root mean square of the speed ahead in m/s with which windows begin: that at which fins of the vehicle push."""
+    return float(np.sqrt(np.mean(windows.guess[:, 6] ** 2)))
+
+
 def oldest(windows: Windows, c: Coefficients) -> Floats:
     """Age (R,) in s of the oldest reports of each vehicle: its windows are simulated at those times."""
     return ages(c, windows.channels).max(-1)
@@ -160,12 +166,12 @@ def actuate_prepared(windows: Windows, c: Coefficients) -> Actuation:
     actuation = Actuation(windows, c, ActiveTerms.of(c), whole.astype(int), silent, _substeps(windows, c))
     if actuation.late:
         actuation = replace(actuation, substeps=max(actuation.substeps, 2))
-    if actuation.terms.lag:
-        back = int(np.ceil(LAG_MEMORY * c.lag.max() / windows.dt))
+    back = int(np.ceil(slowest_s(c, actuation.terms, LAG_MEMORY) / windows.dt))
+    if back:
         (targets,) = actuation.targets(slice(0, len(windows)), np.arange(-back, 0))
-        thrust, left = targets[:, :, 0], lag_left(c, windows.dt)
+        thrust, after = targets[:, :, 0], thrust_follower(c, actuation.terms, windows.dt)
         for ago in range(1, back):
-            thrust = targets[:, :, ago] + (thrust - targets[:, :, ago]) * left
+            thrust = after(thrust, targets[:, :, ago])
         actuation = replace(actuation, thrust=thrust)
     return actuation
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import ACTUATIONS, actuate
+from auv_torchrl.diagnosis.motion.actuation import ACTUATIONS, actuate, usual_speed
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.smooth import Layout, Smoothed, noise_per_sample
 from auv_torchrl.diagnosis.motion.tangent import Tangent, linearise, respond
@@ -18,6 +18,7 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
 from auv_torchrl.diagnosis.thresholds import BENT, FLICKERS, LEAST_FREEDOM, LEAST_NOISE
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.flightlog.streams.drift import DRIFT_S
+from auv_torchrl.physics.fins import wrench_per_unit
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.vehicle import Vehicle
@@ -99,13 +100,14 @@ def unknown_force(windows: Windows, vehicle: Vehicle) -> Floats:
     """
     actuation = actuate(windows, vehicle)
     (thrust,) = actuation.targets(slice(0, len(windows)), np.arange(-1, windows.steps + 1))
-    thrust, allocation = thrust[:, 0], actuation.c.allocation[0]  # (W, S + 2, n), (6, n)
+    thrust, c = thrust[:, 0], actuation.c  # (W, S + 2, n)
+    allocation = wrench_per_unit(c, actuation.terms, usual_speed(windows))[0]  # (6, n)
     jump = np.diff(matvec(allocation, thrust), axis=1) ** 2  # (W, S + 1, 6) at the edges of the steps
     variance = np.zeros((len(windows), windows.steps, 6))
     for ago, share in enumerate(late_shares(windows.errors.snapshot_s, windows.dt)):
         variance[:, ago:] += share**2 * jump[:, : windows.steps - ago]  # late
         variance[:, : windows.steps - ago] += share**2 * jump[:, 1 + ago :]  # early
-    edge = actuation.c.dead_band[0]
+    edge = c.dead_band[0]
     flickers = np.abs(thrust[:, 1:-1]) < FLICKERS * edge
     return np.sqrt(variance + flickers * (edge / 2) ** 2 @ (allocation**2).T)
 

@@ -9,7 +9,7 @@ from auv_torchrl.diagnosis.motion.actuation import Actuation, oldest
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import Coefficients, rates
 from auv_torchrl.physics.kinematics import least_turn
-from auv_torchrl.physics.thrusters import lag_left
+from auv_torchrl.physics.thrusters import thrust_follower
 from auv_torchrl.sensors import ages, felt_along, motion_of, read
 
 ROWS_AT_ONCE = 3000  # rows of a chunk: what stays in the cache of a laptop
@@ -82,12 +82,11 @@ class Run:
         h = self._actuation.windows.dt / self._actuation.substeps
         thrust = np.broadcast_to(self._thrust, targets[:, :, 0, 0].shape)
         found = np.empty((len(targets), targets.shape[2], *thrust.shape[1:]))
-        left = lag_left(c, h) if terms.lag else 1.0
+        after = thrust_follower(c, terms, h)
         for step in range(targets.shape[2]):
             found[:, step] = thrust
-            for part in range(targets.shape[3] if terms.lag else 0):
-                aim = targets[:, :, step, part]
-                thrust = aim + (thrust - aim) * left
+            for part in range(targets.shape[3] if terms.lag or terms.fins else 0):
+                thrust = after(thrust, targets[:, :, step, part])
         return found
 
 
@@ -104,13 +103,12 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     windows, c, terms = actuation.windows, actuation.c, actuation.terms
     (target,) = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))
     thrust = target
-    if terms.lag:
+    if terms.lag or terms.fins:
         now, thrust = actuation.thrust, np.empty_like(target)
-        half, whole = lag_left(c, windows.dt / 2), lag_left(c, windows.dt)
+        halfway, after = (thrust_follower(c, terms, elapsed) for elapsed in (windows.dt / 2, windows.dt))
         for step in range(windows.steps):
-            aim = target[:, :, step]
-            thrust[:, :, step] = aim + (now - aim) * half
-            now = aim + (now - aim) * whole
+            thrust[:, :, step] = halfway(now, target[:, :, step])
+            now = after(now, target[:, :, step])
     time = windows.time[:, None, None] + (np.arange(windows.steps) + 0.5) * windows.dt - oldest(windows, c)[:, None]
     sensors = actuation.sensors.shared().by_step()
     true = sensors.true_state(motion[:, None])

@@ -11,13 +11,14 @@ from functools import partial
 
 import numpy as np
 
-from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficients
+from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficients, usual_speed
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, accelerations, fly
 from auv_torchrl.diagnosis.motion.tangent import Slopes, Tangent, linearise, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks, columns_of_motion
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING, TILTS
 from auv_torchrl.flightlog import FlightLogError
-from auv_torchrl.physics import Coefficients, prepare
+from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
+from auv_torchrl.physics.fins import wrench_per_unit
 from auv_torchrl.physics.kinematics import cross, matvec, quaternion_from_euler, rotation_matrix
 from auv_torchrl.sensors import FELT, MOTION, Inverse, motion_of, read
 from auv_torchrl.vehicle import Vehicle
@@ -67,7 +68,7 @@ class Layout:
             )
         per_bin = max(1, round(bin_s / windows.dt))
         start = np.concatenate([moves, moves + 6])
-        loose = loose_start(vehicle)[start]
+        loose = loose_start(vehicle, usual_speed(windows))[start]
         loose[len(moves) :][seen & ~followed] = USUAL_SPEED
         return Layout(start, moves[seen], -(-windows.steps // per_bin), per_bin, loose, ~followed[seen])
 
@@ -109,11 +110,14 @@ class Smoothed:
         return _of_fields([field[some] for field in fields(self)], self.slopes.rows(some))
 
 
-def loose_start(vehicle: Vehicle) -> Floats:
-    """Prior standard deviations (12,) of a start: weak, but no tilt beyond what the thrusters can hold."""
+def loose_start(vehicle: Vehicle, speed: float = 0.0) -> Floats:
+    """Prior standard deviations (12,) of a start: weak, but no tilt beyond what the thrusters can hold.
+
+    Fins tilt a vehicle at its ``speed`` ahead in m/s.
+    """
     c = prepare(vehicle.expand(1)).numpy()
     stiffness = np.abs(c.restoring[0, [3, 4], [1, 0]])  # N m per rad of roll and pitch
-    moment = (np.abs(c.allocation[0, 3:5]) * c.full_thrust[0]).sum(-1)
+    moment = (np.abs(wrench_per_unit(c, ActiveTerms.of(c), speed)[0, 3:5]) * c.full_thrust[0]).sum(-1)
     loose = LOOSE_START.copy()
     with np.errstate(divide="ignore", invalid="ignore"):  # without a righting moment, any tilt may be
         tilt = np.fmin(TILTS * np.maximum(moment, moment.max()) / stiffness, loose[3:5])

@@ -31,8 +31,9 @@ class Forces:
                 (R, 1) and ``body force`` (R, 6), written; a lost body is 1 from then on.
         """
         rows, variant, shapes = len(c.lag), Variant.of(c), tuple(field.shape[1:] for field in c)
-        # thrusters that leave the water push otherwise wherever the body is, and are worked out between the stages
-        self._code = code_of(traced_force, shapes, variant) if is_wanted() and variant is not Variant.SURFACE else None
+        # thrusters that leave the water, and fins, push otherwise wherever the body is, and not as known beforehand
+        alike = is_wanted() and variant not in (Variant.SURFACE, Variant.FINS)
+        self._code = code_of(traced_force, shapes, variant) if alike else None
         if self._code is None:
             return
         arrays = {

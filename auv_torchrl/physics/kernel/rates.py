@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
+from auv_torchrl.physics.fins import fin_wrench
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kernel.native import is_wanted
 from auv_torchrl.physics.kernel.program import Layout, Program, program
@@ -57,6 +58,8 @@ def rates(c: Coefficients, terms: ActiveTerms, states: Array, thrust: Array, tim
 def _rate(c: Coefficients, terms: ActiveTerms, state: Any, thrust: Any, time: Any) -> Any:
     rotation = rotation_matrix(state[..., 3:7])
     wrench = body_wrench(c, terms, given_in_water(c, terms, thrust, rotation, state[..., :3]), time)
+    if terms.fins:
+        wrench = wrench + fin_wrench(c, terms, rotation, state[..., :3], state[..., 7:], thrust)
     if isinstance(state, np.ndarray):
         state = np.broadcast_to(state, (*wrench.shape[:-1], state.shape[-1]))
     return acceleration(c, terms, rotation, state[..., :3], state[..., 7:], wrench)

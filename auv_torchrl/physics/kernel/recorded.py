@@ -24,20 +24,24 @@ _OFF_DIAGONAL = 1.0 - np.eye(6)
 class Variant(Enum):
     """What a compiled step computes; its value is the name of its machine code."""
 
-    SURFACE = "surface"  # all terms
-    DEEP = "deep"  # all but the surface of the water, which takes a quarter of a step, and which few vehicles meet
+    FINS = "fins"  # all terms
+    SURFACE = "surface"  # all but fins, which take half of a step, and which few vehicles have
+    DEEP = "deep"  # nor the surface of the water, which takes a quarter of a step, and which few vehicles meet
     DIAGONAL = "diagonal"  # diagonal mass and drag; no current, tether, lag, sag, uneven drag: 2 to 3 times faster
 
     @property
     def terms(self) -> ActiveTerms:
         """The terms that are there."""
         if self is not Variant.DIAGONAL:
-            return ActiveTerms.everything()._replace(surface=self is Variant.SURFACE)
+            fins = self is Variant.FINS
+            return ActiveTerms.everything()._replace(surface=fins or self is Variant.SURFACE, fins=fins)
         return ActiveTerms(*(False for _ in ActiveTerms._fields))._replace(coriolis=True)
 
     @staticmethod
     def full(terms: ActiveTerms) -> "Variant":
-        """All terms, but the surface where there is none."""
+        """All terms, but fins and the surface where there are none."""
+        if terms.fins:
+            return Variant.FINS
         return Variant.SURFACE if terms.surface else Variant.DEEP
 
     @staticmethod

@@ -59,6 +59,8 @@ def _shares(result: Number, slope: Number) -> Iterator[tuple[int, Number]]:
         "abs": lambda: (result.tape.apply("where", given[0] < 0.0, -slope, slope),),
         "sqrt": lambda: (slope * (0.5 / result),),
         "exp": lambda: (slope * result,),
+        "sin": lambda: (slope * result.tape.apply("cos", given[0]),),
+        "cos": lambda: (-(slope * result.tape.apply("sin", given[0])),),
         "less": lambda: (),
     }
     if kind not in by_operand:
