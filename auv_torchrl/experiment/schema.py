@@ -17,7 +17,7 @@ from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs.make import BACKENDS
 from auv_torchrl.experiment.flight_config import FlightConfig
-from auv_torchrl.hydra_command.config_source import store_schema
+from auv_torchrl.hydra_command.config_source import check_config_files, store_schema
 from auv_torchrl.paths import ENDINGS, config_names, config_path
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS
@@ -86,6 +86,7 @@ def is_calibrated(vehicle: str) -> bool:
 
 def register() -> None:
     """Make known to Hydra ``train_schema``, ``<name>_schema`` of each task and agent, and :func:`randomization_of`."""
+    check_config_files()
     ConfigStore.instance().store("train_schema", TrainSchema)
     OmegaConf.register_new_resolver("randomization_of", randomization_of, replace=True)
     for group, registry in (("task", TASKS), ("agent", AGENTS)):

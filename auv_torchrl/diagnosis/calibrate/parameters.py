@@ -149,11 +149,16 @@ def make_nuisance(vehicle: Vehicle, widths: Sequence[NuisanceEntry]) -> Nuisance
     """The numbers that a file has wrong by ``widths``, and all numbers that flights differ in."""
     width = {(effect, member): (nominal, size) for effect, member, nominal, size in widths}
     varying: dict[str, list[tuple[tuple[str, str], float]]] = {}
-    for name, effect in EFFECTS.items():
-        for member, p in effect.member_parameters(vehicle).items():
-            if p.varies and (not effect.trial.shown_by or (name, member) in width):
-                varying.setdefault(f"{name}.{p.name}", []).append(((name, member), p.varies))
-                width.setdefault((name, member), (p.nominal_value(vehicle, member), 0.0))
+    differing = [
+        (name, member, p.nominal_value(vehicle, member), p.varies)
+        for name, effect in EFFECTS.items()
+        for member, p in effect.member_parameters(vehicle).items()
+        if p.varies and (not effect.trial.shown_by or (name, member) in width)
+    ]
+    for name, member, nominal, varies in that_matter(vehicle, differing):
+        family = get_effect(name).member_parameters(vehicle)[member].name
+        varying.setdefault(f"{name}.{family}", []).append(((name, member), varies))
+        width.setdefault((name, member), (nominal, 0.0))
     keys, spread = list(width), []
     for members in varying.values():
         column = np.zeros(len(keys))

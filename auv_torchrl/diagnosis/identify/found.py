@@ -33,7 +33,7 @@ class Found:
     @property
     def most_left(self) -> float:
         """Chi-square per number that an explanation may leave: what physics and the model of a fault are wrong by."""
-        gap = self.field.none().chi2 / self.field.quadratic.numbers - self.excess
+        gap = self.field.none().chi2 / max(self.field.quadratic.numbers, 1) - self.excess
         does = max(gap, 0.0) if self.best.explanation.effects else 0.0
         return self.problem.settings.excess + FAULT_KNOWN**2 * does
 

@@ -66,6 +66,8 @@ class Neighbourhood:
     def larger(self) -> list[Proposal[Neighbour]]:
         """With one effect, or one value of an effect, more: as promised about the best fit and the measured motion."""
         problem, mine = self.problem, set(self.best.explanation.effects)
+        if len(mine) >= problem.settings.most_effects:
+            return []
         fields = [(Field.of(problem, self.best.path), self.best.path)] if mine else [(self.field, self.follow)]
         if mine and leaves_much(problem, self.best):
             fields.append((Field.of(problem, self.follow, self.best.explanation), self.follow))
@@ -74,7 +76,7 @@ class Neighbourhood:
             here = field.none().evidence
             for one in field.families():
                 what, added = Neighbour(one.explanation, path), set(one.explanation.effects) - mine
-                if self._are_twins(added, mine) or len(mine | added) > problem.settings.most_effects:
+                if self._are_twins(added, mine):
                     continue
                 how = f"with {_words(added)}" if added else "with more values of what is there"
                 proposal = self._proposal(what, one.evidence - here, one.chi2, how)
