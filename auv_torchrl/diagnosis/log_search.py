@@ -19,7 +19,7 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
-from auv_torchrl.diagnosis.identify.paths import Fit, log_likelihood
+from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Progress, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -60,27 +60,30 @@ def search_log(
     worked out.
     """
     own, known = (sound.vehicle, sound.prior) if sound else (vehicle, left)
-    problem = Problem.of(
-        cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s), own, settings, known
-    )
     begin = hints_of(seen.found) if seen else []
-    problem, follow = follow_agreeing(problem)
-    if known is not None and known is left:
-        problem = measure_own_floor(problem, follow)
-        known = problem.known
+
+    def followed() -> tuple[Problem, WindowPath]:
+        windows = cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s)
+        problem, follow = follow_agreeing(Problem.of(windows, own, settings, known))
+        return measure_own_floor(problem, follow) if known is not None and known is left else problem, follow
+
+    problem, follow = followed()
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(problem, follow)
     if onset is None:
         found = search(problem, follow, report, begin)
         return LogSearch(_search_along(problem, found, report), sound)
     plain = replace(problem, windows=replace(problem.windows, whitening=None))  # parts of it are whitened anew
-    behind, its_follow = follow_agreeing(Problem.of(plain.windows.subset(onset.behind), own, settings, known))
+    measured = problem.known if known is left else known
+    del problem, follow  # the whole log would fill the memory beside the part
+    behind, its_follow = follow_agreeing(Problem.of(plain.windows.subset(onset.behind), own, settings, measured))
     found = search(behind, its_follow, report, begin)
     if seen or is_absent(plain, onset, found.best.explanation, own, settings):
-        del problem, follow, plain  # the whole log would fill the memory beside the part
+        del plain
         return LogSearch(_search_along(behind, found, report), sound, onset)
     hints = _each_once(found.fits)[:SIMULATED]
-    del behind, its_follow, found  # and the part beside the whole
+    del behind, its_follow, found, plain  # and the part beside the whole
+    problem, follow = followed()
     whole = search(problem, follow, report, hints, further=False)
     return LogSearch(_search_along(problem, whole, report), sound)
 

@@ -27,7 +27,7 @@ ANGULAR = np.array([channel in ANGLES for channel in MOTION])
 _latest: dict[int, "weakref.ref[Slopes]"] = {}  # the latest asked for is the last
 # Bytes of all slopes that are held, beside those in use. A minute of flight has 2 to 10 MB of them, and 20 MB of 15
 # channels under a limit cycle. A search compares a dozen explanations.
-HELD = 128 << 20
+HELD = 32 << 20
 
 
 @dataclass(frozen=True)
