@@ -8,14 +8,10 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host, like, vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, of_thrusters, own, sets
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, of_thrusters, own, scales, sets
+from auv_torchrl.effects.fins import fin_gain
 from auv_torchrl.effects.trial import Same, Scan, Trial
 from auv_torchrl.vehicle import Vehicle
-
-
-def _gain(vehicle: Vehicle, gain: Array) -> Vehicle:
-    return changed(vehicle, gain=vehicle.gain * gain)
-
 
 thruster_gain = Effect(
     name="thruster_gain",
@@ -35,7 +31,7 @@ thruster_gain = Effect(
             varies=0.03,  # volts, which all thrusters share
         ),
     ),
-    change=of_thrusters(_gain),
+    change=of_thrusters(scales(gain="gain")),
     advice=advice.thruster_gain,
     trial=Trial(
         wears={"gain": -1},
@@ -96,8 +92,8 @@ def _reversed_gain(vehicle: Vehicle, member: str, command: float) -> Same | None
     i = int(member.rsplit("_", 1)[1]) - 1
     fields = ((vehicle.asymmetry, 0.0), (vehicle.neutral_offset, 0.0), (vehicle.forward_gain, vehicle.reverse_gain))
     is_even = all(bool((host(own - other)[..., i] == 0).all()) for own, other in fields)
-    gain = "fin_gain" if i in vehicle.fins else thruster_gain.name
-    return (gain, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
+    gain = fin_gain if i in vehicle.fins else thruster_gain
+    return (gain.name, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
 
 
 thruster_swap = Effect(

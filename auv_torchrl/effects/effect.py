@@ -257,6 +257,13 @@ def sets(**fields: str) -> Callable[..., Vehicle]:
     return lambda vehicle, **values: changed(vehicle, **{fields[name]: value for name, value in values.items()})
 
 
+def scales(**fields: str) -> Callable[..., Vehicle]:
+    """A change that multiplies a field by each parameter: ``scales(gain="gain")``."""
+    return lambda vehicle, **values: changed(
+        vehicle, **{fields[name]: getattr(vehicle, fields[name]) * value for name, value in values.items()}
+    )
+
+
 def adds(**fields: str) -> Callable[..., Vehicle]:
     """A change that adds each parameter to a field: ``adds(angle="heading_bias")``."""
     return lambda vehicle, **values: changed(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, of_fins
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, adds, changed, of_fins, scales
 from auv_torchrl.effects.trial import Scan, Trial
 from auv_torchrl.vehicle import Vehicle
 
@@ -26,10 +26,6 @@ def _fins_alone(effect: str) -> Callable[[Vehicle, Mapping[str, Any]], dict[str,
     return read
 
 
-def _gain(vehicle: Vehicle, gain: Array) -> Vehicle:
-    return changed(vehicle, gain=vehicle.gain * gain)
-
-
 fin_gain = Effect(
     name="fin_gain",
     origin=Origin.ACTUATION,
@@ -41,15 +37,11 @@ fin_gain = Effect(
             guessed=0.1, varies=0.01,
         ),
     ),
-    change=of_fins(_gain),
+    change=of_fins(scales(gain="gain")),
     shorthand=_fins_alone("fin_gain"),
     advice=advice.fin_gain,
     trial=Trial(wears={"gain": -1}, scans={"gain": Scan((0.0,), linear=True)}, nuisance={"gain": 0.03}),
 )  # fmt: skip
-
-
-def _offset(vehicle: Vehicle, offset: Array) -> Vehicle:
-    return changed(vehicle, fin_offset=vehicle.fin_offset + offset)
 
 
 fin_offset = Effect(
@@ -63,7 +55,7 @@ fin_offset = Effect(
             ordinary=0.02,
         ),
     ),
-    change=of_fins(_offset),
+    change=of_fins(adds(offset="fin_offset")),
     shorthand=_fins_alone("fin_offset"),
     advice=advice.fin_offset,
     trial=Trial(scans={"offset": Scan((-0.2, -0.1, 0.1, 0.2))}),

@@ -60,6 +60,5 @@ def mended(effects: Effects, remedy: Remedy) -> dict[str, dict[str, Any]]:
 
 def still_mirrored(mirrored: tuple[int, ...], remedy: Remedy) -> list[int]:
     """Thrusters whose phase wires stay exchanged; a parameter of the firmware leaves them as they are."""
-    turned_back = {("thruster_gain", f"gain_{n}"): n for n in mirrored}
-    turned_back |= {("thruster_swap", f"command_{n}"): n for n in mirrored}
-    return sorted({*mirrored} - {turned_back[one] for one in remedy.repaired if one in turned_back})
+    repaired = {*remedy.repaired}
+    return [n for n in mirrored if not repaired & {("thruster_gain", f"gain_{n}"), ("thruster_swap", f"command_{n}")}]

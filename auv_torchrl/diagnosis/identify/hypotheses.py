@@ -1,6 +1,6 @@
 """What could be wrong: every effect as a few candidates, and the nuisance parameters of a healthy vehicle."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
 from typing import Annotated, Any
@@ -11,7 +11,7 @@ from auv_torchrl.array_api import converted
 from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
-from auv_torchrl.effects.trial import Scan
+from auv_torchrl.effects.trial import Same, Scan
 from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
 
@@ -127,17 +127,22 @@ def make_candidates(vehicle: Vehicle, settings: Settings, effects: Mapping[str, 
             for p in effect.parameters:
                 candidates += _one_by_one(effect, p, vehicle, scans.get(p.name))
     tried = {candidate.effect for candidate in candidates}
-    candidates = [one for one in candidates if not _is_better_called(one, effects[one.effect], vehicle, tried)]
+    candidates = [
+        one for one in candidates if plainer_names(effects[one.effect], vehicle, one.values.items(), tried) is None
+    ]
     acts = do_change(vehicle, [(candidate.effect, candidate.values) for candidate in candidates])
     return [candidate for candidate, does in zip(candidates, acts, strict=True) if does]
 
 
-def _is_better_called(candidate: Candidate, effect: Effect, vehicle: Vehicle, tried: Collection[str]) -> bool:
-    """Whether all that it changes has the name of another effect that is tried."""
+def plainer_names(
+    effect: Effect, vehicle: Vehicle, values: Iterable[tuple[str, float]], tried: Collection[str]
+) -> list[Same] | None:
+    """What values of an effect are better called, by effects that are tried; None where one has no other name."""
     if effect.trial.same_as is None:
-        return False
-    same = [effect.trial.same_as(vehicle, *value) for value in candidate.values.items()]
-    return all(one is not None and one[0] in tried for one in same)
+        return None
+    same = [effect.trial.same_as(vehicle, *value) for value in values]
+    known = [one for one in same if one is not None and one[0] in tried]
+    return known if len(known) == len(same) else None
 
 
 def _one_by_one(effect: Effect, p: Parameter, vehicle: Vehicle, scan: Scan | None) -> list[Candidate]:

@@ -20,6 +20,7 @@ from auv_torchrl.diagnosis.identify.fit import (
     rescued,
 )
 from auv_torchrl.diagnosis.identify.found import Found
+from auv_torchrl.diagnosis.identify.hypotheses import plainer_names
 from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, is_of_family, promise, weighed
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_does, sizes
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -224,10 +225,9 @@ class _EffectSearch(Search[Neighbour, Fit]):
         tried = {candidate.effect for candidate in self._problem.candidates}
 
         def plainer(term: Term) -> Term:
-            same_as = EFFECTS[term.effect].trial.same_as
-            same = [same_as(best.path.vehicle, member, term.value) if same_as else None for member in term.members]
-            known = [one for one in same if one is not None and one[0] in tried]
-            if len(known) < len(same):
+            values = ((member, term.value) for member in term.members)
+            known = plainer_names(EFFECTS[term.effect], best.path.vehicle, values, tried)
+            if known is None:
                 return term
             return Term(known[0][0], tuple(member for _, member, _ in known), known[0][2])
 

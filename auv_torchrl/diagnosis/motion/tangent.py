@@ -26,7 +26,8 @@ COLUMNS_AT_ONCE = 64
 ANGULAR = np.array([channel in ANGLES for channel in MOTION])
 _latest: dict[int, "weakref.ref[Slopes]"] = {}  # the latest asked for is the last
 # Bytes of all slopes that are held, beside those in use. A minute of flight has 2 to 10 MB of them, and 20 MB of 15
-# channels under a limit cycle. A search compares a dozen explanations.
+# channels under a limit cycle. A search compares a dozen explanations. Four times as many saved no time: 91 and 89 s of
+# CPU for 3.6 minutes of flight.
 HELD = 32 << 20
 
 
