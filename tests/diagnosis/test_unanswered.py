@@ -1,5 +1,6 @@
 """Channels that do not answer to commands: told before any fault of the vehicle, and never where they do answer."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,12 +8,19 @@ import pytest
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.table import summary_table
 from auv_torchrl.diagnosis.unanswered.leave_out import without
+from auv_torchrl.diagnosis.unanswered.other_source import find_other_source
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness
 from auv_torchrl.diagnosis.unanswered.wording import CODE, NOTHING_MOVES, named, tell
-from auv_torchrl.flightlog import read_flightlog
+from auv_torchrl.flightlog import POSE, read_flightlog
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind.cases import Case
+from benchmarks.blind.fly import fly as fly_cases
+from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.owners.acts import ACTS
 from tests.diagnosis.flown_logs import fly, hold
 from tests.diagnosis.stuck_channels import GROUPS, stuck
 from tests.flightlog.shared_data import shared
@@ -165,3 +173,53 @@ def test_no_size_of_noise_makes_a_fault_of_what_stands_still(name, size, group):
     columns = tuple(channel for channel in log.axes if channel in GROUPS[group])
     diagnosis = diagnose(stuck(log, columns, size), vehicle)
     assert told(diagnosis) == [columns] and not likely(diagnosis)
+
+
+@cache
+def dives(episodes):
+    """Two flights of a sound vehicle with eight thrusters, by pilots who use all of them."""
+    axes = sensor_set("mocap").axes
+    cases = [Case(number, "sound", axes=axes, sensors="mocap", episodes=episodes) for number in (1, 2)]
+    return [log for log, _ in fly_cases(cases, load_vehicle("bluerov2_heavy"), 11, ACTS)]
+
+
+def of_another_dive(channel, episodes):
+    """The first of the two flights, a channel of which is that of the second from the second episode on."""
+    log, other = dives(episodes)
+    column, changed = POSE.index(channel), [log.episodes[0]]
+    for episode, strange in zip(log.episodes[1:], other.episodes[1:], strict=True):
+        pose = episode.pose.copy()
+        pose[:, column] = strange.pose[:, column]
+        changed.append(replace(episode, pose=pose))
+    return replace(log, episodes=tuple(changed))
+
+
+def test_the_thrust_does_not_show_in_a_channel_of_another_dive():
+    """A false heading makes positions false, too, from the second episode on; a sound vehicle answers throughout."""
+    heavy = load_vehicle("bluerov2_heavy")
+    problem = Problem.of(cut_windows(dives(4)[0], SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), heavy, SETTINGS)
+    assert not find_other_source(dives(4)[0], problem, SETTINGS)
+    false = find_other_source(of_another_dive("yaw", 4), problem, SETTINGS)
+    assert {entry.channel for entry in false} == {"x", "y", "yaw"} and {entry.episode for entry in false} >= {1, 2, 3}
+
+
+@pytest.mark.thorough
+def test_a_channel_of_another_dive_is_told_before_any_fault():
+    """It moves as a vehicle does, but not as this one; nothing is said of the thrusters."""
+    diagnosis = diagnose(of_another_dive("yaw", 4), load_vehicle("bluerov2_heavy"))
+    assert told(diagnosis) == [("yaw",)] and not likely(diagnosis) and diagnosis.verdict is Verdict.CANNOT_TELL
+    assert "on heading does not follow the vehicle" in diagnosis.summary
+
+
+@pytest.mark.slow
+def test_an_unknown_force_is_no_channel_of_another_dive():
+    """Depth goes with the water, and with the thrusters too."""
+    vehicle = hold(load_vehicle("bluerov2_heavy"))
+
+    def swell(commands, position, velocity, t):
+        force = np.zeros_like(position)
+        force[:, 2] = 15.0 * np.sin(3.0 * t + 2.0 * position[:, 0])
+        return commands, force
+
+    diagnosis = diagnose(fly(vehicle, {}, seed=1, episodes=3, seconds=20.0, push=swell), vehicle)
+    assert not told(diagnosis)

@@ -13,9 +13,10 @@ from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.unanswered.leave_out import without
+from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by
-from auv_torchrl.diagnosis.unanswered.wording import named, stands_still, tell
+from auv_torchrl.diagnosis.unanswered.wording import named, stands_still, tell, tell_other_source
 from auv_torchrl.diagnosis.verdict import Alternative, Diagnosis, EffectProbability, Errors, FoundEffect, Gap, Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
@@ -36,7 +37,7 @@ def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: O
     still = find_stillness(log, vehicle, settings)
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
-        return once(log, 0.0, 1.0)[0]
+        return _unless_of_another_source(log, settings, *once(log, 0.0, 0.8), once)
     rest, whole = None, _is_all(log, vehicle, settings, still)
     if not whole:
         rest, still = _explain_others(log, settings, still, once)
@@ -45,6 +46,24 @@ def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: O
         return logged
     told = tell(still, whole, len(log.episodes))
     return _beside(rest, logged, told) if rest else _alone(logged, told)
+
+
+def _unless_of_another_source(
+    log: FlightLog, settings: Settings, logged: Diagnosis, found: Found, once: Once
+) -> Diagnosis:
+    """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first."""
+    if logged.verdict not in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED):
+        return logged
+    false = find_other_source(log, found.problem, settings)
+    others = without(log, false) if false else None
+    try:
+        if others is None or not fit_the_vehicle(others, found.problem, settings):
+            return logged
+        rest = once(others, 0.8, 1.0)[0]
+    except FlightLogError:  # too little is left to explain
+        return logged
+    told = tell_other_source(blamed(false), len(log.episodes))
+    return _beside(rest, logged, told) if rest.verdict is Verdict.NO_GAP else logged
 
 
 def _is_all(log: FlightLog, vehicle: Vehicle, settings: Settings, still: Sequence[Stillness]) -> bool:

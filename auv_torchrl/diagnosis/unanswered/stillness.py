@@ -43,7 +43,7 @@ LEAST_NOISE = 1e-5  # m, rad, m/s, rad/s, m/s^2: a hundredth of what the best se
 
 @dataclass(frozen=True)
 class Stillness:
-    """A channel that stands still however the vehicle is commanded."""
+    """A channel that stands still, or moves by itself, however the vehicle is commanded."""
 
     channel: str
     episode: int | None = None  # number; None: all along

@@ -32,6 +32,17 @@ def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Findin
     return tuple(_finding(group, whole, episodes) for group in _groups(still))
 
 
+def tell_other_source(false: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
+    """The finding about the channels of one source that do not follow the vehicle, all along or from a moment on."""
+    channels = tuple(sorted({entry.channel for entry in false}, key=CHANNELS.index))
+    name, when = named(channels), ""
+    if (first := false[0]).episode is not None:
+        when = f"from {first.first_s:.0f} s" + (f" of episode {first.episode}" if episodes > 1 else "") + " on "
+    sentence = f"{when}{name} {_does(name)} not follow the vehicle, which all other channels show as it should be"
+    remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
+    return (Finding(Severity.WARNING, CODE, sentence, remedy, channels),)
+
+
 def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """The findings about what does not answer to commands."""
     return tuple(finding for finding in findings if finding.code in (CODE, NOTHING_MOVES))

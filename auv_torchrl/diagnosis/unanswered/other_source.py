@@ -1,0 +1,134 @@
+"""A channel that moves, but not with the vehicle: replayed, or of another source.
+
+Along the measured motion such a channel tells of a force that undoes what the thrusters push. So of each degree of
+freedom the share of the thrust that shows is fitted in every window: about 1 in a vehicle that answers, and 0 where the
+channel tells nothing. All other channels must then be those of the vehicle as it should be: faults hide the thrust as
+well, but no other channel leaves them out.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_does
+from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.localize.attribute import in_pieces
+from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness
+from auv_torchrl.effects.effect import changed
+from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.physics import prepare
+from auv_torchrl.sensors import MOTION
+
+LEAST = 1e-9  # of a sum of squares: a vehicle that no disturbance moves leaves none
+SURE = 5.0  # log odds from a moment on, beside which all other channels must fit
+SOURCES = (0, 1), (2,), (3, 4), (5,)  # degrees of freedom that one sensor measures
+ABOUT = 0.2  # of the thrust, by which the share that shows in a window of a sound vehicle is off at most
+BEFORE = 3  # windows before the first that is off, which are left out too: thrust may show by chance
+OF_POSITION, HEADING = ("x", "y"), "yaw"  # positions tell of a speed ahead by the heading alone
+
+
+def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Stillness, ...]:
+    """Channels of one source that move as if no command reached the vehicle, all along or from a moment on; or none.
+
+    Args:
+        log: with held-out flight.
+        problem: with the vehicle as the file or healthy flights know it.
+        settings: of the diagnosis.
+    """
+    own, follow = _followed(log, problem, settings)
+    share, deviation = shares_shown(own, follow)
+    windows, sure = own.windows, []
+    for dof in SOURCES:
+        columns = [column for column, d in enumerate(own.layout.dof) if d in dof]
+        names = {name for column in columns for name in _channels(windows, int(own.layout.dof[column]))}
+        odds = _odds_behind(share[:, columns], deviation[:, columns])
+        first = _answers_until(share[:, columns], deviation[:, columns])
+        if odds.max() > SURE and names and names < set(windows.channels):
+            sure.append((HEADING in names, float(odds.max()), first, names))
+    if not sure:
+        return ()
+    *_, first, names = max(sure, key=lambda one: one[:2])  # a false heading makes positions false, too, not vice versa
+    if HEADING in names:
+        names |= set(OF_POSITION) & set(windows.channels)
+    return tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
+
+
+def fit_the_vehicle(log: FlightLog, problem: Problem, settings: Settings) -> bool:
+    """Whether a log leaves nothing to explain of the vehicle of a problem."""
+    own, follow = _followed(log, problem, settings)
+    return nuisance_does(own, fit_by_simulation(own, Explanation(), follow))
+
+
+def _followed(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Problem, WindowPath]:
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    return follow_agreeing(Problem.of(windows, problem.vehicle, settings, problem.known))
+
+
+def blamed(false: Sequence[Stillness]) -> tuple[Stillness, ...]:
+    """Less the positions that a false heading makes false."""
+    turned = any(entry.channel == HEADING for entry in false)
+    return tuple(entry for entry in false if not (turned and entry.channel in OF_POSITION))
+
+
+@DIVERGING
+def shares_shown(problem: Problem, follow: WindowPath) -> tuple[Floats, Floats]:
+    """Of the thrust in each degree of freedom the share (W, D) that a window shows, and its standard deviation.
+
+    About 1 before anything was seen, with a deviation of 1.
+    """
+    dof = problem.layout.dof
+    still = prepare(changed(follow.vehicle, gain=0.0 * follow.vehicle.gain)).numpy()
+    share, deviation = np.ones((len(problem.windows), len(dof))), np.ones((len(problem.windows), len(dof)))
+
+    def cut(some: slice) -> Floats:
+        each = follow.course.rows(some).forces(still)  # (w, 1, S, 6), what is missing without thrust
+        return np.concatenate([each * (np.arange(6) == d) for d in dof], axis=1)
+
+    for some, parts in in_pieces(problem, follow, len(dof), cut):
+        columns = parts.columns
+        whole = columns.responses.swapaxes(1, 2) @ columns.responses - columns.pull.swapaxes(1, 2) @ columns.moved
+        known = problem.followed[some] & ~parts.diverged & np.isfinite(whole).all((1, 2))
+        inverse = np.linalg.inv(np.where(known[:, None, None], whole[:, 1:, 1:], 0.0) + np.eye(len(dof)))
+        gone = (inverse @ np.where(known[:, None], whole[:, 0, 1:], 0.0)[..., None])[..., 0]
+        share[some], deviation[some] = 1.0 - gone, np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
+    return share, deviation
+
+
+def _answers_until(share: Floats, deviation: Floats) -> int:
+    """The first windows of which shares (W, D) are about 1, more of them than not, less a few: how many there are."""
+    answers = (np.abs(share - 1) < ABOUT + deviation).all(1)
+    return max(0, int(np.concatenate([[0], np.cumsum(np.where(answers, 1, -1))]).argmax()) - BEFORE)
+
+
+def _odds_behind(share: Floats, deviation: Floats) -> Floats:
+    """Log odds (W,) that of shares (W, D) none shows, over all of it, from each window on.
+
+    Whatever else moves the channel, a false source or an unknown force, is as large under both: how large is not known.
+    """
+    weight = np.maximum(deviation**-2.0 - 1.0, 0.0)  # what was seen, less what was assumed
+    none, all_of_it = (np.cumsum((weight * (share - shown) ** 2).sum(1)[::-1])[::-1] + LEAST for shown in (0.0, 1.0))
+    count = np.cumsum((weight > 0).sum(1)[::-1])[::-1]
+    return 0.5 * count * np.log(all_of_it / none)
+
+
+def _channels(windows: Windows, d: int) -> tuple[str, ...]:
+    """The channels that tell of a degree of freedom."""
+    tell = (*OF_POSITION, MOTION[6 + d]) if d < len(OF_POSITION) else (MOTION[d], MOTION[6 + d])
+    return tuple(name for name in tell if name in windows.channels)
+
+
+def _entries(windows: Windows, channel: str, first: int) -> Iterator[Stillness]:
+    """All windows from one on, as stretches of their episodes; most windows are all of the log."""
+    if len(windows) - first >= WHOLE * len(windows):
+        yield Stillness(channel)
+        return
+    for number in np.unique(windows.number[first:]).tolist():
+        times = windows.time[first:][windows.number[first:] == number]
+        yield Stillness(channel, number, float(times.min()), np.inf)
