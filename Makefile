@@ -40,7 +40,7 @@ $(BASE): pyproject.toml constraints.txt $(STALE)
 	@$(PYTHON) -c pass || { echo "$(PYTHON) does not run: Python 3.11 to 3.14 is needed, make PYTHON=/path/to/python3.12 env" >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; (3, 11) <= sys.version_info[:2] <= (3, 14) or sys.exit(f"Python 3.11 to 3.14 is needed, $(PYTHON) is {sys.version.split()[0]}: make PYTHON=python3.12 env")'
 	$(PYTHON) -m venv $(if $(STALE),--clear) $(VENV)
-	$(INSTALL) .
+	$(INSTALL) '.[fast]'
 	touch $@
 
 # dm-control needs labmaze, which has no wheel for later ones.

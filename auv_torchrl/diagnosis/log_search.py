@@ -70,6 +70,7 @@ def search_log(
     problem, follow = followed()
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(problem, follow)
+    problem.freedoms.clear()  # of what led here; a search of some windows would keep those of all
     if onset is None:
         found = search(problem, follow, report, begin)
         return LogSearch(_search_along(problem, found, report), sound)

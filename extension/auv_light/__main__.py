@@ -15,7 +15,8 @@ if __name__ == "__main__":
     given = os.environ.get
     dives = Dives(Path(given("AUV_LOGS", "/logs")), Path(given("AUV_KEPT", "/kept")))
     armed = partial(is_armed, given("AUV_MAVLINK", "http://host.docker.internal:6040"))
-    watch = Watch(dives, given("AUV_VEHICLE", "bluerov2_heavy"), armed)
+    parameters = Path(given("AUV_PARAMETERS", "/kept/vehicle.param"))
+    watch = Watch(dives, given("AUV_VEHICLE", "bluerov2_heavy"), armed, parameters=parameters)
     port = int(given("AUV_PORT", "8767"))
     # all addresses of the container: the proxy of BlueOS stands before it
     uvicorn.run(make_app(watch), host="0.0.0.0", port=port, log_level="warning", access_log=False)

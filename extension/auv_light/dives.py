@@ -1,10 +1,14 @@
 """What is kept of dives: one JSON file, written whole, and a folder of results for each dive.
 
-The log folder itself is only read.
+The log folder itself is only read. A dive is a log of the autopilot, or where the autopilot keeps its logs to itself a
+recording of BlueOS.
 """
 
+import calendar
 import hashlib
 import json
+import re
+import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,6 +16,8 @@ from pathlib import Path
 from auv_torchrl.files import write_text
 
 FILE = "dives.json"
+LOG, RECORDING = ".bin", ".mcap"
+_BEGUN = re.compile(r"[0-9]{8}_[0-9]{6}")  # UTC, in the name of a recording
 
 
 @dataclass
@@ -35,6 +41,11 @@ class Dive:
         """Whether it has a light, or a reason for having none."""
         return bool(self.light or self.summary)
 
+    @property
+    def is_recording(self) -> bool:
+        """Whether its log is a recording of BlueOS, which has telemetry alone."""
+        return self.log.lower().endswith(RECORDING)
+
 
 class Dives:
     """The dives of a vehicle, newest first.
@@ -57,10 +68,16 @@ class Dives:
         return self._dives[id]
 
     def look(self, before: float) -> None:
-        """Take in logs that nobody has written to since ``before``, s since 1970."""
-        for path in sorted(self.logs.rglob("*")):
-            if path.suffix.lower() != ".bin" or path.is_symlink() or not path.is_file():
-                continue
+        """Take in logs that nobody has written to since ``before``, s since 1970.
+
+        A recording is left out where a log of the autopilot was written to since it began: that log holds the same
+        dive, with the sensors themselves and at higher rates.
+        """
+        files = [path for path in sorted(self.logs.rglob("*")) if not path.is_symlink() and path.is_file()]
+        logs = [path for path in files if path.suffix.lower() == LOG]
+        latest = max((path.stat().st_mtime for path in logs), default=0.0)
+        recordings = [path for path in files if path.suffix.lower() == RECORDING and latest < _begun(path.name)]
+        for path in (*logs, *recordings):
             status = path.stat()
             id = hashlib.sha256(f"{path.relative_to(self.logs)} {status.st_size}".encode()).hexdigest()[:16]
             if status.st_size and status.st_mtime <= before and id not in self._dives:
@@ -68,9 +85,10 @@ class Dives:
                 self._dives[id] = Dive(id, path.name, inside, status.st_size, status.st_mtime)
         self.save()
 
-    def healthy(self) -> list[Dive]:
-        """Those that are marked sound and still there."""
-        return [dive for dive in self if dive.sound and self.path(dive).is_file()]
+    def healthy(self, dive: Dive) -> list[Dive]:
+        """Other dives that are marked sound and still there, of logs of the same kind."""
+        alike = [other for other in self if other.is_recording == dive.is_recording and other.id != dive.id]
+        return [other for other in alike if other.sound and self.path(other).is_file()]
 
     def path(self, dive: Dive) -> Path:
         """Its log."""
@@ -83,3 +101,12 @@ class Dives:
     def save(self) -> None:
         """Write all that is known, at once."""
         write_text(self.kept / FILE, json.dumps([asdict(dive) for dive in self], indent=1) + "\n")
+
+
+def _begun(name: str) -> float:
+    """When a recording began, s since 1970, as its name says; soon after 1970 where it does not."""
+    found = _BEGUN.search(name)
+    try:
+        return float(calendar.timegm(time.strptime(found[0], "%Y%m%d_%H%M%S"))) if found else 1.0
+    except ValueError:  # digits that are no time
+        return 1.0

@@ -1,6 +1,7 @@
 """How much each thruster has worked in a dive, from the outputs of the autopilot.
 
-``python -m auv_light.odometer DIVE`` prints it as JSON. It runs in a process of its own: a log may take much memory.
+``python -m auv_light.odometer DIVE [PARAMETERS]`` prints it as JSON. It runs in a process of its own: a log
+may take much memory.
 """
 
 import json
@@ -13,21 +14,23 @@ import numpy as np
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.readers import read_log
 from auv_torchrl.flightlog.streams import ReadOptions, Streams, tabulate
+from auv_torchrl.flightlog.streams.options import read_options
 
 IDLE = 0.02  # of full command: less turns no propeller
 _LONGEST_S = 1.0  # between two samples: longer is a pause of the log
 
 
-def work(path: Path) -> list[dict[str, float]]:
+def work(path: Path, options: ReadOptions | None = None) -> list[dict[str, float]]:
     """For each thruster: hours that it turned, hours at full thrust that this amounts to, and how often it started.
 
-    Thrust goes with the square of the command.
+    Thrust goes with the square of the command. ``options`` have the parameters that a recording lacks.
 
     Raises:
         FlightLogError: for a log that cannot be read, or holds no commands.
     """
-    read = read_log(path)
-    table = tabulate(read, ReadOptions()) if isinstance(read, Streams) else read
+    options = options or ReadOptions()
+    read = read_log(path, options)
+    table = tabulate(read, options) if isinstance(read, Streams) else read
     numbered = (name for name in table.columns if name[:4] == "cmd_" and name[4:].isdigit())
     names = sorted(numbered, key=lambda name: int(name[4:]))
     if not names:
@@ -57,7 +60,8 @@ def add(total: list[dict[str, float]], one: list[dict[str, float]]) -> list[dict
 def main() -> None:
     """Print the work of a dive, or what is wrong with its log."""
     try:
-        print(json.dumps({"thrusters": work(Path(sys.argv[1]))}))
+        path, *given = sys.argv[1:]
+        print(json.dumps({"thrusters": work(Path(path), read_options(params=given[0] if given else None))}))
     except FlightLogError as error:
         print(json.dumps({"error": str(error)}))
 

@@ -34,6 +34,7 @@ class Watch:
         dives: of the vehicle.
         vehicle: a name of ``conf/vehicle``, or a file.
         armed: asks the autopilot; None where it does not answer.
+        parameters: a file of the vehicle's, as a ground station saves it; recordings lack them. None for none.
         clock: s since 1970.
         program: runs a module: what stands before its name and arguments.
     """
@@ -41,8 +42,10 @@ class Watch:
     def __init__(
         self, dives: Dives, vehicle: str, armed: Callable[[], bool | None], clock: Clock = time.time,
         program: Sequence[str] = (sys.executable, "-m", "auv_torchrl.page.child", str(NICE)),
+        parameters: Path | None = None,
     ) -> None:  # fmt: skip
         self.dives, self.vehicle, self.armed, self.clock, self.program = dives, vehicle, armed, clock, program
+        self.parameters = parameters
         self.doing = "waiting for a dive"
 
     def step(self) -> bool:
@@ -70,6 +73,8 @@ class Watch:
         shutil.rmtree(folder, ignore_errors=True)
         words = ["auv_torchrl.monitoring.command", str(self.dives.path(dive)), "--vehicle", self.vehicle]
         words += ["--healthy", *(str(self.dives.path(other)) for other in healthy)] if healthy else []
+        given = self._parameters_of(dive)
+        words += ["--params", str(given)] if given else []
         said = self._run([*words, "--output", str(folder)])
         if said is None or dive.sound or healthy != self._healthy(dive):
             return  # armed meanwhile, or marks have changed: the next step begins anew
@@ -83,11 +88,17 @@ class Watch:
         self.dives.save()
 
     def _healthy(self, dive: Dive) -> list[Dive]:
-        return [other for other in self.dives.healthy() if other.id != dive.id][:MOST_HEALTHY]
+        return self.dives.healthy(dive)[:MOST_HEALTHY]
+
+    def _parameters_of(self, dive: Dive) -> Path | None:
+        """What is given beside a recording; a log of the autopilot has its own."""
+        there = dive.is_recording and self.parameters is not None and self.parameters.is_file()
+        return self.parameters if there else None
 
     def _work(self, dive: Dive) -> None:
         self.doing = f"reading the outputs of {dive.name}"
-        said = self._run(["auv_light.odometer", str(self.dives.path(dive))])
+        given = self._parameters_of(dive)
+        said = self._run(["auv_light.odometer", str(self.dives.path(dive)), *([str(given)] if given else [])])
         if said is None:
             return
         told: dict[str, Any] = {}

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,9 +19,11 @@ from auv_torchrl.flightlog import Episode, FlightLog, raw_columns, write_columns
 from auv_torchrl.flightlog.log import AXES, SampleErrors
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import simulated_logs
+from tests.memory import PRINT_MOST_KIB
 
 SETTINGS = load_settings()
 LIMIT = 1_500_000_000  # bytes that a diagnosis of any file below 100 MB may take
+LIGHT = 450 << 20  # bytes for two minutes of 15 channels with a fault that sets in: of these, libraries take 130 MB
 POSE_ALONE = ("x", "y", "z", "yaw")
 
 
@@ -116,6 +119,37 @@ def test_the_variance_of_many_stretches_takes_the_memory_of_a_few_covariances():
         tracemalloc.stop()
     assert len(windows) > 25 and (variance >= 0).all() and variance.any()
     assert most < len(windows) / 2 * 8 * windows.trust[0].size ** 2
+
+
+ALONE = f"""
+import sys
+
+sys.modules |= dict.fromkeys(("mujoco", "dm_control", "rerun", "pyarrow"))  # as if they were not installed
+sys.argv[0] = "auv-diagnose"
+from auv_torchrl.monitoring.command import main
+
+main()
+{PRINT_MOST_KIB}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts memory as Linux does")
+def test_a_fault_that_sets_in_takes_little_more_memory(tmp_path):
+    """The whole log is let go while a part of it is searched, and responses are worked out piece by piece."""
+    faults = [{}, {"thruster_gain": {"gain_4": 0.3}}]
+    sound, faulty = simulated_logs("paper", faults, episodes=2, seconds=30.0, felt=0.03)
+    episodes = (replace(e, number=k) for k, e in enumerate((*sound.episodes, *faulty.episodes)))
+    log = replace(sound, episodes=tuple(episodes))
+    said = json.dumps({"drift": {}, "snapshot_s": 0.1, "autopilot": {}})
+    write_columns(raw_columns(log), tmp_path / "dive.csv", said=said)
+    out = tmp_path / "out"
+    words = [f"log={tmp_path / 'dive.csv'}", "vehicle=paper", f"output={out}"]
+    done = subprocess.run([sys.executable, "-c", ALONE, *words], capture_output=True, text=True, check=True)
+    diagnosis = json.loads((out / "diagnosis.json").read_text())
+    assert diagnosis["where"]["onset_episode"] == 2 and diagnosis["effects"][0]["thrusters"] == [4]
+    took = 1024 * int(done.stdout.splitlines()[-1])
+    assert took < LIGHT
 
 
 @pytest.mark.thorough

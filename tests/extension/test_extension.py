@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -12,11 +13,14 @@ from auv_light.armed import is_armed
 from auv_light.dives import Dives
 from auv_light.light import Light, light_of
 from auv_light.odometer import add, work
+from auv_light.odometer import main as odometer
 from auv_light.watch import QUIET_S, UNKNOWN_S, Watch
 
 from auv_torchrl import __version__
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.paths import PROJECT
+from tests.flightlog.dataflash_writer import ALL
+from tests.flightlog.test_other_recordings import mcap_file
 from tests.page.conftest import needs_extra
 
 EXTENSION = PROJECT / "extension"
@@ -44,7 +48,10 @@ def test_the_labels_are_those_that_the_store_asks_for():
     assert all(re.fullmatch(r"[a-z-]+", tag) for tag in told["tags"]) and len(told["tags"]) <= 10
     assert all({"name", "email"} <= set(person) for person in [*told["authors"], told["company"]])
     host = told["permissions"]["HostConfig"]
-    assert [bind.rsplit(":", 1)[1] for bind in host["Binds"] if bind.split(":")[1].startswith("/logs")] == ["ro"]
+    bound = [bind.split(":") for bind in host["Binds"]]
+    assert {inside: mode for _, inside, mode in bound if inside.startswith("/logs")} == {
+        "/logs/autopilot": "ro", "/logs/recorder": "ro",
+    }  # fmt: skip
     assert host["CpuQuota"] == host["CpuPeriod"] and host["Memory"] == 600 * 2**20 and "Privileged" not in host
     (port,) = told["permissions"]["ExposedPorts"]
     assert (
@@ -158,6 +165,83 @@ def test_nothing_is_done_while_the_vehicle_is_armed(watch):
     put(watch.dives.logs, "00000003.BIN", QUIET_S - 5)
     watch.dives.look(NOW - QUIET_S)
     assert [dive.name for dive in watch.dives] == ["00000002.BIN", "00000001.BIN"]
+
+
+def record(logs, name, age_s):
+    """A file that the recorder of BlueOS ended some time ago."""
+    path = logs / "recorder" / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(name.encode())
+    os.utime(path, (NOW - age_s, NOW - age_s))
+
+
+def named(age_s):
+    """As the recorder names what it begins some time ago, in UTC."""
+    return time.strftime("recorder_%Y%m%d_%H%M%S.mcap", time.gmtime(NOW - age_s))
+
+
+@pytest.mark.parametrize(
+    ("log_age_s", "begun_age_s", "is_taken"),
+    [(None, 900.0, True), (1000.0, 900.0, True), (250.0, 900.0, False), (0.0, 900.0, False), (1000.0, None, False)],
+    ids=["no log", "a log of an earlier dive", "a log of the same dive", "a log that goes on", "begun who knows when"],
+)
+def test_a_recording_is_a_dive_where_the_autopilot_logged_none(tmp_path, log_age_s, begun_age_s, is_taken):
+    """A log of the autopilot that was written to since the recording began holds the same dive, and better."""
+    logs = tmp_path / "logs"
+    (logs / "autopilot").mkdir(parents=True)
+    if log_age_s is not None:
+        put(logs, "00000001.BIN", log_age_s)
+    record(logs, "dive.mcap" if begun_age_s is None else named(begun_age_s), 300.0)
+    dives = Dives(logs, tmp_path / "kept")
+    dives.look(NOW - QUIET_S)
+    assert [dive.is_recording for dive in dives].count(True) == is_taken
+
+
+def test_the_name_of_a_recording_may_be_any(tmp_path):
+    """Digits that are no time are a time that nobody knows: it is taken where no log of the autopilot is."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    for name in ("recorder_99999999_999999.mcap", "a.MCAP", "recorder_00000000_000000.mcap"):
+        record(logs, name, 300.0)
+    dives = Dives(logs, tmp_path / "kept")
+    dives.look(NOW - QUIET_S)
+    assert len(list(dives)) == 3 and all(dive.is_recording for dive in dives)
+
+
+def test_a_recording_is_held_against_recordings_with_the_parameters_that_it_lacks(tmp_path):
+    """A log of the autopilot has sensors that a recording has not, and its own parameters."""
+    logs, kept = tmp_path / "logs", tmp_path / "kept"
+    (logs / "autopilot").mkdir(parents=True)
+    put(logs, "00000001.BIN", 86400.0)
+    record(logs, named(50_000.0), 49_000.0)
+    record(logs, named(900.0), 300.0)
+    parameters = tmp_path / "vehicle.param"
+    watch = Watch(Dives(logs, kept), "bluerov2", Autopilot(), lambda: NOW, PROGRAM, parameters)
+    watch.dives.look(NOW - QUIET_S)
+    newest, older, oldest = watch.dives
+    older.sound = oldest.sound = True
+    for given in (False, True):
+        if given:
+            parameters.write_text("SERVO1_FUNCTION,33\n")
+        watch.again()
+        assert watch.step() and newest.against == [older.name]
+        words = json.loads((watch.dives.results(newest) / "diagnosis.json").read_text())["words"]
+        assert ("--params" in words) is given and Path(words[words.index("--healthy") + 1]).name == older.name
+        assert not given or words[words.index("--params") + 1] == str(parameters)
+
+
+def test_the_odometer_reads_a_recording(tmp_path, capsys, monkeypatch):
+    """With the parameters that it lacks beside it: thruster 2 turned for as long as the vehicle was armed."""
+    lacking = mcap_file(tmp_path / named(900.0), given={})
+    parameters = tmp_path / "vehicle.param"
+    parameters.write_text("".join(f"{name},{value}\n" for name, value in ALL.items()))
+    for words in ([str(lacking)], [str(lacking), str(parameters)]):
+        monkeypatch.setattr(sys, "argv", ["odometer", *words])
+        odometer()
+    without, thrusters = map(json.loads, capsys.readouterr().out.splitlines())
+    assert "SERVO" in without["error"] or "FRAME_CONFIG" in without["error"]
+    assert thrusters["thrusters"][1]["hours"] == pytest.approx(9.0 / 3600, rel=0.05)
+    assert thrusters["thrusters"][0]["hours"] == 0
 
 
 def test_a_diagnosis_is_ended_when_the_vehicle_is_armed(watch):

@@ -97,8 +97,8 @@ def recording(path):
         out.finish()
 
 
-def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0", systems=(1,)):
-    """MAVLink as BlueOS records it: JSON by topic, enumerations by name."""
+def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0", systems=(1,), given=ALL):
+    """MAVLink as BlueOS records it: JSON by topic, enumerations by name; ``given`` are parameters that it heard."""
     with recording(path) as record:
 
         def put(t, name, **fields):
@@ -109,7 +109,7 @@ def mcap_file(path, topics=("mavlink/{system}/1/{name}",), servos=16, zero="\0",
                     record(form.format(system=system, name=name), text, round((1.7e9 + t) * 1e9), round(t * 1e9))
 
         put(0, "STATUSTEXT", text=[*"ArduSub V4.5.0", "\0", "x"], severity={"type": "MAV_SEVERITY_INFO"})
-        for name, value in ALL.items():
+        for name, value in given.items():
             put(0, "PARAM_VALUE", param_id=[*name, "\0"], param_value=float(value), param_count=1, param_index=0)
         for k in range(100):
             t = k / 10

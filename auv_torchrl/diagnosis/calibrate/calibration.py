@@ -84,7 +84,9 @@ def draft(
     floor = np.array(settings.floor_force)
     prior = HealthyPrior(floor, problem.sigma, problem.rough_noise, (), estimate.covariance)
     given, file_excess = (vehicle, tuple(coefficients)), fit.excess
-    if _median_excess(problem, fit) < BEYOND_TRIM:
+    excess, is_near = fit.excess, _median_excess(problem, fit) < BEYOND_TRIM
+    del problem, path, fit  # beside the flights one by one they would fill the memory
+    if is_near:
         flights_fit = fit_flights(flights, estimate, prior, settings, settings.excess)
         estimate, prior, file_excess = flights_fit.estimate, flights_fit.prior, flights_fit.excess
         if file_excess <= settings.excess:
@@ -93,7 +95,7 @@ def draft(
     guess = approach(windows, vehicle, guess_nuisance(vehicle, settings, coefficients, windows))
     problem, path = follow_windows(Problem.of(windows, guess.vehicle, settings))
     problem, refitted = _fit_nuisance(problem, guess.nuisance, path, FITS)
-    if refitted.excess < fit.excess:
+    if refitted.excess < excess:
         covariance = hold_scale(_posterior_covariance(problem, refitted), guess)
         estimate = restore_file_scale(guess.updated(nuisance_now(problem, refitted.explanation), covariance))
         wrong_effects = _find_wrong_effects(estimate.without_fixed_properties(), settings)

@@ -262,6 +262,8 @@ def fit_flights(
         if is_last:
             break
         is_last = stands
+    for problem, _ in fits:
+        problem.freedoms.clear()  # the flights stay beside the log that is explained
     return FlightsFit(estimate, prior, linearised, with_fixed, misfits, fits, information, first_excess)
 
 

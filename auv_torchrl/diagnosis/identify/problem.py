@@ -40,7 +40,7 @@ from auv_torchrl.vehicle import Vehicle
 NuisanceEntry = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation
 LEAST_REACH = 0.1  # N, N m, where thrusters make nothing
 FREEDOMS_KEPT = 4  # those of the path, of a trial and of their wide force; each holds as much as the slopes,
-FREEDOMS_BYTES = 128 << 20  # and no more than this together
+FREEDOMS_BYTES = 64 << 20  # and no more than this together
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from auv_torchrl.physics import prepare
 RESPONSES_AT_ONCE = (
     12_000  # windows times changes: 0.1 GB; more does not fit the cache, less prepares vehicles too often
 )
-RESPONSES_BYTES = 32 << 20  # of the responses of all changes; some such arrays are in use at once
+RESPONSES_BYTES = 12 << 20  # of the responses of all changes; up to ten such arrays are in use at once
 
 
 def quadratic(

@@ -67,9 +67,10 @@ def search(
     found = _EffectSearch(*follow_agreeing(few), progress).run(begin, further)
     ranked = [found.best, *(one for one in found.fits if one is not found.best)]
     chosen = [one.explanation for one in ranked if one.explanation.effects][: 1 + REFITTED]
+    trace = found.trace  # that of the search among some windows, where all effects were looked at
+    del few, found, ranked  # beside all windows they would fill the memory
     whole = _EffectSearch(problem, follow, progress).run(chosen, further=False)
-    # The trace is that of the search among some windows, where all effects were looked at.
-    names, trace = whole.trace.best.names, found.trace
+    names = whole.trace.best.names
     if names == trace.best.names:
         return replace(whole, trace=trace)
     is_there = any(record.simulated and record.names == names for record in trace.records)

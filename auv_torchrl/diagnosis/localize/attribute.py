@@ -25,7 +25,7 @@ from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.physics.kinematics import rotation_matrix
 
 FOLDS = 4
-RESPONSES_BYTES = 64 << 20  # of the responses to all forces; some such arrays are in use at once
+RESPONSES_BYTES = 8 << 20  # of the responses to all forces; five such arrays are in use at once
 SOFT = 0.05  # of the full command, over which a sign changes
 EARLIER = (1, 2, 4, 8, 16)  # grid steps between a command and a force that it may leave behind
 STICTIONS = (0.05, 0.1, 0.2)  # of the full command, by which it must change before a force follows
@@ -40,7 +40,7 @@ def attribute(problem: Problem, path: WindowPath) -> tuple[dict[str, float], dic
     groups = forces(problem, path)
     names = list(groups)
     owner = np.repeat(np.arange(len(names)), [groups[name].shape[1] for name in names])
-    columns = np.concatenate([groups[name] for name in names], axis=1)
+    columns = np.concatenate([groups.pop(name) for name in names], axis=1)
     known = problem.followed & np.isfinite(columns).all((1, 2, 3))  # a window that diverges shows no force
     if known.sum() < FOLDS:
         return {}, {}

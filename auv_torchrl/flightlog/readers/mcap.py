@@ -4,6 +4,9 @@ BlueOS records what goes over its bus under the same names: a message is at ``ma
 ``{"header": {...}, "message": {"type": "ATTITUDE", "roll": ...}}``, with enumerations by name. The same is at
 ``mavlink/out``, and each field below its message. Fields that MAVLink 2 added to a message may be missing: outputs
 beyond the eighth are (github.com/bluerobotics/mavlink-server, src/lib/drivers/zenoh/json.rs).
+
+A file goes from arming to disarming, its times are those of receiving, and there is a channel for every topic whose
+payload is an object (github.com/bluerobotics/blueos-recorder, src/service.rs and src/channel_descriptor.rs).
 """
 
 import json

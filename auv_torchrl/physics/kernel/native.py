@@ -61,7 +61,7 @@ def load(name: str, assembled: Callable[[], str]) -> Code | None:
         return _linked(_machine_code(name, assembled))
     except (ImportError, OSError, RuntimeError) as error:
         why = f"llvmlite is not installed: {command('fast')}" if isinstance(error, ImportError) else error
-        _say_once(f"the physics runs on numpy, which is slower but gives the same numbers: {why}")
+        _say_once(f"the physics runs on numpy: the same numbers, in more than twice the time for a long log: {why}")
         return None
 
 
