@@ -97,6 +97,12 @@ def test_reversed_rudders_are_adapted_to():
     assert found.adapter.maps[0].unlimited[yaw, yaw] < -0.5
 
 
+def test_a_map_of_few_axes_is_fitted_to_all_that_was_flown():
+    """By the rule for bags two axes would keep 18 pairs, in which a dither of 0.2 s turns hardly four times."""
+    config = AdapterConfig(**EXPERIMENT["adapter"])
+    assert config.bag_least * TASK.control_dt >= config.target_data_s
+
+
 def test_the_depth_that_is_rewarded_is_the_one_to_come():
     """A vehicle that sinks back to its depth with the time constant loses nothing by it; one that stays there does."""
     task = replace(TASK, heading_weight=0.0, speed_weight=0.0, turning_weight=0.0, action_weight=0.0)
