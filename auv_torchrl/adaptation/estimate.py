@@ -96,7 +96,7 @@ class Estimate(Memory):
 
     def begin(self, rows: Array, measured: Array) -> None:
         """A new episode of some vehicles (rows of measured states (N, 13)); what has been learnt of them is kept."""
-        self._stand(measured, rows)
+        self.body[rows] = _measured_body(measured[rows], self.body[rows])
         self.turned[rows] = 0.0
         self.place(rows, self.sensing.read(measured))
         self.guard.begin(rows)
@@ -125,7 +125,7 @@ class Estimate(Memory):
         effectiveness = self.map[0].copy()
         body = None if self.motion.is_level else self.body
         step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale, body)
-        self._stand(measured)
+        self.body = _measured_body(measured, self.body)
         difference = reading.measured - self.belief.mean[:, self.entries]
         difference[self.beginning] = np.where(np.isfinite(difference[self.beginning]), 0.0, np.nan)
         verdict = self.guard.judge(reading.raw, time, difference, np.abs(share).max(-1) > 0)
@@ -140,11 +140,6 @@ class Estimate(Memory):
         self._scale_noise(innovation, usable)
         velocity = reading.raw[:, : self.motion.size] if self.config.sensed == "velocity" else self.velocity
         return Evidence(step, effectiveness, arriving, reading, verdict, usable, innovation, velocity)
-
-    def _stand(self, measured: Array, rows: Array | slice = slice(None)) -> None:
-        """Remember where some vehicles are, as far as what is measured (N, 13) is a number."""
-        body = measured[rows, :7]
-        self.body[rows] = np.where(np.isfinite(body).all(-1, keepdims=True), body, self.body[rows])
 
     def _begin_motion(self, rows: Array, reading: Reading) -> None:
         """Start from the mean velocity between the first two poses of some vehicles."""
@@ -193,3 +188,9 @@ class Estimate(Memory):
         self.filter.trust(self.belief, rows)
         self.belief.mean[rows, self.filter.velocity] = velocity
         self.noise_scale[rows] = np.maximum(self.noise_scale[rows], self.config.unexplained_noise)
+
+
+def _measured_body(measured: Array, before: Array) -> Array:
+    """Position and quaternion (N, 7) of measured states (N, 13), those before where what is measured is no number."""
+    body = measured[:, :7]
+    return np.where(np.isfinite(body).all(-1, keepdims=True), body, before)
