@@ -99,6 +99,7 @@ SECTIONS = {
         Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
         Section("owners.md", "owners mocap", _DIAGNOSIS, SEALED, rows.of_owners),
         _underway("control", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK),
+        _underway("paths", (*_AGENTS, "auv_torchrl/experiment", "conf/experiment/cruise.yaml", "conf/task"), QUICK),
         _underway("dives", _DIAGNOSIS, SEALED),
         Section("dives.md", "dives", (*_DIAGNOSIS, "auv_torchrl/monitoring"), SEALED, rows.of_dives),
     )

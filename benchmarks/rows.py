@@ -71,9 +71,9 @@ def of_dives(command: str) -> Labels:
 
 def of_underway(part: str, command: str) -> Labels:
     """Of a part of the benchmark of vehicles at speed."""
-    from benchmarks.underway import control, dives
+    from benchmarks.underway import control, dives, paths
 
-    return control.ROWS if part == "control" else _one(dives.ROWS)
+    return {"control": control.ROWS, "paths": paths.ROWS, "dives": _one(dives.ROWS)}[part]
 
 
 def of_trial(command: str) -> Labels:

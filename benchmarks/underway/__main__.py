@@ -1,8 +1,9 @@
-"""``python -m benchmarks.underway [control] [dives]``: vehicles with fins and vessels at the surface, measured.
+"""``python -m benchmarks.underway [control] [paths] [dives]``: vehicles with fins and vessels at the surface, measured.
 
 ``control`` trains and flies a torpedo and a surface vessel at speed, healthy and with a fault, before and after
-adaptation. ``dives`` diagnoses dives of the torpedo with a fin that fails. Prints Markdown tables and, with
-``--publish``, writes them into docs/results/other-vehicles.md. Policies are kept, so that a killed run goes on.
+adaptation, ``paths`` has them follow paths, and ``dives`` diagnoses dives of the torpedo with a fin that fails. Prints
+Markdown tables and, with ``--publish``, writes them into docs/results/other-vehicles.md. Policies are kept, so that a
+killed run goes on.
 """
 
 import argparse
@@ -14,10 +15,11 @@ from auv_torchrl.paths import PROJECT
 from benchmarks import provenance, show_progress
 from benchmarks import published as tables
 from benchmarks.control.source import STORE
-from benchmarks.underway import control, dives
+from benchmarks.underway import control, dives, paths
 
 PAGE = PROJECT / "docs" / "results" / "other-vehicles.md"
-PARTS = ("control", "dives")
+PARTS = ("control", "paths", "dives")
+TRAINED = {"control": control.measure, "paths": paths.measure}
 
 
 def main() -> None:
@@ -45,9 +47,9 @@ def main() -> None:
     show_progress()
     torch.set_num_threads(1)
     for part in parts:
-        if part == "control":
-            command = f"python -m benchmarks.underway control --seeds {options.seeds}"
-            lines = control.measure(options.policies, options.seeds)
+        if part in TRAINED:
+            command = f"python -m benchmarks.underway {part} --seeds {options.seeds}"
+            lines = TRAINED[part](options.policies, options.seeds)
         else:
             drawn = f"--dives {options.dives} --healthy {options.healthy} --seed {options.seed}"
             command = f"python -m benchmarks.underway dives {drawn}"

@@ -3,17 +3,22 @@
 import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
+import torch
 from hydra import compose, initialize_config_dir
+from torch import Tensor
 
+from auv_torchrl.adaptation.config import SETTLED_S
 from auv_torchrl.command.chosen import NOMINAL
 from auv_torchrl.evaluation import STEADY_FROM_S
 from auv_torchrl.experiment import schema
 from auv_torchrl.experiment.console import Stages
-from auv_torchrl.experiment.run import perform
+from auv_torchrl.experiment.in_flight import fly_in_flight
+from auv_torchrl.experiment.run import perform, source_policy
 from auv_torchrl.experiment.setup import Experiment, read_experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.paths import CONF
@@ -25,11 +30,16 @@ SCENARIOS = {"remus100": ("fin_reversed", "fin_offset", "fin_stuck"), "otter": (
 SEEDS = 3
 LAST_S = 5.0  # of a flight, by which the slowest turn has ended
 CONTROLLERS = {"nominal": "u_s", "u_s": "u_s", "u_t": "u_t, map from 8 s"}  # flights of a run: who flew
+IN_FLIGHT = "u_s, adapting in flight"
+ADAPTING = 20  # starts that are flown with the adaptation in flight
 HEALTHY = "none"
 ROWS = {
     (vehicle, scenario, controller)
     for vehicle, scenarios in SCENARIOS.items()
-    for scenario, controllers in ((HEALTHY, ("u_s",)), *((name, tuple(CONTROLLERS.values())) for name in scenarios))
+    for scenario, controllers in (
+        (HEALTHY, ("u_s",)),
+        *((name, (*CONTROLLERS.values(), IN_FLIGHT)) for name in scenarios),
+    )
     for controller in controllers
 }
 Case = tuple[str, str, str]  # vehicle, scenario, controller
@@ -44,14 +54,15 @@ class Errors(NamedTuple):
     last_heading_rad: float
 
     @classmethod
-    def of(cls, flight: Flight, dives: bool) -> Self:
-        """From 10 s on, and over the last seconds; of vehicles that dive, or do not."""
-        time = flight.time[0].double()
-        spans = [time >= since - 1e-6 for since in (STEADY_FROM_S, float(time[-1]) - LAST_S)]
+    def of(cls, flight: Flight, dives: bool, since_s: Tensor | float = STEADY_FROM_S) -> Self:
+        """From a time on, (N,) s or the same for all, and over the last seconds; of vehicles that dive, or do not."""
+        time = flight.time.double()
+        last = time[:, -1:] - LAST_S
+        spans = [time >= since - 1e-6 for since in (torch.as_tensor(since_s).reshape(-1, 1), last)]
         depth, heading = flight.position_error.double(), flight.heading_error.double()
         if not dives:
             depth = math.nan * depth
-        return cls(*(float(error[:, span].mean()) for error in (depth, heading) for span in spans))
+        return cls(*(float(error[span].mean()) for error in (depth, heading) for span in spans))
 
 
 def experiment(vehicle: str, scenario: str, seed: int, policies: Path, overrides: Sequence[str] = ()) -> Experiment:
@@ -68,6 +79,19 @@ def diving(task: Task) -> bool:
     return isinstance(task, Underway) and task.dives
 
 
+def adapting(run: Experiment) -> tuple[Errors, str]:
+    """Errors from 10 s after the fault, which comes in flight, and a line on how it was noticed."""
+    few = replace(run, starts=run.starts[:ADAPTING])
+    flown = fly_in_flight(few, source_policy(run).module)
+    since = flown.schedule.changes[0].at_s + SETTLED_S
+    found = flown.recovered[0]
+    noticed = found.alarm_s.isfinite()
+    late = float(found.alarm_s[noticed].quantile(0.9, interpolation="higher")) if noticed.any() else math.inf
+    said = f"noticed {int(noticed.sum())} of {len(noticed)}, 90 % of these within {late:.2f} s, "
+    said += f"false alarms before: {int(found.alarms_before.sum())}"
+    return Errors.of(flown.adapted.flight, diving(run.task), since), said
+
+
 def fly_cases(vehicle: str, seed: int, policies: Path, overrides: Sequence[str] = ()) -> Iterator[tuple[Case, Errors]]:
     """Every scenario of a vehicle with the policy of one seed."""
     for number, scenario in enumerate(SCENARIOS[vehicle]):
@@ -77,6 +101,9 @@ def fly_cases(vehicle: str, seed: int, policies: Path, overrides: Sequence[str] 
             if name != "nominal" or number == 0:  # the same in every scenario
                 case = (vehicle, HEALTHY if name == "nominal" else scenario, CONTROLLERS[name])
                 yield case, Errors.of(flight, diving(run.task))
+        errors, said = adapting(run)
+        log.info("%s, %s, in flight: %s", vehicle, scenario, said)
+        yield (vehicle, scenario, IN_FLIGHT), errors
 
 
 def measure(policies: Path, seeds: int = SEEDS, overrides: Sequence[str] = ()) -> list[str]:
@@ -103,10 +130,11 @@ def cells(runs: Sequence[Errors]) -> list[str]:
     """Depths in cm and headings in degrees: the mean of the runs, and the smallest and the largest."""
     columns = np.array(runs).T * np.array([[100.0], [100.0], [180 / math.pi], [180 / math.pi]])
     units = (" cm", " cm", "°", "°")
-    return [_spread(column, unit) for column, unit in zip(columns, units, strict=True)]
+    return [spread(column, unit) for column, unit in zip(columns, units, strict=True)]
 
 
-def _spread(values: np.ndarray, unit: str) -> str:
+def spread(values: np.ndarray, unit: str) -> str:
+    """The mean, and the smallest and the largest of several; a dash where there is none."""
     if not np.isfinite(values).all():
         return "–"
     shown = f"{_digits(values.mean())}{unit}"

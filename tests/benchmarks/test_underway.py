@@ -3,17 +3,21 @@
 import logging
 import math
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
 
+from auv_torchrl.ddr import PretrainingConfig
+from auv_torchrl.ddr.store import load_or_pretrain
+from auv_torchrl.experiment import run
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import provenance
 from benchmarks import published as tables
 from benchmarks.published import SECTIONS
 from benchmarks.underway import __main__ as command
-from benchmarks.underway import control, dives
+from benchmarks.underway import control, dives, paths
 from benchmarks.underway.control import Errors, cells, fly_cases
 from benchmarks.underway.dives import FAULTS, HEALTHY, Answer, ask, draw_fault
 
@@ -21,12 +25,15 @@ REMUS = load_vehicle("remus100")
 TINY = (
     "starts=4", "task.episode_s=12", "agent.hidden=[8,8]", "agent.num_envs=4", "agent.steps_per_batch=5",
     "agent.stretch_steps=20", "agent.total_frames=160", "agent.evaluation_starts=2", "adapter.target_data_s=2",
+    "flight.length_s=13.5", "flight.fault_s=[2,3]",
 )  # fmt: skip
 
 
 @pytest.mark.slow
-def test_every_row_of_the_table_is_flown(tmp_path):
+def test_every_row_of_the_table_is_flown(tmp_path, monkeypatch):
     """With a policy that has hardly been trained, and seconds of target data: all cases, in rows that may be there."""
+    few = PretrainingConfig(transitions=1000, iterations=40)
+    monkeypatch.setattr(run, "load_or_pretrain", partial(load_or_pretrain, config=few))
     flown = {case: errors for vehicle in control.SCENARIOS for case, errors in fly_cases(vehicle, 0, tmp_path, TINY)}
     assert flown.keys() == control.ROWS
     assert all(math.isnan(errors.depth_m) == (case[0] == "otter") for case, errors in flown.items())
@@ -35,6 +42,31 @@ def test_every_row_of_the_table_is_flown(tmp_path):
     (table,) = tables.tables(text)
     allowed = SECTIONS["other-vehicles.md", "control"].rows("")
     assert {tuple(row[:3]) for row in table[1:]} == allowed
+
+
+@pytest.mark.slow
+def test_every_path_is_flown(tmp_path):
+    """With a policy that has hardly been trained: rows that may be there, and no depth of a vessel at the surface."""
+    flown = {}
+    for vehicle in control.SCENARIOS:
+        flown |= paths.fly_paths(vehicle, 0, tmp_path, TINY, length_s=12.0)
+    assert flown.keys() == paths.ROWS
+    assert all(across.across_m > 0 for across in flown.values())
+    assert all(math.isnan(across.depth_m) == (case[0] == "otter") for case, across in flown.items())
+    (table,) = tables.tables("\n".join(paths.report({case: [across] for case, across in flown.items()})))
+    assert {tuple(row[:2]) for row in table[1:]} == SECTIONS["other-vehicles.md", "paths"].rows("")
+
+
+def test_distances_to_a_path_are_taken_from_above():
+    """A vehicle 0.3 m beside it and 0.4 m below: 0.3 m across, and 0.4 m of depth where that is kept."""
+
+    class Flown:
+        time = torch.arange(301)[None] * 0.05
+        position = torch.tensor([0.3, 0.0, 0.4]).expand(1, 301, 3)
+        reference_position = torch.zeros(1, 301, 3)
+
+    across = paths.Across.of(Flown(), dives=True)  # type: ignore[arg-type]
+    assert across == pytest.approx((0.3, 0.3, 0.4))
 
 
 def test_errors_are_those_of_the_end_and_of_all_that_counts():
@@ -94,4 +126,4 @@ def test_the_command_writes_its_sections_and_names_unknown_ones(tmp_path, monkey
     monkeypatch.setattr(sys, "argv", ["underway", "sails"])
     with pytest.raises(SystemExit):
         command.main()
-    assert "no part named sails: there are control, dives" in capsys.readouterr().err
+    assert "no part named sails: there are control, paths, dives" in capsys.readouterr().err
