@@ -34,6 +34,7 @@ from auv_torchrl.diagnosis.identify.search import Progress
 from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, spread, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
+from auv_torchrl.diagnosis.localize.moments import unless_changing
 from auv_torchrl.diagnosis.log_search import LogSearch, judge, search_both_attitudes
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
@@ -231,7 +232,9 @@ def explain(
         training, corrected.vehicle, given.healthy, settings, report, given.uncertainty, given.kept,
         corrected.prior,
     )  # fmt: skip
-    found, own = take_back(searched.found, testing, given.settings), searched.found.problem.vehicle
+    found, own = searched.found, searched.found.problem.vehicle
+    changing = None if is_explained(found) else unless_changing(found)
+    found = changing or take_back(found, testing, given.settings)
     sound = searched.sound.vehicle if searched.sound else None  # only what is new since then is a gap
     before = changed(given.vehicle if sound is None else sound, free=own.free)
     base = changed(corrected.vehicle if sound is None else sound, free=own.free)

@@ -46,6 +46,8 @@ def summarise(
     if corrections:
         file = "; above all, ".join(("the vehicle's file is off in many coefficients at once", *corrected[:1]))
         named = f"{named}; besides, {file}" if named else file
+    if verdict is Verdict.UNEXPLAINED and (comes := comes_and_goes(where)):
+        return _begun(f"{comes}, and else all of its thrust; no known effect explains that")
     if verdict is Verdict.UNEXPLAINED:
         return f"The simulator misses this vehicle{mainly(where)}, and no known effect explains it."
     closed = "" if gap.closed is None else f"{100 * gap.closed:.0f} % of the gap"

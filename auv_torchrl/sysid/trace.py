@@ -17,6 +17,7 @@ class Outcome(Enum):
     NEEDED = "tried without this, and put back: the log pays for it"
     FEWER = "kept on the way: the log does not pay for what was taken away"
     REFUTED = "taken back: held-out flight is predicted no worse without it"
+    CHANGING = "dropped: a part that gives now more and now less explains the log better"
     PREDICTED = "not simulated: the linear prediction promises too little"
 
 

@@ -20,6 +20,7 @@ from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, WORTH_AN_EFFECT
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import read_flightlog
+from auv_torchrl.flightlog.log import POSE
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.shared_data import shared
@@ -67,6 +68,18 @@ def test_any_plugs_are_proposed_of_thrusters_that_push_harder_ahead(seed):
     proposed = propose_routing(problem, follow, Explanation())
     assert proposed is not None and proposed.explanation.effects == ("thruster_swap",)
     np.testing.assert_allclose(wrench(proposed.explanation.values(HEAVY), HEAVY), wrench(truth, HEAVY), atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_plugs_that_make_a_vehicle_tumble_are_found(seed):
+    """It turns through the vertical again and again, where roll and yaw jump."""
+    exchanged = {"command_2": 5.0, "command_5": 2.0}
+    flown = fly(HEAVY, {"thruster_swap": exchanged}, seed=seed, axes=POSE, episodes=4)
+    assert np.abs(np.concatenate([e.pose[:, POSE.index("pitch")] for e in flown.episodes])).max() > 1.5
+    diagnosis = diagnose(flown, HEAVY)
+    assert diagnosis.verdict is Verdict.EXPLAINED
+    (effect,) = diagnosis.effects
+    assert {name: value.value for name, value in effect.parameters.items()} == exchanged
 
 
 @pytest.mark.parametrize("which", [1, 3])

@@ -11,7 +11,15 @@ from auv_torchrl.diagnosis.motion.actuation import LEAST_STEP, actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.flightlog.log import POSE
 from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.kinematics import (
+    euler_angles,
+    matvec,
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_matrix,
+)
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import load_vehicle, stacked
 
@@ -37,6 +45,28 @@ def test_resampling_keeps_the_impulse_of_the_commands(seed, step):
     held = np.diff(np.append(t, max(end, t[-1])))
     inside = np.clip(end - t, 0.0, held)
     np.testing.assert_allclose(grid.sum(0) * windows.dt, (inside[:, None] * commands).sum(0), atol=1e-9)
+
+
+rates = st.tuples(*[st.floats(-1.0, 1.0)] * 3)  # at twice as fast a parabola is 0.1 off
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(*[st.floats(-3.0, 3.0)] * 3), rates, rates)
+def test_a_window_begins_with_the_velocity_of_the_vehicle_however_it_is_tilted(angles, velocity, spin):
+    """The guess of a start is that of the body, also where it points straight up and roll and yaw jump."""
+    t: np.ndarray = np.arange(41) * 0.05
+    size = np.linalg.norm(spin)
+    axis = np.asarray(spin) / max(size, 1e-9)
+    turned = np.concatenate([np.cos(size * t[:, None] / 2), np.sin(size * t[:, None] / 2) * axis], axis=1)
+    attitude = quaternion_product(quaternion_from_euler(*np.array(angles)), turned)
+    moving = matvec(rotation_matrix(attitude), np.asarray(velocity))
+    position = np.cumsum(0.025 * (moving + np.roll(moving, 1, axis=0)) * (t > 0)[:, None], axis=0)
+    pose = np.concatenate([position, np.stack(euler_angles(attitude), axis=1)], axis=1)
+    log = FlightLog("log", (Episode(0, t, pose, np.full((41, 6), np.nan), np.zeros((41, 2))),), POSE)
+    (guess,) = cut_windows(log, 1.5, 0.0).guess
+    np.testing.assert_allclose(guess[6:], [*velocity, *spin], atol=0.1)
+    rotation = rotation_matrix(quaternion_from_euler(*guess[3:6]))
+    np.testing.assert_allclose(rotation, rotation_matrix(attitude[0]), atol=0.01)
 
 
 def test_regular_samples_fall_on_the_grid():

@@ -6,10 +6,11 @@ disturbances are. The log evidence that a thruster gains so, whatever it does, t
 commanded: one that sticks, stalls or wanders has no constant gain, and no other thruster stands in for it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.attribute import in_pieces
@@ -19,6 +20,7 @@ from auv_torchrl.diagnosis.thresholds import LARGER, WORTH_AN_EFFECT, Z95
 from auv_torchrl.diagnosis.verdict import Intermittence
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import prepare
+from auv_torchrl.sysid.trace import Outcome
 
 PIECE_S = 0.5  # s: a thruster reaches its thrust in 0.1 s, and a loose plug is off for longer than this
 SPREADS = (0.25, 0.5, 1.0)  # of the thrust: standard deviations of the amounts that are tried
@@ -33,6 +35,7 @@ class Moments:
     """Gains of one thruster in ``W`` windows of ``P`` pieces."""
 
     thruster: int  # from 1
+    evidence: float  # log evidence of the log under this, and nothing else that is wrong
     gain: Floats  # (W, P) times what the healthy vehicle gives
     deviation: Floats  # (W, P) standard deviation; where it is not commanded, that of the amounts
 
@@ -49,10 +52,21 @@ class Moments:
         return Intermittence(self.thruster, share, max(0.0, share - half), min(1.0, share + half))
 
 
+def unless_changing(found: Found) -> Found | None:
+    """Without effects, where a thruster that gives what it likes is likelier than all effects; None where it is not.
+
+    Effects that stand in for such a thruster blame others beside it.
+    """
+    changing = changing_thruster(found.problem, found.follow) if found.best.explanation.effects else None
+    if changing is None or not changing.evidence > found.best.evidence:
+        return None
+    return replace(found, best=found.none, trace=found.trace.instead((), Outcome.CHANGING))
+
+
 @DIVERGING
 def changing_thruster(problem: Problem, path: WindowPath) -> Moments | None:
     """The thruster that pushes otherwise than commanded, where one stands out from all others; else None."""
-    b, A, known = _quadratics(problem, path)
+    left, b, A, known = _quadratics(problem, path)
     evidence = np.array([[_evidence(b[i], A[i], known, spread) for spread in SPREADS] for i in range(len(b))])
     best = evidence.max(1) - np.log(len(b) * len(SPREADS))
     first = int(best.argmax())
@@ -64,7 +78,7 @@ def changing_thruster(problem: Problem, path: WindowPath) -> Moments | None:
     nominal = float(problem.vehicle.gain[..., first])
     now = float(path.vehicle.gain[0, first]) / nominal
     deviation = np.where(known[:, None], np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)), np.inf)
-    return Moments(first + 1, now + amount, deviation)
+    return Moments(first + 1, best[first] - 0.5 * left, now + amount, deviation)
 
 
 def _evidence(b: Floats, A: Floats, known: np.ndarray, spread: float) -> float:
@@ -75,15 +89,18 @@ def _evidence(b: Floats, A: Floats, known: np.ndarray, spread: float) -> float:
     return float((0.5 * (fit - volume))[known].sum())
 
 
-def _quadratics(problem: Problem, path: WindowPath) -> tuple[Floats, Floats, np.ndarray]:
-    """Pulls (n, W, P) and curvatures (n, W, P, P) of the gains in each piece, and which windows (W,) are known."""
+def _quadratics(problem: Problem, path: WindowPath) -> tuple[float, Floats, Floats, np.ndarray]:
+    """Of the gains in each piece the chi-square without them, pulls (n, W, P) and curvatures (n, W, P, P).
+
+    Besides, which windows (W,) are known.
+    """
     windows, count = problem.windows, problem.vehicle.thrusters
     gain = path.vehicle.gain + np.diag(np.broadcast_to(problem.vehicle.gain, (count,)))
     more = prepare(changed(path.vehicle.expand(count), gain=gain)).numpy()
     pieces = -(-windows.steps // max(1, round(PIECE_S / windows.dt)))
     within = np.arange(windows.steps) * pieces // windows.steps == np.arange(pieces)[:, None]  # (P, S)
     b, A = np.zeros((count, len(windows), pieces)), np.zeros((count, len(windows), pieces, pieces))
-    known = problem.followed.copy()
+    known, left = problem.followed.copy(), np.zeros(len(windows))
 
     def cut(some: slice) -> Floats:
         each = path.course.rows(some).forces(more)  # (w, n, S, 6)
@@ -93,7 +110,8 @@ def _quadratics(problem: Problem, path: WindowPath) -> tuple[Floats, Floats, np.
         columns = parts.columns
         whole = columns.responses.swapaxes(1, 2) @ columns.responses - columns.pull.swapaxes(1, 2) @ columns.moved
         known[some] &= ~parts.diverged & np.isfinite(whole).all((1, 2))
+        left[some] = whole[:, 0, 0] + parts.constant
         for i in range(count):
             mine = slice(1 + i * pieces, 1 + (i + 1) * pieces)
             b[i, some], A[i, some] = whole[:, 0, mine], whole[:, mine, mine]
-    return np.where(known[:, None], b, 0.0), np.where(known[:, None, None], A, 0.0), known
+    return float(left[known].sum()), np.where(known[:, None], b, 0.0), np.where(known[:, None, None], A, 0.0), known

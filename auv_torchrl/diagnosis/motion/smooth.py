@@ -14,12 +14,19 @@ import numpy as np
 from auv_torchrl.diagnosis.motion.actuation import Actuation, actuate, coefficients, usual_speed
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, accelerations, fly
 from auv_torchrl.diagnosis.motion.tangent import Slopes, Tangent, linearise, respond
-from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks, columns_of_motion
+from auv_torchrl.diagnosis.motion.windows import (
+    Floats,
+    Windows,
+    attitudes,
+    body_rate,
+    chunks,
+    columns_of_motion,
+)
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.fins import wrench_per_unit
-from auv_torchrl.physics.kinematics import cross, matvec, quaternion_from_euler, rotation_matrix
+from auv_torchrl.physics.kinematics import cross, matvec, normalise, rotation_matrix
 from auv_torchrl.sensors import FELT, MOTION, Inverse, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
@@ -276,11 +283,9 @@ def misfit(windows: Windows, residual: Floats, sigma: dict[str, float]) -> Float
     return np.sqrt(np.where(np.isfinite(mean), mean, np.inf))
 
 
-def local_parabolas(windows: Windows, times: Floats) -> Floats:
-    """Value, first and second derivative (W, B, 3, C) of every channel at ``times`` (B,) s into the windows."""
+def local_parabolas(windows: Windows, measured: Floats, times: Floats) -> Floats:
+    """Value, first and second derivative (W, B, 3, k) of numbers ``measured`` (W, m, k), at ``times`` (B,) s."""
     at = windows.sampled
-    measured = windows.measured.copy()
-    measured[..., windows.angular] = np.unwrap(measured[..., windows.angular], axis=1)
     away = at[:, None] - times[:, None]  # (W, B, m)
     distance = np.where(windows.present[:, None], np.abs(away), np.inf)
     least = min(LEAST_SAMPLES, distance.shape[-1])
@@ -296,15 +301,16 @@ def rough_force(windows: Windows, vehicle: Vehicle, layout: Layout) -> Floats:
     """Missing force (W, B, D) in N and N m per bin; ``vehicle`` is a batch (1,)."""
     centres = (np.arange(layout.bins) + 0.5) * layout.steps_per_bin * windows.dt
     centres = np.minimum(centres, (windows.steps - 0.5) * windows.dt)
-    fits = local_parabolas(windows, centres)
+    turns = local_parabolas(windows, attitudes(_spread(windows, windows.measured)), centres)
+    fits = local_parabolas(windows, windows.measured, centres)  # of angles too, which nobody reads
     value, slope, bend = (_spread(windows, fits[:, :, order]) for order in range(3))  # (W, B, 12) each
-    quaternion = quaternion_from_euler(value[..., 3], value[..., 4], value[..., 5])
+    quaternion = normalise(turns[:, :, 0])
     to_body = rotation_matrix(quaternion).swapaxes(-1, -2)
     velocity, rate = value[..., 6:].copy(), slope[..., 6:].copy()
-    spinning = slope[..., 3:6]  # Euler rates serve as body rates: roll and pitch are small
+    spinning, turning_up = (body_rate(quaternion, turns[:, :, order]) for order in (1, 2))
     for columns, first, second in (
         (slice(0, 3), matvec(to_body, slope[..., :3]), matvec(to_body, bend[..., :3])),
-        (slice(3, 6), slope[..., 3:6], bend[..., 3:6]),
+        (slice(3, 6), spinning, turning_up),
     ):
         turning = cross(spinning, first) if columns.start == 0 else 0.0
         known = np.array([channel in windows.channels for channel in MOTION[6:][columns]])

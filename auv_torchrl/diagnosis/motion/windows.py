@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES, SampleErrors
-from auv_torchrl.physics.kinematics import least_turn
+from auv_torchrl.physics.kinematics import (
+    euler_angles,
+    least_turn,
+    matvec,
+    normalise,
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_matrix,
+)
 from auv_torchrl.quantities import counted
 from auv_torchrl.sensors import MOTION, is_felt
 
@@ -168,6 +176,8 @@ def columns_of_motion(channels: tuple[str, ...]) -> tuple[list[int], list[int]]:
 def guess_starts(times: Sequence[Floats], values: Sequence[Floats]) -> Floats:
     """Pose and velocity (W, 12) at the start of each window, from a parabola through its first samples.
 
+    The attitude is that of a parabola through quaternions: angles and their rates are none where a vehicle is steep.
+
     Args:
         times: (m,) s since the start of each window.
         values: (m, 12) measured then, NaN where nothing was.
@@ -178,20 +188,42 @@ def guess_starts(times: Sequence[Floats], values: Sequence[Floats]) -> Floats:
             f"a window has {counted(int(few.min()), 'sample')} near its start, at least 4 are needed: give longer "
             "windows"
         )
-    parabolas, known = np.empty((len(few), 3, 12)), np.empty((len(few), 12), bool)
+    parabolas, turns = np.empty((len(few), 3, 12)), np.empty((len(few), 3, 4))
+    known = np.empty((len(few), 12), bool)
     for number in np.unique(few):
         rows = np.flatnonzero(few == number).tolist()
         powers = np.stack([times[row][:number] for row in rows])[..., None] ** np.arange(3)
         first = np.stack([values[row][:number] for row in rows])
         known[rows] = np.isfinite(first).all(1)
-        parabolas[rows] = np.linalg.pinv(powers) @ np.where(known[rows, None], first, 0.0)
-    start, pose_rate = parabolas[:, 0].copy(), parabolas[:, 1, :6]
-    c, s = np.cos(start[:, 5]), np.sin(start[:, 5])
-    from_pose = pose_rate.copy()
-    from_pose[:, 0] = c * pose_rate[:, 0] + s * pose_rate[:, 1]
-    from_pose[:, 1] = c * pose_rate[:, 1] - s * pose_rate[:, 0]
+        first, parabola = np.where(known[rows, None], first, 0.0), np.linalg.pinv(powers)
+        parabolas[rows] = parabola @ first
+        turns[rows] = parabola @ attitudes(first)
+    start, attitude = parabolas[:, 0].copy(), normalise(turns[:, 0])
+    angles = np.stack(euler_angles(attitude), axis=1)
+    start[:, 3:6] = np.where(known[:, 3:6], start[:, 3:6] + least_turn(angles - start[:, 3:6]), 0.0)
+    moving = matvec(rotation_matrix(attitude).mT, parabolas[:, 1, :3])
+    from_pose = np.concatenate([moving, body_rate(attitude, turns[:, 1])], axis=1)
     start[:, 6:] = np.where(known[:, 6:], start[:, 6:], from_pose)
     return start
+
+
+def attitudes(motion: Floats) -> Floats:
+    """Quaternions (W, m, 4) of samples of a motion (W, m, 12), each with the sign that is nearer to the one before.
+
+    A parabola goes through them also where a vehicle is steep: there angles jump.
+    """
+    quaternions = quaternion_from_euler(motion[..., 3], motion[..., 4], motion[..., 5])
+    turned = (quaternions[:, 1:] * quaternions[:, :-1]).sum(-1) < 0
+    signs = np.cumprod(np.where(turned, -1.0, 1.0), axis=1)
+    return np.concatenate([quaternions[:, :1], quaternions[:, 1:] * signs[..., None]], axis=1)
+
+
+def body_rate(quaternion: Floats, change: Floats) -> Floats:
+    """Angular velocity (..., 3) in rad/s of a quaternion (..., 4) and its rate; its change from the second derivative.
+
+    Of ``omega = 2 q* dq/dt`` the derivative has a second term, which is no vector (Shabana 2013, Sec. 3.5).
+    """
+    return 2.0 * quaternion_product(quaternion * (1.0, -1.0, -1.0, -1.0), change)[..., 1:]
 
 
 def affordable(numbers: int, free: int, coloured: bool) -> int:
