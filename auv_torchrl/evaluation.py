@@ -107,7 +107,7 @@ def flight_of(rollout: Any, task: Task) -> Flight:
     along = torch.cat((rollout["along"][:, :1], after["along"]), dim=1)[..., 0]
     reference = task.reference(along)
     states["reference_position"] = reference.nearest(states["position"])
-    states["reference_quaternion"] = reference.quaternion
+    states["reference_quaternion"] = reference.attitude(states["position"])
     return Flight.from_tensordict(TensorDict(states, batch_size=batch))  # from_dict would load pandas
 
 

@@ -5,8 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from auv_torchrl.effects import Effect, get_effect
+from auv_torchrl.effects.effect import PartAbsent
+from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.vehicle import Vehicle
+from auv_torchrl.yaml_file import read_yaml
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,28 @@ def read_scenario(name: str, config: Mapping[str, Any] | None, vehicle: Vehicle)
     if config:
         raise ValueError(f"scenario {name}: unknown keys {sorted(map(str, config))}: there is only 'effects'")
     return Scenario(name, tuple(_read_change(name, label, settings, vehicle) for label, settings in effects.items()))
+
+
+def scenarios_of(vehicle: Vehicle) -> list[str]:
+    """Names in ``conf/scenario`` of what can happen to a vehicle: every effect acts on parts that it has.
+
+    Raises:
+        ValueError: for a file that cannot be read.
+    """
+    return [name for name in config_names("scenario") if _can_happen(name, vehicle)]
+
+
+def _can_happen(name: str, vehicle: Vehicle) -> bool:
+    try:
+        changes = read_scenario(name, read_yaml(config_path("scenario", name), "scenario"), vehicle).changes
+    except PartAbsent:
+        return False
+    return all(_acts(change, vehicle) for change in changes)  # an effect of thrusters leaves fins as they are
+
+
+def _acts(change: Change, vehicle: Vehicle) -> bool:
+    after = change.effect.apply(vehicle, change.values)
+    return any(not np.array_equal(after.get(name), value) for name, value in vehicle.items())
 
 
 def _read_change(name: str, label: str, settings: Mapping[str, Any] | None, vehicle: Vehicle) -> Change:

@@ -73,6 +73,10 @@ def _real(name: str, measures: tuple[str, ...], most: int = SEALED) -> Section:
     return Section("real.md", name, measures, most, partial(rows.of_real, name))
 
 
+def _underway(part: str, measures: tuple[str, ...], most: int) -> Section:
+    return Section("other-vehicles.md", part, measures, most, partial(rows.of_underway, part))
+
+
 SECTIONS = {
     (section.document, section.name): section
     for section in (
@@ -94,6 +98,9 @@ SECTIONS = {
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
         Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
         Section("owners.md", "owners mocap", _DIAGNOSIS, SEALED, rows.of_owners),
+        _underway("control", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK),
+        _underway("paths", (*_AGENTS, "auv_torchrl/experiment", "conf/experiment/cruise.yaml", "conf/task"), QUICK),
+        _underway("dives", _DIAGNOSIS, SEALED),
         Section("dives.md", "dives", (*_DIAGNOSIS, "auv_torchrl/monitoring"), SEALED, rows.of_dives),
     )
 }

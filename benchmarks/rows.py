@@ -69,6 +69,13 @@ def of_dives(command: str) -> Labels:
     return _one(f"thruster {number}" for number in range(1, load_vehicle(VEHICLE).thrusters + 1))
 
 
+def of_underway(part: str, command: str) -> Labels:
+    """Of a part of the benchmark of vehicles at speed."""
+    from benchmarks.underway import control, dives, paths
+
+    return {"control": control.ROWS, "paths": paths.ROWS, "dives": _one(dives.ROWS)}[part]
+
+
 def of_trial(command: str) -> Labels:
     """Of the trial through the firmware; its command says how many cases were drawn, and from which seed."""
     from benchmarks.trial.cases import draw_cases
@@ -141,17 +148,19 @@ def _tracking() -> Labels:
 
 def _tasks() -> Labels:
     from auv_torchrl.agents.config import AGENTS
-    from benchmarks.control.source import hovering_scenarios
+    from auv_torchrl.scenario import scenarios_of
+    from auv_torchrl.vehicle import load_vehicle
     from benchmarks.control.tasks import KINDS
 
-    return _one(hovering_scenarios()) | set(product(KINDS, AGENTS))
+    return _one(scenarios_of(load_vehicle("paper"))) | set(product(KINDS, AGENTS))
 
 
 def _comparison() -> Labels:
+    from auv_torchrl.scenario import scenarios_of
+    from auv_torchrl.vehicle import load_vehicle
     from benchmarks.control.methods import METHODS
-    from benchmarks.control.source import hovering_scenarios
 
-    return _one((*hovering_scenarios(), *METHODS))
+    return _one((*scenarios_of(load_vehicle("paper")), *METHODS))
 
 
 _BENCH: dict[str, Callable[[], Any]] = {

@@ -6,9 +6,11 @@ import yaml
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import config_names, config_path
-from auv_torchrl.scenario import read_scenario
+from auv_torchrl.scenario import read_scenario, scenarios_of
 from auv_torchrl.vehicle import load_vehicle
 from tests.hovering import FIN_EFFECTS, HOVERING
+
+PAPER = load_vehicle("paper")
 
 
 def scenario(name, vehicle):
@@ -23,6 +25,16 @@ def test_every_effect_acts_in_some_scenario():
         for change in scenario(name, load_vehicle(suited(name)[0])).changes
     }
     assert used == set(EFFECTS)
+
+
+def test_a_vehicle_meets_the_scenarios_of_parts_that_it_has():
+    """A hovering one all but those of fins, a torpedo those of its fins, a vessel of two propellers none of a third."""
+    everything, of_fins = set(config_names("scenario")), {"fin_gain", "fin_offset", "fin_stuck"}
+    own = {name: scenarios_of(load_vehicle(name)) for name in ("paper", "remus100", "otter")}
+    assert of_fins & {change.effect.name for name in own["paper"] for change in scenario(name, PAPER).changes} == set()
+    assert everything - set(own["paper"]) == {"fin_offset", "fin_reversed", "fin_stuck"}
+    assert everything - set(own["paper"]) < set(own["remus100"]) and "thruster_gain" not in own["remus100"]
+    assert "swap" in own["otter"] and "cycle" not in own["otter"]
 
 
 def suited(name):

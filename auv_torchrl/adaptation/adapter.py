@@ -11,14 +11,14 @@ from torchrl.data import Composite, TensorSpec, Unbounded
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.learner import InFlightLearner
-from auv_torchrl.adaptation.motion import SourceMotion
+from auv_torchrl.adaptation.motion import motion_of
 from auv_torchrl.adaptation.timing import look_ahead
 from auv_torchrl.adaptation.transform import Array, ThrusterTransform, array, measured_state, set_expected
 from auv_torchrl.authority import Authority, Recovery, authority_of
 from auv_torchrl.ddr.transform import OBSERVATION
 from auv_torchrl.envs.start import EXPECTED, TIME, expected_spec
 from auv_torchrl.tasks import Task
-from auv_torchrl.vehicle import CONTROLLED, Vehicle
+from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +31,8 @@ class InFlightAdapter(ThrusterTransform):
     Every step reports, beside ``applied_action`` (N, n): ``phase`` (N, 1), an index of
     :data:`auv_torchrl.adaptation.learner.PHASES`; ``alarm`` (N, 1), whether a change was noticed in this step;
     ``statistic`` (N, 1), the detector's sum as a share of its threshold (it rests at 0 during a search);
-    ``effectiveness`` (N, 4, n), the estimated wrench in N and N m per share of full thrust; and ``expected``, with
+    ``effectiveness`` (N, a, n), the estimated wrench in N and N m along the axes of an action per share of full thrust,
+    of fins at the speed of the task; and ``expected``, with
     ``position``, ``quaternion``, ``velocity`` and ``time``: the measured state, with estimated velocities where only
     the pose is sensed, and where thrust has been found to come late that of the time at which the next command acts. A
     policy sees it through :class:`auv_torchrl.ddr.transform.Observe`.
@@ -47,12 +48,12 @@ class InFlightAdapter(ThrusterTransform):
     """
 
     def __init__(self, vehicle: Vehicle, task: Task, config: AdaptationConfig, count: int):
-        super().__init__(vehicle, reports=(PHASE, ALARM, STATISTIC, MAP, EXPECTED))
+        super().__init__(vehicle, task, reports=(PHASE, ALARM, STATISTIC, MAP, EXPECTED))
         self.config = config
         low, high = (array(limit) for limit in self.actuation.share_limits)
         c = self.actuation.coefficients
         edge = array(c.dead_band / c.full_thrust)
-        self.learner = InFlightLearner(SourceMotion(vehicle, task.control_dt), (low, high), edge, config, count)
+        self.learner = InFlightLearner(motion_of(vehicle, task), (low, high), edge, config, count)
         self._declared_at = logging.WARNING if count == 1 else logging.DEBUG  # of a fleet one asks `authority`
 
     def thrusts(self, nominal: Array) -> Array:
@@ -85,16 +86,18 @@ class InFlightAdapter(ThrusterTransform):
     def authority(self, row: int) -> Authority:
         """What vehicle ``row`` can still do, by the rank of its estimated effectiveness."""
         estimate = self.learner.estimate
-        effectiveness = torch.from_numpy(estimate.map[0][row] / estimate.motion.full_wrench[:, None])
+        rows, unit = estimate.motion.controlled, estimate.motion.full_wrench[:, None]
+        effectiveness = torch.from_numpy((estimate.map[0][row] / unit)[rows])
         tolerance = max(self.config.rank_tolerance, float(estimate.uncertainty()[row].max()))
-        return authority_of(effectiveness, self.actuation.mixer.double(), f"vehicle {row}", tolerance)
+        axes = estimate.motion.axes
+        return authority_of(effectiveness, self.actuation.mixer.double(), f"vehicle {row}", tolerance, axes)
 
     def _report(self, tensordict: TensorDictBase, alarm: Array, state: Array, time: Array) -> None:
         learner = self.learner
         column = {ALARM: alarm, PHASE: learner.phase.copy(), STATISTIC: learner.statistic.astype(np.float32)}
         for name, values in column.items():
             tensordict.set(name, torch.from_numpy(values)[:, None].to(tensordict.device))
-        effectiveness = learner.estimate.map[0].astype(np.float32)
+        effectiveness = learner.estimate.map[0][:, learner.motion.controlled].astype(np.float32)
         tensordict.set(MAP, torch.from_numpy(effectiveness).to(tensordict.device))
         set_expected(tensordict, state, time)
 
@@ -105,7 +108,7 @@ class InFlightAdapter(ThrusterTransform):
         spec[PHASE] = Unbounded(torch.Size((*batch, 1)), dtype=torch.int64, device=device)
         spec[ALARM] = Unbounded(torch.Size((*batch, 1)), dtype=torch.bool, device=device)
         spec[STATISTIC] = Unbounded(torch.Size((*batch, 1)), dtype=torch.float32, device=device)
-        shape = torch.Size((*batch, len(CONTROLLED), self.thrusters))
+        shape = torch.Size((*batch, self.channels, self.thrusters))
         spec[MAP] = Unbounded(shape, dtype=torch.float32, device=device)
         spec[EXPECTED] = expected_spec(spec)
         return spec

@@ -9,7 +9,6 @@ from auv_torchrl.adaptation.estimate import Estimate
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.ddr.allocation import Allocation
 from auv_torchrl.ddr.dither import Dither
-from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
 
@@ -24,7 +23,7 @@ class ThrustChoice(Memory):
         config: settings.
     """
 
-    carried: Array  # (N, 4) wrench that the dead band has withheld so far
+    carried: Array  # (N, D) wrench that the dead band has withheld so far
     sign: Array  # (N, n) of the dither
 
     def __init__(self, estimate: Estimate, limits: tuple[Array, Array], edge: Array, config: AdaptationConfig):
@@ -36,7 +35,7 @@ class ThrustChoice(Memory):
         self.carry_limit = (np.abs(per_share) * edge).max(-1)
         self.dither = Dither(config.seed)
         count = len(estimate.noise_scale)
-        self.remember(carried=np.zeros((count, len(CONTROLLED))), sign=np.ones((count, per_share.shape[1])))
+        self.remember(carried=np.zeros((count, self.motion.size)), sign=np.ones((count, per_share.shape[1])))
 
     def __call__(self, estimate: Estimate, nominal: Array, searching: Array, search_s: Array) -> Array:
         """Thrusts (N, n), shares of full thrust, whose wrench is what ``nominal`` (N, n) gives the source vehicle.
@@ -48,9 +47,11 @@ class ThrustChoice(Memory):
             search_s: (N,) s since their searches began.
         """
         effectiveness, constant = estimate.map
-        wanted = nominal @ self.motion.per_share.T - constant + self.carried
+        flow = self.motion.flow(estimate.velocity)
+        wanted = (flow * nominal) @ self.motion.per_share.T - constant + self.carried
         caution = estimate.caution()
-        share = self.allocation(wanted, effectiveness, caution, nominal)
+        pushing = flow[:, None] * flow[:, :, None]
+        share = self.allocation(wanted, flow[:, None] * effectiveness, pushing * caution, nominal)
         if self.config.dither > 0 and searching.any():
             unknown = estimate.uncertainty(caution) > self.config.settled_below
             self._turn_dither(estimate.timing.late_s(), search_s)

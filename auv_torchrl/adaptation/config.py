@@ -40,6 +40,7 @@ class AdaptationConfig:
     lost_after_s: Annotated[float, In("(0, 3600]")]
     largest_jump_m: Positive
     heading_weight: Positive
+    aside_weight: Positive
     withheld_kept: Annotated[float, In("[0, 1)")]
     rank_tolerance: Annotated[float, In("[0, 1)")]
     capped_share: Annotated[float, In("(0, 1)")]

@@ -9,16 +9,14 @@ import numpy as np
 from scipy.special import chdtr, chdtri  # of chi-square; scipy.stats has them too, and takes a second to import
 
 from auv_torchrl.adaptation.config import AdaptationConfig
-from auv_torchrl.adaptation.filter import MOTION, Innovation
+from auv_torchrl.adaptation.filter import Innovation
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import Step
 from auv_torchrl.quantities import counted
-from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
 _CELLS = 120  # of the sum's range in the calculation of the run length
 _LARGEST = 50  # caps; a test with a larger threshold would never see anything
-_D = len(CONTROLLED)
 
 
 class ChangeDetector:
@@ -101,9 +99,9 @@ class DeadEnd(Memory):
         self.stalled_s[rows] = self.turned[rows] = 0.0
 
     def reached(self, share: Array, velocity: Array) -> Array:
-        """Which vehicles are in one, (N,) bool, after a step with thrusts (N, n) that ended at velocities (N, 4).
+        """Which vehicles are in one, (N,) bool, after a step with thrusts (N, n) that ended at velocities (N, D).
 
-        A velocity that is no number is not known to be 0.
+        The rate of turning is the last of them. A velocity that is no number is not known to be 0.
         """
         config, (low, high) = self.config, self.limits
         at_limit = (share > config.at_limit * high) | (share < config.at_limit * low)
@@ -111,7 +109,7 @@ class DeadEnd(Memory):
         with np.errstate(invalid="ignore"):
             still = np.linalg.norm(velocity[:, :3], axis=-1) < config.still_speed
         self.stalled_s = np.where(pushing & still, self.stalled_s + self.control_dt, 0.0)
-        turn = self.control_dt * np.nan_to_num(velocity[:, 3])
+        turn = self.control_dt * np.nan_to_num(velocity[:, -1])
         self.turned = np.where(pushing, self.turned + turn, 0.0)
         return (self.stalled_s > config.stalled_s) | (np.abs(self.turned) > 2 * math.pi * config.circles)
 
@@ -127,16 +125,20 @@ class GainWatch(Memory):
 
     Args:
         count: number of vehicles N.
+        degrees: D, of the motion.
         thrusters: n.
         steps_between_false_alarms: mean number of healthy steps between two alarms, at least.
         config: says which changes are looked for.
     """
 
-    shift: Array  # (N, 8, h) of the motion, under each hypothesis
+    shift: Array  # (N, 2 D, h) of the motion, under each hypothesis
     total: Array  # (N, h)
 
-    def __init__(self, count: int, thrusters: int, steps_between_false_alarms: float, config: AdaptationConfig):
+    def __init__(
+        self, count: int, degrees: int, thrusters: int, steps_between_false_alarms: float, config: AdaptationConfig
+    ):
         super().__init__()
+        self.degrees = degrees
         self.doubt = config.watch_doubt
         single, double = (_hypotheses(thrusters, changed, config.watched_change) for changed in (1, 2))
         self.changes = np.concatenate((single, double)).T  # (n, h) of the gains
@@ -144,7 +146,7 @@ class GainWatch(Memory):
         self.log_weight = np.log(weight)
         self.threshold = math.log(steps_between_false_alarms)
         self.cap = config.watch_cap * (self.threshold - self.log_weight)
-        self.remember(shift=np.zeros((count, 2 * _D, len(weight))), total=np.zeros((count, len(weight))))
+        self.remember(shift=np.zeros((count, 2 * degrees, len(weight))), total=np.zeros((count, len(weight))))
 
     def reset(self, rows: Array) -> None:
         """Begin anew with some vehicles."""
@@ -153,9 +155,10 @@ class GainWatch(Memory):
 
     def predict(self, step: Step, effectiveness: Array, share: Array) -> None:
         """Carry the effect of each hypothesis over one control step with thrusts (N, n), shares of full thrust."""
-        onward = np.zeros((len(share), 2 * _D, 2 * _D))
-        onward[:, :_D, :_D] = np.eye(_D)
-        onward[:, :, _D:] = step.by_velocity
+        d = self.degrees
+        onward = np.zeros((len(share), 2 * d, 2 * d))
+        onward[:, :d, :d] = np.eye(d)
+        onward[:, :, d:] = step.by_velocity
         self.shift = onward @ self.shift + step.by_wrench @ (effectiveness * share[:, None]) @ self.changes
 
     def update(self, entries: Array, innovation: Innovation, usable: Array) -> None:
@@ -166,7 +169,7 @@ class GainWatch(Memory):
         power = (weighed * expected).sum(1)
         grown = self.total + np.minimum(along - 0.5 * power - self.doubt * np.sqrt(power), self.cap)
         self.total = np.where(usable[:, None], np.maximum(0.0, grown), self.total)
-        left = np.where((grown > 0.0)[:, None], self.shift - innovation.gain[:, MOTION] @ expected, 0.0)
+        left = np.where((grown > 0.0)[:, None], self.shift - innovation.gain[:, : 2 * self.degrees] @ expected, 0.0)
         self.shift = np.where(usable[:, None, None], left, self.shift)
 
     @property

@@ -6,29 +6,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_torchrl.adaptation.config import AdaptationConfig
-from auv_torchrl.adaptation.filter import VELOCITY, EffectivenessFilter, Innovation
+from auv_torchrl.adaptation.filter import EffectivenessFilter, Innovation
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import SourceMotion, Step
 from auv_torchrl.adaptation.sensing import MeasurementGuard, Reading, Sensing, Verdict
 from auv_torchrl.adaptation.timing import ActuatorTiming
-from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
 log = logging.getLogger(__name__)
-_D = len(CONTROLLED)
 
 
 class Evidence(NamedTuple):
     """What a control step has shown."""
 
     step: Step  # what it was expected to do
-    effectiveness: Array  # (N, 4, n) by which that was expected
-    arriving: Array  # (N, n) mean thrust, shares of full thrust
+    effectiveness: Array  # (N, D, n) by which that was expected
+    arriving: Array  # (N, n) mean thrust, shares of full thrust; of fins, of what they push at the speed of the task
     reading: Reading
     verdict: Verdict
     usable: Array  # (N,) bool, which vehicles' estimates have changed by it
     innovation: Innovation
-    velocity: Array  # (N, 4) measured, or estimated where it is not measured
+    velocity: Array  # (N, D) measured, or estimated where it is not measured
 
 
 class Estimate(Memory):
@@ -42,38 +40,50 @@ class Estimate(Memory):
 
     noise_scale: Array  # (N,) on the variance of the process noise
     beginning: Array  # (N,) bool, of one pose only: a second one gives the velocity
+    body: Array  # (N, 7) position and quaternion, measured last
+    turned: Array  # (N, n) shares at which actuators stand that follow as servos do
 
     def __init__(self, motion: SourceMotion, config: AdaptationConfig, count: int):
         super().__init__()
-        self.motion, self.config = motion, config
+        if config.sensed != "velocity" and not motion.is_level:
+            raise ValueError(
+                f"adaptation.sensed is {config.sensed}: of a vehicle at {motion.speed:g} m/s velocities are needed: "
+                "give adaptation.sensed=velocity"
+            )
+        self.motion, self.config, d = motion, config, motion.size
         self.filter = EffectivenessFilter(motion, config)
         self.belief = self.filter.start(count)
-        self.sensing = Sensing(config, count)
-        self.timing = ActuatorTiming(count, motion.per_share, motion.control_dt, config)
-        self.weight = 1.0 / np.square(motion.full_wrench)
-        self.weight[_D - 1] *= config.heading_weight**2
+        self.sensing = Sensing(config, count, motion.velocity_rows)
+        self.timing = ActuatorTiming(count, motion, config)
+        pushed = np.abs(motion.per_share).sum(-1) > 0
+        self.weight = np.where(pushed, np.square(config.aside_weight / motion.full_wrench), 0.0)
+        self.weight[motion.controlled] = 1.0 / np.square(motion.full_wrench[motion.controlled])
+        if motion.is_level:  # where it steers by its heading, a vehicle gives nothing of that away
+            self.weight[d - 1] *= config.heading_weight**2
         self.column_power = (self.weight[:, None] * np.square(motion.per_share)).sum(0)
         if config.sensed == "velocity":
-            self.entries = np.arange(_D, 2 * _D)
-            by_wrench = motion(np.zeros((1, _D)), np.zeros((1, _D))).by_wrench[0]
-            reach = (np.abs(by_wrench[_D:]) * motion.full_wrench).sum(-1)
-            slack = 10 * np.full(_D, config.velocity_noise)
+            self.entries = np.arange(d, 2 * d)
+            by_wrench = motion(np.zeros((1, d)), np.zeros((1, d))).by_wrench[0]
+            reach = (np.abs(by_wrench[d:]) * motion.full_wrench).sum(-1)
+            slack = 10 * np.full(d, config.velocity_noise)
         else:
-            self.entries = np.arange(_D)
-            reach = np.zeros(_D)
+            self.entries = np.arange(d)
+            reach = np.zeros(d)
             slack = np.array((*(config.largest_jump_m,) * 3, 1.0))
         self.guard = MeasurementGuard(count, motion.control_dt, reach, slack, config)
         self.remember(noise_scale=np.ones(count), beginning=np.zeros(count, dtype=bool))
+        level = np.tile(np.eye(1, 7, 3), (count, 1))
+        self.remember(body=level, turned=np.zeros((count, motion.per_share.shape[1])))
 
     @property
     def map(self) -> tuple[Array, Array]:
-        """Effectiveness (N, 4, n), wrench per share of full thrust, and constant wrench (N, 4)."""
+        """Effectiveness (N, D, n), wrench per share of full thrust, and constant wrench (N, D)."""
         return self.filter.map_of(self.belief)
 
     @property
     def velocity(self) -> Array:
-        """Estimated velocity (N, 4) in the body frame."""
-        return self.belief.mean[:, VELOCITY]
+        """Estimated velocity (N, D) in the body frame."""
+        return self.belief.mean[:, self.filter.velocity]
 
     def caution(self) -> Array:
         """Weighted covariance (N, n, n) of the effectiveness."""
@@ -86,13 +96,15 @@ class Estimate(Memory):
 
     def begin(self, rows: Array, measured: Array) -> None:
         """A new episode of some vehicles (rows of measured states (N, 13)); what has been learnt of them is kept."""
+        self.body[rows] = _measured_body(measured[rows], self.body[rows])
+        self.turned[rows] = 0.0
         self.place(rows, self.sensing.read(measured))
         self.guard.begin(rows)
         self.timing.begin(rows)
 
     def place(self, rows: Array, reading: Reading) -> None:
         """The motion of some vehicles begins anew at this reading."""
-        velocity, fastest = reading.raw[rows, :4], self.config.impossible_speed
+        velocity, fastest = reading.raw[rows, : self.motion.size], self.config.impossible_speed
         known = np.isfinite(velocity).all(-1) & (np.abs(velocity) < fastest).all(-1)
         self.filter.place(self.belief, rows, np.where(known[:, None], velocity, 0.0), self.config.velocity_noise)
         self.sensing.restart(reading, rows)
@@ -108,9 +120,12 @@ class Estimate(Memory):
             frozen: (N,) bool, of which vehicles nothing is to be learnt.
         """
         reading = self.sensing.read(measured)
-        arriving = self.timing.arriving(share)
+        arriving, self.turned = self.motion.turning(self.turned, self.timing.arriving(share))
+        arriving = arriving * self.motion.flow(self.velocity)
         effectiveness = self.map[0].copy()
-        step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale)
+        body = None if self.motion.is_level else self.body
+        step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale, body)
+        self.body = _measured_body(measured, self.body)
         difference = reading.measured - self.belief.mean[:, self.entries]
         difference[self.beginning] = np.where(np.isfinite(difference[self.beginning]), 0.0, np.nan)
         verdict = self.guard.judge(reading.raw, time, difference, np.abs(share).max(-1) > 0)
@@ -123,7 +138,7 @@ class Estimate(Memory):
             self._begin_motion(second.nonzero()[0], reading)
         self._explain(step, wrench, reading, usable)
         self._scale_noise(innovation, usable)
-        velocity = reading.raw[:, :4] if self.config.sensed == "velocity" else self.velocity
+        velocity = reading.raw[:, : self.motion.size] if self.config.sensed == "velocity" else self.velocity
         return Evidence(step, effectiveness, arriving, reading, verdict, usable, innovation, velocity)
 
     def _begin_motion(self, rows: Array, reading: Reading) -> None:
@@ -138,14 +153,15 @@ class Estimate(Memory):
         """Remember the wrench that would have brought the source vehicle to the measured velocity."""
         if self.config.sensed != "velocity":
             return  # one step of noisy positions says nothing about its wrench
-        surprise = np.where(usable[:, None], reading.raw[:, :4] - step.velocity, 0.0)
-        missing = np.linalg.solve(step.by_wrench[:, _D:], surprise[..., None])[..., 0]
+        d = self.motion.size
+        surprise = np.where(usable[:, None], reading.raw[:, :d] - step.velocity, 0.0)
+        missing = np.linalg.solve(step.by_wrench[:, d:], surprise[..., None])[..., 0]
         self.timing.learn(np.where(usable[:, None], wrench + missing, np.nan))
 
     def _scale_noise(self, innovation: Innovation, usable: Array) -> None:
         """Let the noise follow what the map cannot explain."""
         config = self.config
-        excess = np.clip(innovation.square / _D, 0.0, 4.0) - 1.0
+        excess = np.clip(innovation.square / self.motion.size, 0.0, 4.0) - 1.0
         least = np.where(self.timing.late_s() > 0, config.late_noise, 1.0)
         scaled = np.clip(self.noise_scale * np.exp(config.noise_rate * excess), least, config.largest_noise)
         self.noise_scale = np.where(usable, scaled, self.noise_scale)
@@ -170,5 +186,11 @@ class Estimate(Memory):
         log.debug("vehicles %s: no map of the thrusters explains the motion: the source's is kept", rows.tolist())
         velocity = self.velocity[rows].copy()
         self.filter.trust(self.belief, rows)
-        self.belief.mean[rows, VELOCITY] = velocity
+        self.belief.mean[rows, self.filter.velocity] = velocity
         self.noise_scale[rows] = np.maximum(self.noise_scale[rows], self.config.unexplained_noise)
+
+
+def _measured_body(measured: Array, before: Array) -> Array:
+    """Position and quaternion (N, 7) of measured states (N, 13), those before where what is measured is no number."""
+    body = measured[:, :7]
+    return np.where(np.isfinite(body).all(-1, keepdims=True), body, before)

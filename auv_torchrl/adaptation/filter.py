@@ -1,9 +1,10 @@
 """Motion and effectiveness of a vehicle, estimated together: a Kalman filter per vehicle, batch first.
 
-The state of a vehicle with n thrusters is its displacement and velocity along the body axes (4 + 4), the
-effectiveness B (4 x n), wrench per share of each thruster's full thrust, and a constant wrench b (4). The wrench
-of a control step is B share + b; the source vehicle's equations turn it into motion. A prior on B that comes from
-W in B = B_nominal W makes gains of single thrusters likelier than swaps, and both likelier than anything else.
+The state of a vehicle with n thrusters is its displacement and velocity along the D body axes that are followed (four
+of one that hovers), the effectiveness B (D x n), wrench per share of each thruster's full thrust, and a constant
+wrench b (D). The wrench of a control step is B share + b; the source vehicle's equations turn it into motion. A prior
+on B that comes from W in B = B_nominal W makes gains of single thrusters likelier than swaps, and both likelier than
+anything else. Shares of fins are those that would push as much at the speed for which B is.
 """
 
 from typing import Any, NamedTuple
@@ -13,14 +14,9 @@ import numpy as np
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import SourceMotion, Step
-from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
-_D = len(CONTROLLED)
-_FASTEST = np.array((3.0, 3.0, 3.0, 10.0))  # m/s, rad/s; beyond, the integration of the drag becomes unstable
 _STRONGEST = 4.0  # times the full wrench; no estimate beyond it makes sense
-MOTION = slice(0, 2 * _D)
-VELOCITY = slice(_D, 2 * _D)
 
 
 class Innovation(NamedTuple):
@@ -52,31 +48,33 @@ class EffectivenessFilter:
     """
 
     def __init__(self, motion: SourceMotion, config: AdaptationConfig):
-        self.motion, self.config = motion, config
+        self.motion, self.config, d = motion, config, motion.size
         self.thrusters = n = motion.per_share.shape[1]
-        self.size = 2 * _D + _D * n + _D
-        self.effectiveness = slice(2 * _D, 2 * _D + _D * n)
-        self.constant = slice(2 * _D + _D * n, self.size)
-        self._learnt = slice(2 * _D, self.size)
+        self.size = 2 * d + d * n + d
+        self.moving, self.velocity = slice(0, 2 * d), slice(d, 2 * d)
+        self.effectiveness = slice(2 * d, 2 * d + d * n)
+        self.constant = slice(2 * d + d * n, self.size)
+        self._learnt = slice(2 * d, self.size)
         dt = motion.control_dt
-        self.process_wrench = np.square(config.wrench_noise * motion.full_wrench)  # (4,) variance per step
+        self.process_wrench = np.square(config.wrench_noise * motion.full_wrench)  # (d,) variance per step
         self.prior = self._prior(config.gain_spread, config.mixing_spread, config.constant_spread)
         self.drift_limit = (
             self._prior(config.drift_spread, config.drift_spread / 2, config.drift_spread / 2).diagonal().copy()
         )
+        self._room = np.where(self.drift_limit > 0, self.drift_limit, 1.0)  # where no thruster pushes, nothing drifts
         self.drift = self._prior(config.gain_drift, config.gain_drift / 2, config.constant_drift).diagonal() * dt
 
     def _prior(self, gain: float, mixing: float, constant: float) -> Array:
         """Covariance of what is learnt, for W's diagonal and other entries and the constant wrench."""
-        nominal, n = self.motion.per_share, self.thrusters
-        covariance = np.zeros((_D * n + _D, _D * n + _D))
-        outer = nominal[:, None, :] * nominal[None, :, :]  # (4, 4, n)
+        nominal, n, d = self.motion.per_share, self.thrusters, self.motion.size
+        covariance = np.zeros((d * n + d, d * n + d))
+        outer = nominal[:, None, :] * nominal[None, :, :]  # (d, d, n)
         everything = outer.sum(-1)
         for j in range(n):
-            index = np.arange(_D) * n + j
+            index = np.arange(d) * n + j
             column = gain**2 * outer[..., j] + mixing**2 * (everything - outer[..., j])
             covariance[np.ix_(index, index)] = column
-        end = slice(_D * n, None)
+        end = slice(d * n, None)
         covariance[end, end] = np.diag(np.square(constant * self.motion.full_wrench))
         return covariance
 
@@ -92,18 +90,19 @@ class EffectivenessFilter:
         belief.covariance[rows, self._learnt, self._learnt] = np.diag(self.drift_limit)
 
     def place(self, belief: Belief, rows: Array, velocity: Array, spread: float) -> None:
-        """Begin the motion of some vehicles anew at velocities (k, 4), keeping what has been learnt.
+        """Begin the motion of some vehicles anew at velocities (k, d), keeping what has been learnt.
 
         Displacement counts from a measured pose: its noise stays in every displacement that follows.
         """
-        belief.mean[rows, MOTION] = 0.0
-        belief.mean[rows, VELOCITY] = velocity
-        belief.covariance[rows, MOTION] = 0.0
-        belief.covariance[rows, :, MOTION] = 0.0
-        noise = (*(self.config.position_noise,) * 3, self.config.heading_noise)
-        beginning = np.square(noise) if self.config.sensed == "pose" else np.full(_D, 1e-12)
-        variance = np.concatenate((beginning, np.full(_D, spread**2)))
-        index = np.arange(2 * _D)
+        d = self.motion.size
+        belief.mean[rows, self.moving] = 0.0
+        belief.mean[rows, self.velocity] = velocity
+        belief.covariance[rows, self.moving] = 0.0
+        belief.covariance[rows, :, self.moving] = 0.0
+        noise = np.where(self.motion.linear, self.config.position_noise, self.config.heading_noise)
+        beginning = np.square(noise) if self.config.sensed == "pose" else np.full(d, 1e-12)
+        variance = np.concatenate((beginning, np.full(d, spread**2)))
+        index = np.arange(2 * d)
         belief.covariance[rows[:, None], index, index] = variance
 
     def forget(self, belief: Belief, rows: Array) -> None:
@@ -115,46 +114,52 @@ class EffectivenessFilter:
         belief.covariance[rows, self._learnt, self._learnt] = self.prior
 
     def map_of(self, belief: Belief) -> tuple[Array, Array]:
-        """B (N, 4, n) and b (N, 4)."""
-        return belief.mean[:, self.effectiveness].reshape(-1, _D, self.thrusters), belief.mean[:, self.constant]
+        """B (N, d, n) and b (N, d)."""
+        effectiveness = belief.mean[:, self.effectiveness].reshape(-1, self.motion.size, self.thrusters)
+        return effectiveness, belief.mean[:, self.constant]
 
     def wrench_covariance(self, belief: Belief, weight: Array) -> Array:
-        """Sum over the degrees of freedom of weight (4,) times the covariance of their rows of B, (N, n, n)."""
-        n = self.thrusters
-        block = belief.covariance[:, self.effectiveness, self.effectiveness].reshape(-1, _D, n, _D, n)
+        """Sum over the degrees of freedom of weight (d,) times the covariance of their rows of B, (N, n, n)."""
+        n, d = self.thrusters, self.motion.size
+        block = belief.covariance[:, self.effectiveness, self.effectiveness].reshape(-1, d, n, d, n)
         return np.einsum("i,bijik->bjk", weight, block)
 
-    def predict(self, belief: Belief, share: Array, noise_scale: Array) -> tuple[Step, Array]:
+    def predict(
+        self, belief: Belief, share: Array, noise_scale: Array, body: Array | None = None
+    ) -> tuple[Step, Array]:
         """One control step with thrusts (N, n), shares of full thrust; ``noise_scale`` (N,) on the process noise.
 
+        ``body`` (N, 7) is where vehicles are that do not stay level.
+
         Returns:
-            What the step was expected to do, and the wrench (N, 4) that was expected.
+            What the step was expected to do, and the wrench (N, d) that was expected.
         """
+        d, moving, velocity = self.motion.size, self.moving, self.velocity
         mean, covariance = belief.mean, belief.covariance
         effectiveness, constant = self.map_of(belief)
         wrench = (effectiveness @ share[..., None])[..., 0] + constant
         most = _STRONGEST * self.motion.full_wrench
         wrench = np.clip(wrench, -most, most)
-        np.clip(mean[:, VELOCITY], -_FASTEST, _FASTEST, out=mean[:, VELOCITY])
-        step = self.motion(mean[:, VELOCITY], wrench)
-        mean[:, :_D] += step.displacement
-        mean[:, VELOCITY] = step.velocity
+        np.clip(mean[:, velocity], -self.motion.fastest, self.motion.fastest, out=mean[:, velocity])
+        step = self.motion(mean[:, velocity], wrench, body)
+        mean[:, :d] += step.displacement
+        mean[:, velocity] = step.velocity
         count = len(mean)
-        onward = np.zeros((count, 2 * _D, self.size))
-        onward[:, :_D, :_D] = np.eye(_D)
-        onward[:, :, VELOCITY] = step.by_velocity
+        onward = np.zeros((count, 2 * d, self.size))
+        onward[:, :d, :d] = np.eye(d)
+        onward[:, :, velocity] = step.by_velocity
         onward[:, :, self.effectiveness] = (step.by_wrench[..., None] * share[:, None, None, :]).reshape(
-            count, 2 * _D, -1
+            count, 2 * d, -1
         )
         onward[:, :, self.constant] = step.by_wrench
-        ahead = onward @ covariance  # (N, 8, d)
+        ahead = onward @ covariance  # (N, 2 d, size)
         noise = (step.by_wrench * (self.process_wrench * noise_scale[:, None])[:, None]) @ step.by_wrench.swapaxes(1, 2)
         corner = ahead @ onward.swapaxes(1, 2) + noise
-        covariance[:, MOTION, self._learnt] = ahead[..., self._learnt]
-        covariance[:, self._learnt, MOTION] = ahead[..., self._learnt].swapaxes(1, 2)
-        covariance[:, MOTION, MOTION] = (corner + corner.swapaxes(1, 2)) / 2
-        index = np.arange(2 * _D, self.size)
-        room = np.clip(1.0 - covariance[:, index, index] / self.drift_limit, 0.0, 1.0)
+        covariance[:, moving, self._learnt] = ahead[..., self._learnt]
+        covariance[:, self._learnt, moving] = ahead[..., self._learnt].swapaxes(1, 2)
+        covariance[:, moving, moving] = (corner + corner.swapaxes(1, 2)) / 2
+        index = np.arange(2 * d, self.size)
+        room = np.clip(1.0 - covariance[:, index, index] / self._room, 0.0, 1.0)
         drift = self.drift * np.where(index < self.constant.start, 1.0, noise_scale[:, None])
         covariance[:, index, index] += drift * room
         return step, wrench

@@ -16,7 +16,7 @@ from auv_torchrl.adaptation.learner import PHASES, Phase
 from auv_torchrl.array_api import Array
 from auv_torchrl.evaluation import Policy, flight_of, roll_out, task_of
 from auv_torchrl.flight import Flight
-from auv_torchrl.tasks import StationKeeping
+from auv_torchrl.tasks import StationKeeping, Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -27,7 +27,7 @@ class AdaptedFlight(TensorClass):
     alarm: Tensor  # () bool, whether a change was noticed in the step that ends here
     phase: Tensor  # () index of auv_torchrl.adaptation.PHASES
     statistic: Tensor  # () the detector's sum as a share of its threshold
-    effectiveness: Tensor  # (4, n) estimated wrench in N and N m per share of full thrust
+    effectiveness: Tensor  # (a, n) estimated wrench in N and N m per share of full thrust
 
     def of_start(self, start: int) -> "AdaptedFlight":
         """The flight of one start, batch (T + 1)."""
@@ -69,25 +69,29 @@ def gains(effectiveness: Tensor, nominal: Array) -> Tensor:
     moments in units of what all thrusters together can give.
 
     Args:
-        effectiveness: (..., 4, n) wrench per share of full thrust.
-        nominal: (4, n) that of the healthy vehicle.
+        effectiveness: (..., a, n) wrench per share of full thrust.
+        nominal: (a, n) that of the healthy vehicle.
     """
     nominal = torch.as_tensor(nominal, dtype=effectiveness.dtype, device=effectiveness.device)
     weight = 1.0 / nominal.abs().sum(-1, keepdim=True) ** 2
     return (weight * nominal * effectiveness).sum(-2) / (weight * nominal**2).sum(-2)
 
 
-def cost_per_step(vehicle: Vehicle, config: AdaptationConfig, steps: int = 400) -> tuple[float, float]:
+def cost_per_step(
+    vehicle: Vehicle, config: AdaptationConfig, steps: int = 400, task: Task | None = None
+) -> tuple[float, float]:
     """CPU milliseconds of the adapter for one vehicle: median while following, and while searching.
 
     Args:
         vehicle: the source (empty batch).
         config: of the adapter.
         steps: control steps that are timed, half of them after a change has been noticed.
+        task: that is flown; holding a place without.
     """
-    task = replace(StationKeeping(), thruster_commands=True)
+    task = replace(task or StationKeeping(), thruster_commands=True)
     adapter = InFlightAdapter(vehicle, task, config, 1)
     measured = np.eye(1, 13, 3)  # at the origin, level, heading north
+    measured[0, 7] = cruise_speed(task)
     learner = adapter.learner
     spent: dict[Phase, list[float]] = {phase: [] for phase in PHASES}
     learner.begin(np.arange(1), measured)
@@ -95,7 +99,7 @@ def cost_per_step(vehicle: Vehicle, config: AdaptationConfig, steps: int = 400) 
     for k in range(steps):
         if k == steps // 2:
             learner.search(np.arange(1))
-        action = 0.2 * (torch.rand(1, 4, generator=generator) * 2 - 1)
+        action = 0.2 * (torch.rand(1, adapter.channels, generator=generator) * 2 - 1)
         phase = PHASES[learner.phase[0]]
         began = time.process_time()
         command = adapter.translate(action)

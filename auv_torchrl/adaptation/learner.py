@@ -12,7 +12,6 @@ from auv_torchrl.adaptation.detector import ChangeDetector, DeadEnd, GainWatch
 from auv_torchrl.adaptation.estimate import Estimate, Evidence
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import SourceMotion
-from auv_torchrl.vehicle import CONTROLLED
 
 Array = Any
 log = logging.getLogger(__name__)
@@ -55,8 +54,8 @@ class InFlightLearner(Memory):
         self.estimate = Estimate(motion, config, count)
         self.choice = ThrustChoice(self.estimate, limits, edge, config)
         steps = 2 * 3600.0 / motion.control_dt / config.false_alarms_per_hour  # each of two tests has half of them
-        self.watch = GainWatch(count, motion.per_share.shape[1], steps, config)
-        self.detector = ChangeDetector(len(CONTROLLED), config.smallest_shift, steps, config.capped_share)
+        self.watch = GainWatch(count, motion.size, motion.per_share.shape[1], steps, config)
+        self.detector = ChangeDetector(motion.size, config.smallest_shift, steps, config.capped_share)
         self.dead_end = DeadEnd(count, limits, motion.control_dt, config)
         self.remember(phase=np.full(count, FOLLOWING), alarms=np.zeros(count, dtype=np.int64))
         self.remember(total=np.zeros(count), lost_s=np.zeros(count), search_s=np.zeros(count))

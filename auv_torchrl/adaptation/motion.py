@@ -1,80 +1,119 @@
 """One control step of the source vehicle with a given wrench, and how it depends on speed and wrench."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.fins import fin_wrench, wrench_per_share
 from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
+from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_product, rotation_matrix
+from auv_torchrl.physics.thrusters import thrust_follower
+from auv_torchrl.tasks import Task, cruise_speed
+from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle, index_of
 
 Array = Any
-_D = len(CONTROLLED)
 _SLOW = 1.0  # m/s, below which two Runge-Kutta steps per control step are within 2 mm/s of exact
 _SUBSTEPS_SLOW, _SUBSTEPS = 2, 4
 _SPEED_STEP = 1e-4  # m/s and rad/s, of the finite differences
 _WRENCH_STEP = 1e-3  # of what the thrusters can give
+_FASTEST = {True: 3.0, False: 10.0}  # m/s, rad/s; beyond, the integration of the drag becomes unstable
+_SERVO_PARTS = 5  # of a control step, over which the turning of a fin is averaged
 
 
 class Step(NamedTuple):
-    """What one control step does; arrays (N, ...), float64."""
+    """What one control step does in D degrees of freedom; arrays (N, ...), float64."""
 
-    displacement: Array  # (4,) m and rad along the body axes
-    velocity: Array  # (4,) m/s and rad/s at its end
-    by_velocity: Array  # (8, 4) derivatives of both, stacked, by the velocity at its start
-    by_wrench: Array  # (8, 4) by the wrench
+    displacement: Array  # (D,) m and rad along the body axes
+    velocity: Array  # (D,) m/s and rad/s at its end
+    by_velocity: Array  # (2 D, D) derivatives of both, stacked, by the velocity at its start
+    by_wrench: Array  # (2 D, D) by the wrench
 
 
 class SourceMotion:
-    """Level motion of the source vehicle in its four controlled degrees of freedom, on numpy.
+    """Motion of the source vehicle, on numpy: of one that hovers in its four controlled degrees of freedom, level.
 
-    Attitude is taken as level: what roll and pitch do to a vehicle that is not held level counts as noise.
+    What roll and pitch do to a vehicle that is not held level counts as noise. A vehicle at speed is followed in all
+    six, from the attitude that is measured: it steers by what its axes do to the others. Fins push with the square of
+    the speed ahead, and turn as fast as their servos.
 
     Args:
         vehicle: one vehicle (empty batch), the source.
         control_dt: s.
+        axes: degrees of freedom that are controlled.
+        speed: ahead in m/s, at which they are; 0 of a vehicle that hovers.
 
     Raises:
         ValueError: for a batch of vehicles.
     """
 
-    def __init__(self, vehicle: Vehicle, control_dt: float):
+    def __init__(self, vehicle: Vehicle, control_dt: float, axes: Sequence[str] = CONTROLLED, speed: float = 0.0):
         if vehicle.batch_size:
             raise ValueError(f"motion: got vehicles of batch {tuple(vehicle.batch_size)}: give one source vehicle")
-        self._coefficients = prepare(vehicle)
-        self._terms = ActiveTerms.of(self._coefficients)
-        self._controlled = list(CONTROLLED_INDEX)
-        self.control_dt = control_dt
-        per_share = (self._coefficients.allocation * self._coefficients.full_thrust)[self._controlled]
-        self.per_share = per_share  # (4, n) wrench in N and N m per share of each thruster's full thrust
-        self.full_wrench = np.abs(per_share).sum(-1)  # (4,)
-        columns = np.zeros((1 + 2 * _D, 2, _D))
-        columns[1 : 1 + _D, 0] = _SPEED_STEP * np.eye(_D)
-        columns[1 + _D :, 1] = _WRENCH_STEP * np.diag(self.full_wrench)
+        self._coefficients = c = prepare(vehicle)
+        self._terms = ActiveTerms.of(c)
+        self.control_dt, self.speed, self.axes = control_dt, speed, tuple(axes)
+        followed = self.axes if self.is_level else DEGREES_OF_FREEDOM
+        self.degrees = index_of(followed)  # D of them
+        self.controlled = np.array([followed.index(axis) for axis in self.axes])  # places of the axes among them
+        self.linear = np.array([degree < 3 for degree in self.degrees])  # (D,) bool: m/s, not rad/s
+        self.velocity_rows = [7 + degree for degree in self.degrees]  # in a state: position, quaternion, velocity
+        self.fastest = np.where(self.linear, _FASTEST[True], _FASTEST[False])
+        per_share = wrench_per_share(c, self._terms, speed)[self.degrees]
+        self.per_share = per_share  # (D, n) wrench in N and N m per share of each thruster's full thrust, at the speed
+        self.full_wrench = self._units(np.abs(per_share).sum(-1))  # (D,)
+        self.fins = np.zeros(vehicle.thrusters, dtype=bool)
+        self.fins[list(vehicle.fins)] = True
+        size = self.size
+        columns = np.zeros((1 + 2 * size, 2, size))
+        columns[1 : 1 + size, 0] = _SPEED_STEP * np.eye(size)
+        columns[1 + size :, 1] = _WRENCH_STEP * np.diag(self.full_wrench)
         self._columns = columns
-        self._step_sizes = np.concatenate((np.full(_D, _SPEED_STEP), _WRENCH_STEP * self.full_wrench))
+        self._step_sizes = np.concatenate((np.full(size, _SPEED_STEP), _WRENCH_STEP * self.full_wrench))
 
-    def __call__(self, velocity: Array, wrench: Array) -> Step:
-        """Displacement, velocity (N, 4) and their derivatives for velocities (N, 4) and wrenches (N, 4)."""
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom D."""
+        return len(self.degrees)
+
+    @property
+    def is_level(self) -> bool:
+        """Whether the vehicle is taken to stay level, as one that hovers."""
+        return self.speed == 0.0
+
+    def _units(self, full: Array) -> Array:
+        """Where nothing pushes, the largest push along or about any other axis stands for what is much."""
+        most = np.where(self.linear, full[self.linear].max(), full[~self.linear].max())
+        return np.where(full > 0, full, most)
+
+    def __call__(self, velocity: Array, wrench: Array, body: Array | None = None) -> Step:
+        """Displacement, velocity (N, D) and their derivatives for velocities (N, D) and wrenches (N, D).
+
+        ``body`` (N, 7) is position and quaternion at the start of the step, of a vehicle that is not level.
+        """
         v = velocity[:, None] + self._columns[:, 0]
-        moved, reached = self.advance(v, wrench[:, None] + self._columns[:, 1])
-        both = np.concatenate((moved, reached), axis=-1)  # (N, 9, 8)
+        body = None if body is None else body[:, None]
+        moved, reached = self.advance(v, wrench[:, None] + self._columns[:, 1], body)
+        both = np.concatenate((moved, reached), axis=-1)  # (N, 1 + 2 D, 2 D)
         slopes = ((both[:, 1:] - both[:, :1]) / self._step_sizes[:, None]).swapaxes(-1, -2)
-        return Step(moved[:, 0], reached[:, 0], slopes[..., :_D], slopes[..., _D:])
+        return Step(moved[:, 0], reached[:, 0], slopes[..., : self.size], slopes[..., self.size :])
 
-    def advance(self, velocity: Array, wrench: Array) -> tuple[Array, Array]:
-        """Displacement and velocity (..., 4) alone, without derivatives."""
-        slow = bool((np.abs(velocity[..., :3]) < _SLOW).all())
+    def advance(self, velocity: Array, wrench: Array, body: Array | None = None) -> tuple[Array, Array]:
+        """Displacement and velocity (..., D) alone, without derivatives."""
+        slow = bool((np.abs(velocity[..., self.linear]) < _SLOW).all())
         substeps = _SUBSTEPS_SLOW if slow else _SUBSTEPS
         h = self.control_dt / substeps
         force = self._six(wrench)
-        level = np.broadcast_to(np.eye(3), (*velocity.shape[:-1], 3, 3))
-        origin = np.zeros(3)
+        rotation, position = self._midway(velocity, body)
+        c, terms = self._coefficients, self._terms
+        middle = np.zeros(self.per_share.shape[1])
 
         def rate(v: Array) -> Array:
-            return acceleration(self._coefficients, self._terms, level, origin, self._six(v), force)[
-                ..., self._controlled
-            ]
+            six, pushed = self._six(v), force
+            if terms.fins:
+                pushed = pushed + fin_wrench(c, terms, rotation, position, six, middle)
+            return acceleration(c, terms, rotation, position, six, pushed)[..., self.degrees]
 
         moved = np.zeros_like(velocity)
         for _ in range(substeps):
@@ -88,7 +127,48 @@ class SourceMotion:
             velocity = velocity + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(v4))
         return moved, velocity
 
-    def _six(self, controlled: Array) -> Array:
-        full = np.zeros((*controlled.shape[:-1], 6))
-        full[..., self._controlled] = controlled
+    def moved_to(self, body: Array, moved: Array) -> Array:
+        """Position and quaternion (..., 7) after displacements (..., 6) along the body axes, from before."""
+        quaternion = body[..., 3:]
+        half = np.concatenate((np.ones_like(moved[..., :1]), moved[..., 3:] / 2), axis=-1)
+        middle = np.concatenate((np.ones_like(moved[..., :1]), moved[..., 3:] / 4), axis=-1)
+        turned = normalise(quaternion_product(quaternion, half))
+        along = rotation_matrix(normalise(quaternion_product(quaternion, middle)))
+        return np.concatenate((body[..., :3] + matvec(along, moved[..., :3]), turned), axis=-1)
+
+    def flow(self, velocity: Array) -> Array:
+        """How strongly each actuator pushes at velocities (N, D), over what it does at the speed, (N, n)."""
+        if not self.fins.any():
+            return np.ones((len(velocity), len(self.fins)))
+        faster = np.square(np.clip(velocity[:, :1] / self.speed, 0.0, 2.0))
+        return np.where(self.fins, faster, 1.0)
+
+    def turning(self, before: Array, target: Array) -> tuple[Array, Array]:
+        """Mean shares (N, n) over a control step of what follows its target as a servo does, and those at its end."""
+        if not self._terms.fins:
+            return target, target
+        c, share, total = self._coefficients, before, np.zeros_like(target)
+        after = thrust_follower(c, self._terms, self.control_dt / _SERVO_PARTS)
+        for _ in range(_SERVO_PARTS):
+            later = after(share * c.full_thrust, target * c.full_thrust) / c.full_thrust
+            total = total + (share + later) / 2
+            share = later
+        return np.where(self.fins, total / _SERVO_PARTS, target), share
+
+    def _midway(self, velocity: Array, body: Array | None) -> tuple[Array, Array]:
+        """Rotation and position about the middle of a step; level at the origin where no body is given."""
+        if body is None:
+            return np.broadcast_to(np.eye(3), (*velocity.shape[:-1], 3, 3)), np.zeros(3)
+        body = np.broadcast_to(body, (*velocity.shape[:-1], 7))
+        middle = self.moved_to(body, self.control_dt / 2 * self._six(velocity))
+        return rotation_matrix(middle[..., 3:]), middle[..., :3]
+
+    def _six(self, followed: Array) -> Array:
+        full = np.zeros((*followed.shape[:-1], 6))
+        full[..., self.degrees] = followed
         return full
+
+
+def motion_of(vehicle: Vehicle, task: Task) -> SourceMotion:
+    """Of a source vehicle (empty batch) in a task: its control step, its axes, its speed."""
+    return SourceMotion(vehicle, task.control_dt, task.axes, cruise_speed(task))

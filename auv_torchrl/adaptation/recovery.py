@@ -19,7 +19,9 @@ from auv_torchrl.vehicle import Vehicle
 from auv_torchrl.vehicle_tensors import tensors
 
 BACK_M = 0.05  # a vehicle has recovered once it stays closer than this to the target
+BACK_RAD = 0.05  # and, where it steers by its heading, turns off from its course by less
 FELT_N = 1.0  # a change is felt once a thruster gives this much more or less than it would have before
+FELT_RAD = 0.01  # or a fin stands off by this much
 _APART_S = 0.1  # s; a change that is felt as soon as this needs no moment of its own
 
 
@@ -30,6 +32,7 @@ class Recovery:
     time_s: Tensor  # from the change until the vehicle is closer than 5 cm for good; infinite if never
     largest_m: Tensor  # largest error after the change
     steady_m: Tensor  # mean error from 10 s after the change on; NaN where the next change comes before
+    steady_rad: Tensor  # likewise of the heading
     felt_s: Tensor  # from the change until it first alters a thrust; infinite if it never does
     alarm_s: Tensor  # from the change until the first alarm; infinite if there is none
     delay_s: Tensor  # to the first alarm from when the change was felt, or came if no thrust is altered
@@ -52,6 +55,7 @@ class Recovery:
             "recovery_s": _spread(self.time_s),
             "largest_m": _spread(self.largest_m),
             "steady_m": {"mean": _number(steady.mean()), "worst": _number(steady.max())} if len(steady) else None,
+            "steady_rad": _number(self.steady_rad.nanmean()),
         }
 
 
@@ -66,7 +70,9 @@ def _number(value: Tensor) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s: Tensor | None = None) -> Recovery:
+def recoveries(
+    flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s: Tensor | None = None, steering: bool = False
+) -> Recovery:
     """Judge N flights of vehicles that each change at ``change_s`` (N,).
 
     Args:
@@ -74,6 +80,7 @@ def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s:
         change_s: s since the start of the flight.
         before: the vehicle (empty batch) before the change.
         until_s: (N,) when the next change comes; None for none.
+        steering: whether vehicles steer by their heading, so that being back is that of the heading, too.
 
     Raises:
         ValueError: if a flight ends less than 10 s after its last change.
@@ -87,11 +94,16 @@ def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s:
     if until_s is not None:
         after &= time <= until_s.double()[:, None]
     error = flight.position_error.double()
-    outside = after & (error >= BACK_M)
+    off = error >= BACK_M
+    if steering:
+        off |= flight.heading_error.double() >= BACK_RAD
+    outside = after & off
     last = torch.where(outside, since, 0.0).amax(1)
     final = torch.where(after, torch.arange(after.shape[1]), 0).amax(1, keepdim=True)
     never = outside.gather(1, final)[:, 0]
-    felt = _first(altered_thrust(flight, before).abs().amax(-1) > FELT_N, after, since)
+    least = torch.full_like(flight.thrust[0, 0].double(), FELT_N)
+    least[list(before.fins)] = FELT_RAD
+    felt = _first((altered_thrust(flight, before).abs() > least).any(-1), after, since)
     alarm = _first(flown.alarm, after, since)
     follows = after & (since > alarm[:, None])
     settled = _first(flown.phase == FOLLOWING, follows, since)
@@ -100,6 +112,7 @@ def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s:
         time_s=torch.where(never, torch.inf, last),
         largest_m=torch.where(after, error, 0.0).amax(1),
         steady_m=torch.where(late, error, 0.0).sum(1) / late.sum(1),
+        steady_rad=torch.where(late, flight.heading_error.double(), 0.0).sum(1) / late.sum(1),
         felt_s=felt,
         alarm_s=alarm,
         delay_s=(alarm - torch.where(felt.isfinite(), felt, 0.0)).clamp_min(0.0),
@@ -110,7 +123,10 @@ def recoveries(flown: AdaptedFlight, change_s: Tensor, before: Vehicle, until_s:
 
 
 def altered_thrust(flight: Flight, before: Vehicle) -> Tensor:
-    """What each thruster gives beyond what it would have given before the change, N, (N, T + 1, n) float64."""
+    """What each thruster gives beyond what it would have given before the change, N, (N, T + 1, n) float64.
+
+    Of a fin it is the angle in rad by which it stands off.
+    """
     c = prepare(tensors(before))
     terms = ActiveTerms.of(c)
     expected = applied_thrust(c, terms, thrust_target(c, terms, flight.command.double()), flight.time.double())

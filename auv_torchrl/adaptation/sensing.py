@@ -1,5 +1,6 @@
 """From measured states to what the filter reads, and which measurements can be used."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,16 +11,16 @@ from auv_torchrl.physics.kinematics import heading_of, wrap_angle
 from auv_torchrl.vehicle import CONTROLLED_INDEX
 
 Array = Any
-VELOCITY = [7 + index for index in CONTROLLED_INDEX]  # in a state: position, quaternion, velocity
+VELOCITY = tuple(7 + index for index in CONTROLLED_INDEX)  # in a state: position, quaternion, velocity
 TILT_RATES = [10, 11]
 
 
 class Reading(NamedTuple):
-    """One measurement of N vehicles, float64."""
+    """One measurement of N vehicles in D degrees of freedom, float64."""
 
-    raw: Array  # (N, 8) velocity, position, heading, as measured; velocity 0 where only the pose is
-    measured: Array  # (N, 4) speed, or displacement since the motion began
-    variance: Array  # (N, 4)
+    raw: Array  # (N, D + 4) velocity, position, heading, as measured; velocity 0 where only the pose is
+    measured: Array  # (N, D) speed, or displacement since the motion began
+    variance: Array  # (N, D)
 
 
 class Sensing(Memory):
@@ -30,21 +31,22 @@ class Sensing(Memory):
     Args:
         config: what is measured, how well.
         count: number of vehicles N.
+        velocity: places of the D velocities in a state: position, quaternion, velocity.
     """
 
     pose: Array  # (N, 4) the last one that was usable
     travelled: Array  # (N, 4) displacement up to it
 
-    def __init__(self, config: AdaptationConfig, count: int):
+    def __init__(self, config: AdaptationConfig, count: int, velocity: Sequence[int] = VELOCITY):
         super().__init__()
-        self.config = config
+        self.config, self.velocity = config, list(velocity)
         self.remember(pose=np.zeros((count, 4)), travelled=np.zeros((count, 4)))
 
     def read(self, state: Array) -> Reading:
         """What measured states (N, 13) say."""
         config = self.config
         state = np.where(np.isfinite(state).all(-1, keepdims=True), state, np.nan)  # one bad value spoils a measurement
-        velocity, position, heading = state[:, VELOCITY], state[:, :3], heading_of(state[:, 3:7])
+        velocity, position, heading = state[:, self.velocity], state[:, :3], heading_of(state[:, 3:7])
         if config.sensed == "pose":
             velocity = 0.0 * velocity
         raw = np.concatenate((velocity, position, heading[:, None]), axis=-1)
@@ -61,18 +63,18 @@ class Sensing(Memory):
         if self.config.sensed == "velocity":
             return state
         state = state.copy()
-        state[:, VELOCITY] = velocity
+        state[:, self.velocity] = velocity
         state[:, TILT_RATES] = 0.0  # of a vehicle that its weight holds level
         return state
 
     def accept(self, reading: Reading, rows: Array) -> None:
         """The next displacement counts from this reading in these rows, (N,) bool."""
-        self.pose[rows] = reading.raw[rows, 4:]
+        self.pose[rows] = reading.raw[rows, -4:]
         self.travelled[rows] = reading.measured[rows] if self.config.sensed == "pose" else 0.0
 
     def restart(self, reading: Reading, rows: Array) -> None:
         """Displacement is 0 at this reading in these rows."""
-        self.pose[rows] = np.nan_to_num(reading.raw[rows, 4:])
+        self.pose[rows] = np.nan_to_num(reading.raw[rows, -4:])
         self.travelled[rows] = 0.0
 
 
@@ -99,12 +101,12 @@ class MeasurementGuard(Memory):
     Args:
         count: number of vehicles N.
         control_dt: s between two measurements.
-        reach: (4,) change of a measured value in one step by the full wrench.
-        slack: (4,) difference that noise and uncertainty explain.
+        reach: (D,) change of a measured value in one step by the full wrench.
+        slack: (D,) difference that noise and uncertainty explain.
         config: says how late and how far off a measurement may be.
     """
 
-    previous: Array  # (N, 8) the last measurement
+    previous: Array  # (N, D + 4) the last measurement
     time: Array  # (N,) s, of it
     impossible: Array  # (N,) number of impossible measurements in a row
 
@@ -112,7 +114,7 @@ class MeasurementGuard(Memory):
         super().__init__()
         self.control_dt, self.config = control_dt, config
         self.bound = config.largest_reach * reach + slack
-        nothing = np.full((count, 8), np.nan)
+        nothing = np.full((count, len(reach) + 4), np.nan)
         self.remember(previous=nothing, time=np.full(count, np.nan), impossible=np.zeros(count, dtype=np.int64))
 
     def begin(self, rows: Array) -> None:
@@ -125,9 +127,9 @@ class MeasurementGuard(Memory):
         """One measurement of each vehicle.
 
         Args:
-            raw: (N, 8) everything measured, to be compared bit by bit with the one before.
+            raw: (N, D + 4) everything measured, to be compared bit by bit with the one before.
             time: (N,) s.
-            difference: (N, 4) measured less expected; NaN where the measurement is.
+            difference: (N, D) measured less expected; NaN where the measurement is.
             pushing: (N,) bool, whether any thruster was commanded to push.
         """
         finite = np.isfinite(raw).all(-1) & np.isfinite(difference).all(-1) & np.isfinite(time)

@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.memory import Memory
 from auv_torchrl.adaptation.motion import SourceMotion
-from auv_torchrl.adaptation.sensing import VELOCITY, turned
+from auv_torchrl.adaptation.sensing import turned
 from auv_torchrl.physics.kinematics import heading_of, quaternion_from_euler, quaternion_product
 from auv_torchrl.physics.thrusters import delayed
 
@@ -23,26 +23,25 @@ class ActuatorTiming(Memory):
 
     Args:
         count: number of vehicles N.
-        nominal: (4, n) wrench per share of the source vehicle.
-        control_dt: s.
+        motion: of the source vehicle.
         config: says which delays and lags there may be.
     """
 
     chosen: Array  # (N,) number of the timing
     shares: Array  # (N, steps, n) commanded, newest first
-    wrenches: Array  # (N, steps, 4) that explain the motion, newest first
+    wrenches: Array  # (N, steps, D) that explain the motion, newest first
     arrived: Array  # (N, n) thrust under the chosen timing, at the end of the last step
 
-    def __init__(self, count: int, nominal: Array, control_dt: float, config: AdaptationConfig):
+    def __init__(self, count: int, motion: SourceMotion, config: AdaptationConfig):
         super().__init__()
-        n = nominal.shape[1]
+        n = motion.per_share.shape[1]
         self.config = config
         there_are = [(0.0, 0.0), *itertools.product(config.delays_s, config.lags_s)]  # the first is none
         self.timings = np.array(list(dict.fromkeys(there_are)))
-        self.control_dt, self.unit = control_dt, np.abs(nominal).sum(-1)
-        self.nominal = nominal
+        self.control_dt, self.unit = motion.control_dt, motion.full_wrench
+        self.nominal = motion.per_share
         self.remember(chosen=np.zeros(count, dtype=np.int64), shares=np.zeros((count, _MEMORY, n)))
-        self.remember(wrenches=np.full((count, _MEMORY, 4), np.nan), arrived=np.zeros((count, n)))
+        self.remember(wrenches=np.full((count, _MEMORY, motion.size), np.nan), arrived=np.zeros((count, n)))
 
     def begin(self, rows: Array) -> None:
         """Thrusters are silent in these rows; the timing that was found stays."""
@@ -60,7 +59,7 @@ class ActuatorTiming(Memory):
         return mean
 
     def learn(self, wrench: Array) -> None:
-        """Remember the wrenches (N, 4) that explain the last step; NaN where it could not be measured."""
+        """Remember the wrenches (N, D) that explain the last step; NaN where it could not be measured."""
         self.wrenches = np.concatenate((wrench[:, None], self.wrenches[:, :-1]), axis=1)
 
     def judge(self, row: int, steps: int) -> bool:
@@ -97,7 +96,7 @@ class ActuatorTiming(Memory):
         thrust, _ = self._arrivals(row, steps, delay, lag)
         x = np.concatenate((thrust[known], np.ones((int(known.sum()), 1))), axis=1)
         y = wrench[known]
-        prior = np.concatenate((self.nominal / self.unit[:, None], np.zeros((4, 1))), axis=1).T
+        prior = np.concatenate((self.nominal / self.unit[:, None], np.zeros((len(self.unit), 1))), axis=1).T
         gram = x.T @ x + _RIDGE * np.eye(x.shape[1])
         fit = np.linalg.solve(gram, x.T @ y + _RIDGE * prior)
         return float(np.square(y - x @ fit).sum() / max(len(x) - x.shape[1], 1))
@@ -138,12 +137,12 @@ def look_ahead(
     """States (N, 13) and times (N,) that are expected when thrust has followed; the same where it is not late.
 
     Args:
-        motion: of the source vehicle; roll, pitch and their rates are taken to stay as they are.
+        motion: of the source vehicle; where it is level, roll, pitch and their rates are taken to stay as they are.
         state: (N, 13) measured position, quaternion and velocity; rows with other than numbers are left as they are.
         time: (N,) s since the episodes began.
         timing: of the N vehicles, with the thrusts that are on their way.
-        effectiveness: (N, 4, n) wrench per share.
-        constant: (N, 4) wrench that acts without the thrusters.
+        effectiveness: (N, D, n) wrench per share.
+        constant: (N, D) wrench that acts without the thrusters.
     """
     rows = (timing.late_s() > 0).nonzero()[0]
     rows = rows[np.isfinite(state[rows]).all(-1)]
@@ -151,18 +150,22 @@ def look_ahead(
         return state, time
     state, time = state.copy(), time.copy()
     steps = np.ceil(timing.late_s()[rows] / motion.control_dt - 1e-9).astype(int)
-    velocity, position, turn = state[rows][:, VELOCITY], state[rows, :3], np.zeros(len(rows))
-    heading = heading_of(state[rows, 3:7])
+    velocity, body = state[rows][:, motion.velocity_rows], state[rows, :7]
     for k, thrust in enumerate(timing.coming(rows, int(steps.max()))):
-        wrench = (effectiveness[rows] @ thrust[..., None])[..., 0] + constant[rows]
-        moved, reached = motion.advance(velocity, wrench)
+        wrench = (effectiveness[rows] @ (motion.flow(velocity) * thrust)[..., None])[..., 0] + constant[rows]
+        moved, reached = motion.advance(velocity, wrench, None if motion.is_level else body)
         going = (k < steps)[:, None]
         moved, velocity = np.where(going, moved, 0.0), np.where(going, reached, velocity)
-        position = position + turned(moved[:, :3], heading + turn + moved[:, 3] / 2)
-        turn = turn + moved[:, 3]
-    level = np.zeros_like(turn)
-    state[rows, :3] = position
-    state[rows, 3:7] = quaternion_product(quaternion_from_euler(level, level, turn), state[rows, 3:7])
-    state[np.ix_(rows, VELOCITY)] = velocity
+        body = _turned_level(body, moved) if motion.is_level else motion.moved_to(body, moved)
+    state[rows, :7] = body
+    state[np.ix_(rows, motion.velocity_rows)] = velocity
     time[rows] += steps * motion.control_dt
     return state, time
+
+
+def _turned_level(body: Array, moved: Array) -> Array:
+    """Position and quaternion (k, 7) after displacements (k, 4) of a vehicle whose roll and pitch stay as they are."""
+    turn, level = moved[:, 3], np.zeros(len(moved))
+    position = body[:, :3] + turned(moved[:, :3], heading_of(body[:, 3:]) + turn / 2)
+    quaternion = quaternion_product(quaternion_from_euler(level, level, turn), body[:, 3:])
+    return np.concatenate((position, quaternion), axis=-1)

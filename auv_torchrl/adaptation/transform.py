@@ -1,4 +1,4 @@
-"""Between a policy of four channels and an environment of thruster commands: what every map to the thrusters shares."""
+"""Between a policy of channels and an environment of thruster commands: what every map to the thrusters shares."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -14,24 +14,26 @@ from auv_torchrl.ddr.transform import CommandMap
 from auv_torchrl.envs.start import BODY, EXPECTED, MEASURED, TIME
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle
 
 Array = Any
 
 
 class ThrusterTransform(CommandMap):
-    """Turns channels (N, 4) into thruster commands (N, n), on numpy.
+    """Turns channels (N, a) into thruster commands (N, n), on numpy.
 
     A map says which thrusts it wants (:meth:`thrusts`) and may learn from every step (:meth:`learn`).
 
     Args:
         vehicle: one vehicle (empty batch), the source.
+        task: of the environment, for its axes and speed; None for one that hovers.
         reports: entries that the map writes beside ``applied_action``.
     """
 
-    def __init__(self, vehicle: Vehicle, reports: Sequence[str] = ()):
+    def __init__(self, vehicle: Vehicle, task: Task | None = None, reports: Sequence[str] = ()):
         super().__init__(reports=reports)
-        self.actuation = Actuation(vehicle)
+        self.actuation = Actuation(vehicle) if task is None else Actuation(vehicle, task.axes, cruise_speed(task))
         c = prepare(vehicle)
         self._terms, self._coefficients = ActiveTerms.of(c), c
         self._mixer = array(self.actuation.mixer)
@@ -72,7 +74,7 @@ class ThrusterTransform(CommandMap):
 
     @torch.no_grad()
     def translate(self, action: Tensor) -> Tensor:
-        """Thruster commands (N, n) in [-1, 1] for the source policy's actions (N, 4)."""
+        """Thruster commands (N, n) in [-1, 1] for the source policy's actions (N, a)."""
         channels = array(action)
         sane = np.isfinite(channels).all(-1, keepdims=True)
         channels = np.clip(np.where(sane, channels, 0.0), -1.0, 1.0)

@@ -21,7 +21,7 @@ from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.pretraining import PretrainingConfig, pretrain
 from auv_torchrl.files import write_whole
-from auv_torchrl.tasks import Task
+from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle
 from auv_torchrl.vehicle_file import described
 
@@ -136,9 +136,12 @@ def _read(path: Path, shaping: Mapping[str, Any], shape: Mapping[str, Tensor]) -
 
 def ingredients(vehicle: Vehicle, task: Task, config: PretrainingConfig) -> Mapping[str, Any]:
     """Everything that shapes F and R, as plain values."""
+    told: dict[str, Any] = {key: getattr(task, key) for key in ("control_dt", "tilt", "start_speed", "start_yaw_rate")}
+    if speed := cruise_speed(task):  # left out of a task that hovers, so that models kept before are found
+        told |= {"axes": list(task.axes), "speed": speed}
     return {
         "models_version": MODELS_VERSION,
         "vehicle": described(vehicle),
-        "task": {key: getattr(task, key) for key in ("control_dt", "tilt", "start_speed", "start_yaw_rate")},
+        "task": told,
         "pretraining": asdict(config),
     }

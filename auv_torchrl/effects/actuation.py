@@ -8,7 +8,18 @@ from array_api_compat import array_namespace
 
 from auv_torchrl.array_api import host, like, vector
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, of_thrusters, own, scales, sets
+from auv_torchrl.effects.effect import (
+    Array,
+    Effect,
+    Origin,
+    Parameter,
+    PartAbsent,
+    changed,
+    of_thrusters,
+    own,
+    scales,
+    sets,
+)
 from auv_torchrl.effects.fins import fin_gain
 from auv_torchrl.effects.trial import Same, Scan, Trial
 from auv_torchrl.vehicle import Vehicle
@@ -60,8 +71,10 @@ def _read_swap(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
             )
         ring = list(ring)
         wrong_length = len(ring) != 2 if key == "pair" else len(ring) < 2
-        if wrong_length or len(set(ring)) != len(ring) or not set(ring) <= set(numbers):
-            raise ValueError(f"effect thruster_swap: {key} is {ring}: give different thrusters out of {list(numbers)}")
+        absent = not set(ring) <= set(numbers)
+        if wrong_length or absent or len(set(ring)) != len(ring):
+            problem = PartAbsent if absent else ValueError
+            raise problem(f"effect thruster_swap: {key} is {ring}: give different thrusters out of {list(numbers)}")
         for giver, receiver in zip(ring, ring[1:] + ring[:1], strict=True):
             settings[f"command_{receiver}"] = giver
     turned = settings.pop("reversed", [])

@@ -30,6 +30,10 @@ class Origin(StrEnum):
     SENSING = "sensing"
 
 
+class PartAbsent(ValueError):
+    """An effect is to act on a thruster or a fin that the vehicle does not have."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect, or one per thruster or degree of freedom, with unit and bounds."""
@@ -159,6 +163,7 @@ class Effect:
 
         Raises:
             ValueError: for an unknown parameter, a value that is no number or lies outside the bounds.
+            PartAbsent: for the parameter of a thruster that the vehicle does not have.
         """
         settings = dict(settings)
         if self.shorthand is not None:
@@ -172,13 +177,19 @@ class Effect:
         values: dict[str, float] = {}
         for name, value in given.items():
             if name not in declared:
-                raise ValueError(f"effect {self.name}: no parameter {name!r}: {choices([name], declared)}")
+                problem = PartAbsent if self._of_thruster(name) else ValueError
+                raise problem(f"effect {self.name}: no parameter {name!r}: {choices([name], declared)}")
             p = declared[name]
             if isinstance(value, bool) or not isinstance(value, int | float) or not p.low <= value <= p.high:
                 bounds = with_unit(f"[{p.low:g}, {p.high:g}]", "" if p.unit == "1" else p.unit)
                 raise ValueError(f"effect {self.name}: {name} is {value!r}: give a number in {bounds}")
             values[name] = float(value)
         return values
+
+    def _of_thruster(self, name: str) -> bool:
+        """Whether a parameter would be that of a thruster, if there were one of its number."""
+        family, _, number = name.rpartition("_")
+        return number.isdigit() and any(p.name == family and p.over == "thruster" for p in self.parameters)
 
     def apply(self, vehicle: Vehicle, values: Values) -> Vehicle:
         """The changed vehicle; parameters that are not given stay nominal, batches broadcast.

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from auv_torchrl.effects import advice
-from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, adds, changed, of_fins, scales
+from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, PartAbsent, adds, changed, of_fins, scales
 from auv_torchrl.effects.trial import Scan, Trial
 from auv_torchrl.vehicle import Vehicle
 
@@ -15,12 +15,12 @@ def _fins_alone(effect: str) -> Callable[[Vehicle, Mapping[str, Any]], dict[str,
     def read(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
         fins = [index + 1 for index in vehicle.fins]
         if settings and not fins:
-            raise ValueError(f"effect {effect}: the vehicle has no fins: give one whose file has fins.area")
+            raise PartAbsent(f"effect {effect}: the vehicle has no fins: give one whose file has fins.area")
         for name in settings:
             number = str(name).rpartition("_")[2]
             if number.isdigit() and int(number) <= vehicle.thrusters and int(number) not in fins:
                 there = ", ".join(map(str, fins))
-                raise ValueError(f"effect {effect}: {name}: thruster {number} is no fin: the fins are {there}")
+                raise PartAbsent(f"effect {effect}: {name}: thruster {number} is no fin: the fins are {there}")
         return dict(settings)
 
     return read

@@ -13,7 +13,7 @@ from torchrl.envs import TransformedEnv
 from auv_torchrl.adaptation import InFlightAdapter
 from auv_torchrl.adaptation.config import SETTLED_S
 from auv_torchrl.adaptation.flight import AdaptedFlight, cost_per_step, fly_adapting, gains
-from auv_torchrl.adaptation.recovery import BACK_M, Moment, Recovery, moments, recoveries
+from auv_torchrl.adaptation.recovery import BACK_M, BACK_RAD, Moment, Recovery, moments, recoveries
 from auv_torchrl.authority import Authority, controlled_allocation
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import FleetEnv
@@ -23,6 +23,7 @@ from auv_torchrl.experiment.setup import Experiment
 from auv_torchrl.flight import Flight
 from auv_torchrl.quantities import counted, percent, quantity, words
 from auv_torchrl.recording import OneFlight
+from auv_torchrl.tasks import cruise_speed
 from auv_torchrl.vehicle import Vehicle
 
 TIMED_STEPS = 120  # control steps in which the adapter's cost is measured
@@ -38,6 +39,8 @@ class InFlight:
     adapted: AdaptedFlight
     alone: Flight
     recovered: tuple[Recovery, ...]  # by change
+    axes: tuple[str, ...]  # that are controlled
+    speed: float  # ahead in m/s; 0 of a vehicle that hovers
     remaining: Authority  # what most vehicles can still do at the end, as estimated in flight
     agreeing: float  # share of the flights that estimate so
     cost_ms: tuple[float, float]  # CPU time per control step of one vehicle: following, searching
@@ -61,7 +64,7 @@ class InFlight:
 
         Args:
             start: which flight.
-            nominal: (4, n) effectiveness of the healthy vehicle.
+            nominal: (a, n) effectiveness of the healthy vehicle.
         """
         flown = self.adapted.of_start(start)
         healthy = torch.as_tensor(nominal, dtype=torch.float64)
@@ -69,12 +72,12 @@ class InFlight:
         true = torch.ones_like(estimated)
         for change in self.schedule.changes:
             since = flown.flight.time.double() > change.at_s[start]
-            true[since] = gains(torch.as_tensor(controlled_allocation(change.after)), healthy)
+            true[since] = gains(torch.as_tensor(controlled_allocation(change.after, self.axes, self.speed)), healthy)
         return estimated, true
 
     def one_flight(self, vehicle: Vehicle) -> OneFlight:
         """The shown flight for a recording; ``vehicle`` is the nominal one."""
-        estimated, true = self.gains_of(self.shown, controlled_allocation(vehicle))
+        estimated, true = self.gains_of(self.shown, controlled_allocation(vehicle, self.axes, self.speed))
         return OneFlight(
             vehicle, self.adapted.of_start(self.shown), self.alone.of_start(self.shown), estimated, true,
             self.moments_of(self.shown), self.summary(),
@@ -87,6 +90,11 @@ class InFlight:
         if number + 1 < len(self.schedule.changes):
             late &= time <= self.schedule.changes[number + 1].at_s[:, None]
         return torch.where(late, error, 0.0).sum(1) / late.sum(1)
+
+    def alone_heading_rad(self, number: int) -> float:
+        """Likewise the mean heading error of u_s alone, over the flights."""
+        time, late = self.alone.time.double(), self.schedule.changes[number].at_s[:, None] + SETTLED_S
+        return float(self.alone.heading_error.double()[time >= late].mean())
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -125,7 +133,7 @@ class InFlight:
         lines = []
         for number in range(len(self.recovered)):
             lines.append(f"In flight: {self._of_shown(number)}. {self._of_all(number)}")
-        if len(self.remaining.independent) < 4:
+        if len(self.remaining.independent) < len(self.axes):
             lines.append(f"In flight, {percent(self.agreeing)} of the flights find: {self.remaining}")
         return "\n".join(lines)
 
@@ -149,10 +157,14 @@ class InFlight:
             text += f" (90 % within {found['delay_s']['p90']:.2f} s{felt})"
         back = found["recovery_s"]["p90"]
         text += ", fewer than 90 %" if back is None else ", 90 %"
-        text += f" were within {quantity(BACK_M, 'm', 1)} for good" + ("" if back is None else f" after {back:.2f} s")
+        near = quantity(BACK_M, "m", 1) + (f" and {quantity(BACK_RAD, 'rad')}" if self.speed else "")
+        text += f" were within {near} for good" + ("" if back is None else f" after {back:.2f} s")
         if found["steady_m"]:
             text += f"; mean error from {SETTLED_S:g} s on {_metres(found['steady_m']['mean'])}"
             text += f", u_s alone {_metres(float(alone.mean()))}"
+        if self.speed and found["steady_rad"] is not None:
+            headings = (found["steady_rad"], self.alone_heading_rad(number))
+            text += "; heading error {}, u_s alone {}".format(*(quantity(angle, "rad") for angle in headings))
         return f"{text}."
 
 
@@ -188,16 +200,17 @@ def fly_in_flight(experiment: Experiment, policy: Policy) -> InFlight:
         return made
 
     adapted = fly_adapting(TransformedEnv(fleet(True), observing(adapter, task)), policy, starts, task.steps)
+    axes, speed = experiment.task.axes, cruise_speed(task)
     alone = fly(fleet(False), policy, starts, task.steps)
     nexts = [change.at_s for change in plan.changes[1:]] + [None]
     recovered = tuple(
-        recoveries(adapted, change.at_s, change.before, until)
+        recoveries(adapted, change.at_s, change.before, until, steering=speed > 0)
         for change, until in zip(plan.changes, nexts, strict=True)
     )
     _warn_of_early_faults(adapted, plan)
     remaining, agreeing = _consensus(adapter, recovered[-1])
-    cost = cost_per_step(experiment.vehicle, experiment.adaptation, TIMED_STEPS)
-    return InFlight(plan, adapted, alone, recovered, remaining, agreeing, cost)
+    cost = cost_per_step(experiment.vehicle, experiment.adaptation, TIMED_STEPS, task)
+    return InFlight(plan, adapted, alone, recovered, axes, speed, remaining, agreeing, cost)
 
 
 def _warn_of_early_faults(adapted: AdaptedFlight, plan: Schedule) -> None:

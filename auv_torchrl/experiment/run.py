@@ -116,11 +116,6 @@ def change_in_flight(experiment: Experiment, policy: SourcePolicy, stages: Stage
     if not experiment.flight.fly:
         stages.skip(1, "No flight in which the vehicle changes: flight.fly is false")
         return None
-    if experiment.task.axes != CONTROLLED:
-        stages.skip(
-            1, f"No flight in which the vehicle changes: the adaptation in flight is of {', '.join(CONTROLLED)}"
-        )
-        return None
     with stages(f"Fly them once more: {words(experiment.scenario.name)} sets in during the flight"):
         return fly_in_flight(experiment, policy.module)
 

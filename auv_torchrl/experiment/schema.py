@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.agents.config import AGENTS, FineTuning
@@ -19,8 +19,10 @@ from auv_torchrl.envs.make import BACKENDS
 from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.hydra_command.config_source import check_config_files, store_schema
 from auv_torchrl.paths import ENDINGS, config_names, config_path
+from auv_torchrl.scenario import scenarios_of
 from auv_torchrl.settings import In, Seed
 from auv_torchrl.tasks import TASKS
+from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.yaml_file import read_yaml
 
 DEFAULT_RANDOMIZATION = "default"
@@ -75,6 +77,12 @@ def randomization_of(vehicle: str) -> str:
     return OWN_RANDOMIZATION if is_calibrated(vehicle) else DEFAULT_RANDOMIZATION
 
 
+def swept_scenarios(vehicle: DictConfig) -> str:
+    """The scenarios of a vehicle, as composed, in the form in which Hydra sweeps over them."""
+    content: Any = OmegaConf.to_container(vehicle, resolve=True)
+    return ",".join(scenarios_of(load_vehicle(content)))
+
+
 def is_calibrated(vehicle: str) -> bool:
     """Whether the file of a vehicle, by name or path, is one that ``auv-calibrate`` wrote."""
     try:
@@ -85,10 +93,11 @@ def is_calibrated(vehicle: str) -> bool:
 
 
 def register() -> None:
-    """Make known to Hydra ``train_schema``, ``<name>_schema`` of each task and agent, and :func:`randomization_of`."""
+    """Make known to Hydra ``train_schema``, ``<name>_schema`` of each task and agent, and resolvers of files."""
     check_config_files()
     ConfigStore.instance().store("train_schema", TrainSchema)
     OmegaConf.register_new_resolver("randomization_of", randomization_of, replace=True)
+    OmegaConf.register_new_resolver("scenarios_of", swept_scenarios, replace=True)
     for group, registry in (("task", TASKS), ("agent", AGENTS)):
         for name, kind in registry.items():
             given: list[Any] = [("name", str, field(default=name))]

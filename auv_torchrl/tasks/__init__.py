@@ -9,6 +9,7 @@ from auv_torchrl.settings import choices
 from auv_torchrl.tasks.cruise import Cruise
 from auv_torchrl.tasks.following import Following, StationKeeping
 from auv_torchrl.tasks.recorded import Recorded
+from auv_torchrl.tasks.route import Route
 from auv_torchrl.tasks.task import Reference, Task
 from auv_torchrl.tasks.tracking import (
     Circle,
@@ -26,7 +27,7 @@ from auv_torchrl.tasks.waypoints import Waypoints
 TASKS: Registry[type[Task]] = Registry(
     "tasks",
     Task,
-    (StationKeeping, Waypoints, Line, Square, Lawnmower, Lemniscate, Circle, Helix, Recorded, Docking, Cruise),
+    (StationKeeping, Waypoints, Line, Square, Lawnmower, Lemniscate, Circle, Helix, Recorded, Docking, Cruise, Route),
 )
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "Line",
     "Recorded",
     "Reference",
+    "Route",
     "Square",
     "StationKeeping",
     "Task",

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 
 from array_api_compat import array_namespace
 
@@ -21,6 +21,15 @@ Weight = Annotated[float, In("[0, 1000]")]
 _SURFACE = ("surge_speed_error", "sway_speed", "yaw_rate", "heading_error_sin", "heading_error_cos")
 _DEPTH = ("heave_speed", "error_z", "near_z")
 _TILT = ("roll_rate", "pitch_rate", "down_x", "down_y")
+
+
+class Steering(NamedTuple):
+    """What is off, (...) each."""
+
+    heading: Array  # rad, of the one that is wanted, any number of turns beside
+    depth: Array  # m
+    across: Array  # m, the way of a path; 0 where there is none
+    turning: Array  # rad/s, that is wanted
 
 
 @dataclass(frozen=True)
@@ -83,30 +92,26 @@ class Cruise(Underway):
         anywhere = xp.asarray([True, True, not self.dives], device=time.device)
         return resting._replace(position=position, velocity=velocity, free=anywhere)
 
-    def _off(self, position: Array) -> Array:
-        """What is off in a position (..., 3): nothing north and east."""
+    def steering(self, position: Array, quaternion: Array, velocity: Array) -> Steering:
+        """What is off in a depth and a heading that stay the same."""
         xp = array_namespace(position)
         zero = xp.zeros_like(position[..., 2])
-        return xp.stack((zero, zero, position[..., 2] if self.dives else zero), axis=-1)
+        return Steering(heading_of(quaternion), position[..., 2] if self.dives else zero, zero, zero)
 
     def miss(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
         """Depth error, a metre for each radian of the heading error, and half a metre for each m/s of speed."""
-        xp = array_namespace(position)
-        depth = xp.abs(self._off(position)[..., 2])
-        return depth + self._turned(quaternion) + 0.5 * xp.abs(velocity[..., 0] - self.speed)
-
-    def _turned(self, quaternion: Array) -> Array:
-        """Absolute heading error (...) in rad."""
-        return array_namespace(quaternion).abs(least_turn(heading_of(quaternion)))
+        xp, off = array_namespace(position), self.steering(position, quaternion, velocity)
+        turned = xp.abs(least_turn(off.heading)) + xp.abs(off.across)
+        return xp.abs(off.depth) + turned + 0.5 * xp.abs(velocity[..., 0] - self.speed)
 
     def observe(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
         """Observation (..., d) of measured position (..., 3), quaternion (..., 4) and body velocity (..., 6)."""
         xp = array_namespace(position, quaternion, velocity)
-        rotation = rotation_matrix(quaternion)
-        heading = -xp.atan2(rotation[..., 1, 0], rotation[..., 0, 0])
-        parts = [velocity[..., 0] - self.speed, velocity[..., 1], velocity[..., 5], xp.sin(heading), xp.cos(heading)]
+        rotation, off = rotation_matrix(quaternion), self.steering(position, quaternion, velocity)
+        turning = velocity[..., 5] - off.turning
+        parts = [velocity[..., 0] - self.speed, velocity[..., 1], turning, xp.sin(-off.heading), xp.cos(off.heading)]
         if self.dives:
-            error = -position[..., 2]
+            error = -off.depth
             parts += [velocity[..., 2], xp.tanh(error), xp.tanh(error / self.near_scale_m)]
         if self.tilt:
             parts += [velocity[..., 3], velocity[..., 4], rotation[..., 2, 0], rotation[..., 2, 1]]
@@ -119,19 +124,20 @@ class Cruise(Underway):
         time constant. A depth shows what fins do seconds later, and at first the other way.
         """
         xp = array_namespace(position, quaternion, velocity)
-        turning = xp.sqrt(xp.sum(velocity[..., 3:] ** 2, axis=-1) + 1e-12) - 1e-6  # with a slope at rest
+        off = self.steering(position, quaternion, velocity)
+        rates = xp.concat((velocity[..., 3:5], (velocity[..., 5] - off.turning)[..., None]), axis=-1)
+        turning = xp.sqrt(xp.sum(rates**2, axis=-1) + 1e-12) - 1e-6  # with a slope at rest
         return -(
-            self.depth_weight * xp.abs(self._expected_depth(position, quaternion, velocity))
-            + self.heading_weight * self._turned(quaternion)
+            self.depth_weight * xp.abs(self._expected_depth(off.depth, quaternion, velocity))
+            + self.heading_weight * xp.abs(least_turn(off.heading))
             + self.speed_weight * xp.abs(velocity[..., 0] - self.speed)
             + self.turning_weight * turning
             + self.action_weight * xp.sqrt(xp.sum(action**2, axis=-1))
         )
 
-    def _expected_depth(self, position: Array, quaternion: Array, velocity: Array) -> Array:
+    def _expected_depth(self, depth: Array, quaternion: Array, velocity: Array) -> Array:
         """Error (...) of depth in m that is expected; far off one as large as what is sunk at the steepest."""
-        xp = array_namespace(position, quaternion, velocity)
-        depth = self._off(position)[..., 2]
+        xp = array_namespace(depth, quaternion, velocity)
         if not self.dives or not self.ahead_s:
             return depth
         most = self.ahead_s * self.speed * math.sin(self.steepest)

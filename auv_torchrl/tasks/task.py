@@ -29,6 +29,7 @@ class Reference(NamedTuple):
     velocity: Array = None  # (..., 6) m/s and rad/s, along the axes of the earth; None for one that rests
     heading: Array = None  # (...) rad, where it is known without the quaternion
     free: Array = None  # (3,) bool, coordinates in which any position will do; None for none
+    path: Any = None  # of which any point will do, with a method ``foot``; None where only the one of the time will
 
     @classmethod
     def resting(cls, position: Array) -> Self:
@@ -44,10 +45,13 @@ class Reference(NamedTuple):
         return heading_of(self.quaternion) if self.heading is None else self.heading
 
     def nearest(self, position: Array) -> Array:
-        """Where a vehicle at a position (..., 3) should be, m: along free coordinates where it is."""
-        if self.free is None:
-            return self.position
-        return array_namespace(position).where(self.free, position, self.position)
+        """Where a vehicle at a position (..., 3) should be, m: along free coordinates or a path where it is."""
+        wanted = self.position if self.path is None else self.path.foot(position).position
+        return wanted if self.free is None else array_namespace(position).where(self.free, position, wanted)
+
+    def attitude(self, position: Array) -> Array:
+        """Quaternion (..., 4) that a vehicle at a position (..., 3) should have: along a path where it is."""
+        return self.quaternion if self.path is None else self.path.foot(position).quaternion
 
     def moving(self, to_body: Array) -> Array:
         """Its velocity (..., 6) along axes that ``to_body`` (..., 3, 3) turns those of the earth to; 0 if it rests."""

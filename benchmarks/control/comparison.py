@@ -15,12 +15,12 @@ import torch
 from auv_torchrl.evaluation import Metrics
 from auv_torchrl.files import write_whole
 from auv_torchrl.paths import PROJECT
-from auv_torchrl.scenario import Scenario
+from auv_torchrl.scenario import Scenario, scenarios_of
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import provenance
 from benchmarks.control.comparison_tables import Cell, draw, report
 from benchmarks.control.methods import METHODS, Bench
-from benchmarks.control.source import STORE, hovering_scenarios, ranges, shipped_scenario, source_policy
+from benchmarks.control.source import STORE, ranges, shipped_scenario, source_policy
 
 CELLS = PROJECT / "outputs" / "comparison"
 PICTURE = PROJECT / "docs" / "results" / "comparison.png"
@@ -48,7 +48,7 @@ def cell(bench: Bench, method: str, folder: Path, fresh: bool) -> Cell:
 
 def main() -> None:
     """Fly what has not been flown, print Markdown, draw the picture."""
-    names = hovering_scenarios()
+    names = scenarios_of(load_vehicle("paper"))
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenarios", nargs="+", default=names, choices=names, help="default: all", metavar="NAME")
     parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=list(METHODS), metavar="METHOD")

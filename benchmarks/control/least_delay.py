@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from auv_torchrl.adaptation import AdaptationConfig
-from auv_torchrl.adaptation.filter import MOTION, VELOCITY, EffectivenessFilter
+from auv_torchrl.adaptation.filter import EffectivenessFilter
 from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.adaptation.recovery import altered_thrust
 from auv_torchrl.flight import Flight
@@ -54,7 +54,7 @@ def least_delays(flight: Flight, begins_s: Tensor, vehicle: Vehicle, config: Ada
     needed = math.log(3600 / config.false_alarms_per_hour / task.control_dt)
     for k in range(1, time.shape[1]):
         begun = time[:, k] >= begins_s.numpy()
-        belief.mean[:, VELOCITY] = velocity[:, k - 1]
+        belief.mean[:, kalman.velocity] = velocity[:, k - 1]
         step, _ = kalman.predict(belief, healthy[:, k], np.ones(count))
         moved = shift[:, :_D] + (step.by_velocity[:, :_D] @ shift[:, _D:, None])[..., 0]
         faster = (step.by_velocity[:, _D:] @ shift[:, _D:, None])[..., 0]
@@ -63,6 +63,6 @@ def least_delays(flight: Flight, begins_s: Tensor, vehicle: Vehicle, config: Ada
         innovation = kalman.update(belief, entries, belief.mean[:, entries].copy(), variance, everyone)
         seen = shift[:, entries, None]
         gathered += 0.5 * (seen * np.linalg.solve(innovation.spread, seen)).sum((1, 2))
-        shift -= (innovation.gain[:, MOTION] @ seen)[..., 0]
+        shift -= (innovation.gain[:, kalman.moving] @ seen)[..., 0]
         least = np.where(gathered >= needed, np.minimum(least, time[:, k] - begins_s.numpy()), least)
     return torch.from_numpy(least).clamp_min(0.0)

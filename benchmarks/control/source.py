@@ -7,7 +7,7 @@ from typing import Any
 from auv_torchrl.agents.config import AgentConfig, load_agent_config
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
-from auv_torchrl.paths import PROJECT, config_names, config_path
+from auv_torchrl.paths import PROJECT, config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle
@@ -15,11 +15,6 @@ from auv_torchrl.yaml_file import read_yaml
 
 BACKEND = "mujoco"
 STORE = PROJECT / "outputs" / "policies"
-
-
-def hovering_scenarios() -> list[str]:
-    """Names of the scenarios that a vehicle without fins can meet, in which all methods are compared."""
-    return [name for name in config_names("scenario") if not name.startswith("fin_")]
 
 
 def shipped_scenario(name: str, vehicle: Vehicle) -> Scenario:

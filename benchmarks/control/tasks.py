@@ -21,12 +21,12 @@ from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.agents.train_source import train_source
 from auv_torchrl.files import write_whole
 from auv_torchrl.paths import PROJECT, config_names
-from auv_torchrl.scenario import Scenario
+from auv_torchrl.scenario import Scenario, scenarios_of
 from auv_torchrl.tasks import read_task
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import provenance
 from benchmarks.control.comparison_tables import RECOVERED_M, metres
-from benchmarks.control.source import BACKEND, STORE, hovering_scenarios, ranges, shipped_scenario, training_s
+from benchmarks.control.source import BACKEND, STORE, ranges, shipped_scenario, training_s
 from benchmarks.control.tracking import BOX_M, Course
 
 KINDS = ("station_keeping", "waypoints", "lemniscate")  # a point, one after the other, a moving one
@@ -79,7 +79,7 @@ def by_scenario(agents: Mapping[str, Mapping[str, Means]]) -> str:
 
 def main() -> None:
     """Train what has not been trained, fly what has not been flown, print Markdown."""
-    names = hovering_scenarios()
+    names = scenarios_of(load_vehicle("paper"))
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tasks", nargs="+", default=KINDS, choices=config_names("task"), metavar="NAME")
     parser.add_argument("--agents", nargs="+", default=list(AGENTS), choices=list(AGENTS), metavar="NAME")

@@ -14,7 +14,7 @@ ENTRIES = np.arange(D, 2 * D)  # velocities
 def run(change: float, steps: int, busy: float, seed: int = 0) -> np.ndarray:
     """Step (COUNT,) of the first alarm about a thruster 2 whose gain changes, ``steps`` if there is none."""
     rng = np.random.default_rng(seed)
-    watch = GainWatch(COUNT, THRUSTERS, 1000.0, load_adaptation_config())
+    watch = GainWatch(COUNT, 4, THRUSTERS, 1000.0, load_adaptation_config())
     effect = rng.normal(size=(D, THRUSTERS))
     by_wrench = np.concatenate((np.zeros((D, D)), np.eye(D)))
     still = np.zeros((COUNT, D))
@@ -49,7 +49,7 @@ def test_a_thruster_that_hardly_works_is_found_out_too():
 
 def test_one_wild_measurement_is_no_change():
     """A single innovation of any size leaves the sums below the threshold."""
-    watch = GainWatch(1, THRUSTERS, 1000.0, load_adaptation_config())
+    watch = GainWatch(1, 4, THRUSTERS, 1000.0, load_adaptation_config())
     watch.shift[:] = 1.0
     offset = np.full((1, D), 1e9)
     watch.update(ENTRIES, Innovation(np.zeros(1), offset, np.eye(D)[None], np.zeros((1, 2 * D, D))), np.ones(1, bool))

@@ -10,7 +10,9 @@ from safetensors.torch import load_file, save_file
 from auv_torchrl.ddr import PretrainingConfig
 from auv_torchrl.ddr.models import Regressor
 from auv_torchrl.ddr.pretraining import source_transitions
-from auv_torchrl.ddr.store import load_or_pretrain
+from auv_torchrl.ddr.store import ingredients, load_or_pretrain
+from auv_torchrl.tasks import Cruise, StationKeeping
+from auv_torchrl.vehicle import load_vehicle
 
 
 def test_the_inverse_model_finds_the_realised_channels(models, vehicle, task):
@@ -75,3 +77,14 @@ def test_models_that_are_not_what_was_kept_are_refused(tmp_path, vehicle, task, 
         load_or_pretrain(vehicle, task, tmp_path, config)
     assert path.read_bytes() == content
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_models_of_other_speeds_and_axes_are_kept_apart():
+    """Fins push with the square of the speed; of a vehicle that hovers the description is what it was."""
+    vehicle, config = load_vehicle("remus100"), PretrainingConfig()
+    task = Cruise().fitted(vehicle)
+    others = (task, replace(task, speed=1.0), replace(task, controlled=("surge", "yaw")))
+    assert len({repr(ingredients(vehicle, other, config)) for other in others}) == 3
+    assert ingredients(load_vehicle("paper"), StationKeeping(), config)["task"].keys() == {
+        "control_dt", "tilt", "start_speed", "start_yaw_rate",
+    }  # fmt: skip

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from torpedo_logs import fly_torpedo
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.motion.actuation import LAG_MEMORY
@@ -10,6 +9,7 @@ from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.fins import wrench_per_share, wrench_per_unit
 from auv_torchrl.physics.thrusters import slowest_s, thrust_after, thrust_follower
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.underway.dives import FAULTS, ask, fly_torpedo
 
 REMUS = load_vehicle("remus100")
 C = prepare(REMUS)
@@ -43,30 +43,10 @@ def test_a_fault_of_a_fin_is_named(values, named):
         assert found[name].value == pytest.approx(value, abs=0.1 if name.startswith("gain") else 0.01)
 
 
-def drawn_fault(rng):
-    """A fault of one fin, and which one."""
-    fin, kind = int(rng.integers(2, 6)), rng.choice(["reversed", "weak", "offset", "stuck"])
-    sign = rng.choice([-1.0, 1.0])
-    values = {
-        "reversed": {"fin_gain": {f"gain_{fin}": -1.0}},
-        "weak": {"fin_gain": {f"gain_{fin}": rng.uniform(0.0, 0.5)}},
-        "offset": {"fin_offset": {f"offset_{fin}": sign * rng.uniform(0.06, 0.15)}},
-        "stuck": {"fin_stuck": {f"stuck_{fin}": 1.0, f"angle_{fin}": sign * rng.uniform(0.05, 0.15)}},
-    }
-    return fin, values[str(kind)]
-
-
 @pytest.mark.thorough
 def test_nine_of_ten_faults_of_fins_are_named():
     """The fin alone, and what it does: its gain where that is off, its middle where that is."""
-    right = []
-    for seed in range(DRAWN):
-        fin, values = drawn_fault(np.random.default_rng(seed))
-        diagnosis = diagnose(fly_torpedo(REMUS, values, seed=100 + seed), REMUS)
-        wanted = {"fin_gain", "fin_offset"} if "fin_stuck" in values else set(values)
-        named = {effect.name: effect.thrusters for effect in diagnosis.effects}
-        right.append(named == dict.fromkeys(wanted, (fin,)))
-    assert np.mean(right) >= 0.9
+    assert np.mean([ask(REMUS, FAULTS[seed % len(FAULTS)], seed).named for seed in range(DRAWN)]) >= 0.9
 
 
 def test_a_log_remembers_as_many_commands_as_its_servos_need():

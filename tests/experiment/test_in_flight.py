@@ -13,6 +13,7 @@ from auv_torchrl.experiment.in_flight import fly_in_flight
 from auv_torchrl.experiment.schedule import schedule
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.vehicle import load_vehicle
+from tests.helmsmen import helmsman_of_vessel
 
 VEHICLE = load_vehicle("paper")
 SETTINGS = FlightConfig(fly=True, length_s=40.0, fault_s=(5.0, 15.0))
@@ -129,3 +130,15 @@ def test_of_an_infeasible_vehicle_it_is_named_what_remains(experiment, pd_policy
     one = fly_in_flight(experiment("two_dead"), pd_policy)
     assert one.as_dict()["remaining"]["rank"] == 3
     assert "3 of 4 degrees of freedom can be controlled" in one.summary()
+
+
+def test_of_a_vehicle_that_steers_its_heading_is_told_too(experiment):
+    """A vessel whose plugs come to be exchanged in flight: the heading is kept with the adaptation, not without."""
+    settings = ("task=cruise", "vehicle=otter", "agent=gradient", "randomization=none", "flight.length_s=16")
+    one = fly_in_flight(experiment("swap", *settings), helmsman_of_vessel())
+    found = one.as_dict()
+    json.dumps(found, allow_nan=False)
+    assert found["changes"][0]["noticed"] == 1.0 and found["changes"][0]["steady_rad"] < np.radians(3.0)
+    assert one.alone_heading_rad(0) > np.radians(30.0)
+    assert "heading error" in one.summary() and found["remaining"]["rank"] == 2
+    assert one.one_flight(load_vehicle("otter")).true_gains.shape[-1] == 2

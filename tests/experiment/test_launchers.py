@@ -6,6 +6,8 @@ from omegaconf import OmegaConf
 
 from auv_torchrl.experiment import schema
 from auv_torchrl.paths import CONF
+from auv_torchrl.scenario import scenarios_of
+from auv_torchrl.vehicle import load_vehicle
 
 
 def launcher(*overrides: str):
@@ -15,9 +17,12 @@ def launcher(*overrides: str):
 
 
 def test_the_sweep_covers_every_scenario_and_three_seeds_on_the_local_cores():
-    """By the joblib launcher."""
+    """Those whose effects act on parts that the vehicle has, by the joblib launcher."""
     hydra = launcher("+experiment=sweep")
-    assert hydra.sweeper.params == {"+scenario": "glob(*,exclude=fin_*)", "seed": "0,1,2"}
+    assert hydra.sweeper.params["+scenario"].split(",") == scenarios_of(load_vehicle("paper"))
+    assert hydra.sweeper.params["seed"] == "0,1,2"
+    torpedo = launcher("+experiment=sweep", "vehicle=remus100").sweeper.params["+scenario"].split(",")
+    assert "fin_stuck" in torpedo and len(torpedo) > 20
     assert hydra.launcher._target_.endswith("JoblibLauncher")
 
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 import torch
-from tensordict.nn import TensorDictModule
 from torchrl.envs import TransformedEnv
 from torchrl.envs.utils import check_env_specs
 
@@ -18,21 +17,11 @@ from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import Cruise, fitted, read_task
 from auv_torchrl.vehicle import load_vehicle
+from tests.helmsmen import helmsman_of_vessel
 
 OTTER = load_vehicle("otter")
 EXAM = Cruise(episode_s=14.0).for_evaluation(1.0)
 SWAP = read_scenario("swap", {"effects": {"thruster_swap": {"pair": [1, 2]}}}, OTTER)
-
-
-def helmsman():
-    """Proportional on heading and speed, with damping in yaw; reads the observation of a surface vessel."""
-
-    def steer(seen):
-        heading = torch.atan2(seen[..., 3], seen[..., 4])
-        surge = 0.7 - 0.5 * seen[..., 0]
-        return torch.stack((surge, 0.8 * heading - 0.5 * seen[..., 2]), dim=-1).clamp(-1.0, 1.0)
-
-    return TensorDictModule(steer, in_keys=["observation"], out_keys=["action"])
 
 
 @pytest.mark.parametrize(
@@ -106,7 +95,7 @@ def test_authority_is_that_of_the_axes():
 
 def test_a_surface_vessel_with_exchanged_plugs_is_adapted_to():
     """A helmsman that holds 3 degrees turns in circles with exchanged plugs, and holds them again behind the map."""
-    policy, starts = helmsman(), draw_starts(EXAM, 8, 7)
+    policy, starts = helmsman_of_vessel(), draw_starts(EXAM, 8, 7)
 
     def flown(scenario, around=lambda fleet: fleet):
         return Metrics.of(fly(around(TorchFleet(OTTER, EXAM, 8, scenario, seed=0)), policy, starts, EXAM.steps))

@@ -1,0 +1,109 @@
+"""The adaptation in flight of vehicles that steer by turning: a torpedo with fins, a surface vessel."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torchrl.envs import TransformedEnv
+
+from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
+from auv_torchrl.adaptation.motion import SourceMotion, motion_of
+from auv_torchrl.ddr.transform import observing
+from auv_torchrl.envs import TorchFleet
+from auv_torchrl.evaluation import draw_starts, fly
+from auv_torchrl.paths import config_path
+from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
+from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.scenario import Scenario, read_scenario
+from auv_torchrl.tasks import Cruise
+from auv_torchrl.vehicle import load_vehicle
+from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.yaml_file import read_yaml
+from tests.helmsmen import helmsman_of_torpedo, helmsman_of_vessel
+
+REMUS, OTTER = load_vehicle("remus100"), load_vehicle("otter")
+AT_S, LENGTH_S, COUNT = 6.0, 24.0, 4
+
+
+def test_one_step_is_that_of_the_plain_physics():
+    """A torpedo that slips, turns and tilts, with all fins deflected: velocities agree within a few per cent."""
+    motion, vehicle, count = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5), tensors(REMUS), 20
+    rng = np.random.default_rng(0)
+    velocity = rng.uniform(-0.1, 0.1, (count, 6)) + [1.5, 0, 0, 0, 0, 0]
+    command = rng.uniform(-0.8, 0.8, (count, vehicle.thrusters))
+    c = prepare(vehicle.expand(count).clone())
+    quaternion = quaternion_from_euler(*torch.from_numpy(rng.uniform(-0.2, 0.2, (3, count))))
+    state = rest_state(torch.zeros(count, 3).double(), quaternion, torch.from_numpy(velocity), vehicle.thrusters)
+    after = control_step(c, ActiveTerms.of(c), state, torch.from_numpy(command))
+    told = command.copy()
+    told[:, 0] = np.abs(told[:, 0]) * told[:, 0]  # thrust goes by the square of the shaft speed
+    mean, end = motion.turning(np.zeros_like(told), told)
+    np.testing.assert_allclose(end[:, 1:], (after.thrust / c.full_thrust).numpy()[:, 1:], atol=1e-9)
+    body = np.concatenate((np.zeros((count, 3)), quaternion.numpy()), axis=-1)
+    step = motion(velocity, (mean * motion.flow(velocity)) @ motion.per_share.T, body)
+    moved = np.abs(after.velocity.numpy() - velocity).max(0)
+    assert (np.abs(step.velocity - after.velocity.numpy()).max(0) < 0.06 * moved).all()
+
+
+def flown(vehicle, name, acting):
+    """Flights of a helmsman with the adaptation, in which something acts from 6 s on, and the adapter."""
+    task = replace(Cruise(episode_s=LENGTH_S).fitted(vehicle).for_evaluation(0.3), start_heading=0.2)
+    task = replace(task, thruster_commands=True)
+    adapter = InFlightAdapter(vehicle, task, load_adaptation_config(), COUNT)
+    fleet = TorchFleet(vehicle, task, COUNT, acting, seed=0)
+    env = TransformedEnv(fleet, observing(adapter, task))
+    pilot = helmsman_of_torpedo(task) if name == "remus100" else helmsman_of_vessel()
+    return fly(env, pilot, draw_starts(task, COUNT, 7), task.steps), adapter
+
+
+def task_axes(name):
+    """That follow from the mixers of the vehicles."""
+    return ("surge", "pitch", "yaw") if name == "remus100" else ("surge", "yaw")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "fault"), [("remus100", "fin_reversed"), ("remus100", "fin_stuck"), ("otter", "swap"), ("remus100", None)]
+)
+def test_a_fault_in_flight_is_noticed_and_the_course_is_kept(name, fault):
+    """No alarm without a fault, one soon after it, and less than 3 degrees of heading error from 10 s later on."""
+    vehicle = load_vehicle(name)
+    read = read_yaml(config_path("scenario", fault), "scenario") if fault else None
+    changes = read_scenario(str(fault), read, vehicle).changes
+    flight, adapter = flown(vehicle, name, Scenario("acting", tuple(replace(c, start_s=AT_S) for c in changes)))
+    late = flight.time[0] >= AT_S + 10.0
+    assert float(flight.heading_error[:, late].mean()) < math.radians(3.0)
+    assert float(flight.position_error[:, late].mean()) < 0.3
+    alarms = adapter.learner.alarms
+    assert (alarms > 0).all() if fault else (alarms == 0).all()
+    remaining = adapter.authority(0)
+    assert remaining.axes == task_axes(name) and remaining.thruster_rank == len(remaining.axes)
+
+
+def test_what_is_reported_is_along_the_axes_of_an_action():
+    """Three of a torpedo with five actuators, at the speed of the task; a vessel's two propellers push along two."""
+    for vehicle, shape in ((REMUS, (3, 5)), (OTTER, (2, 2))):
+        task = replace(Cruise().fitted(vehicle), thruster_commands=True)
+        adapter = InFlightAdapter(vehicle, task, load_adaptation_config(), 2)
+        env = TransformedEnv(TorchFleet(vehicle, task, 2, seed=0), observing(adapter, task))
+        found = env.reset()["effectiveness"]
+        assert found.shape == (2, *shape) and env.action_spec.shape == (2, shape[0])
+        motion = motion_of(vehicle, task)
+        np.testing.assert_allclose(found[0].numpy(), motion.per_share[motion.controlled], rtol=1e-6, atol=1e-6)
+
+
+def test_fins_push_with_the_square_of_the_speed():
+    """A propeller pushes the same at each."""
+    motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
+    flow = motion.flow(np.array([[1.5, 0, 0, 0, 0, 0], [0.75, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]))
+    np.testing.assert_allclose(flow, [[1, 1, 1, 1, 1], [1, 0.25, 0.25, 0.25, 0.25], [1, 0, 0, 0, 0]])
+
+
+def test_poses_alone_are_refused_at_speed():
+    """The sentence says what to give."""
+    task = replace(Cruise().fitted(REMUS), thruster_commands=True)
+    config = load_adaptation_config(overrides={"sensed": "pose"})
+    with pytest.raises(ValueError, match="velocities are needed: give adaptation.sensed=velocity"):
+        InFlightAdapter(REMUS, task, config, 1)
