@@ -4,6 +4,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import tomllib
 
 import pytest
 from hydra import compose as compose_by_hydra
@@ -57,6 +58,8 @@ def test_a_command_is_taken_as_it_stands(line):
     elif program == "auv-page":
         parser().parse_args(words)
     elif program == "pip":
-        assert words == ["install", "."]
+        install, what = words
+        extras = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+        assert install == "install" and what in {".", *(f".[{name}]" for name in extras)}
     else:
         assert (PROJECT / program).is_file()
