@@ -12,7 +12,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.posterior import NONE, UNKNOWN
 from auv_torchrl.diagnosis.thresholds import CLOSED_IF_EXPLAINED, STILL_FAR
 from auv_torchrl.diagnosis.verdict import Alternative, Errors, FoundEffect, Gap, Verdict
-from auv_torchrl.flightlog import Finding
+from auv_torchrl.flightlog import Finding, FlightLog
 
 BELIEVED = 0.5  # of the probability of a cause, where it may as well be what the finding says about the log
 
@@ -20,6 +20,15 @@ BELIEVED = 0.5  # of the probability of a cause, where it may as well be what th
 def doubts(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """The findings that limit what can be concluded."""
     return tuple(finding for finding in findings if finding.limits)
+
+
+def unless_shared(findings: Sequence[Finding], healthy: Sequence[FlightLog]) -> tuple[Finding, ...]:
+    """The findings of a log; one that a healthy flight has too limits nothing: the vehicle's file may as well be off.
+
+    Where thrust is weaker than the file says, all logs of the vehicle look as if their clock or their units were off.
+    """
+    shared = {(finding.code, finding.columns) for log in healthy for finding in log.findings}
+    return tuple(replace(one, limits=False) if (one.code, one.columns) in shared else one for one in findings)
 
 
 def limited(verdict: Verdict, doubted: Sequence[Finding]) -> Verdict:

@@ -23,6 +23,7 @@ from auv_torchrl.diagnosis.doubt import (
     hedged,
     limited,
     said_first,
+    unless_shared,
 )
 from auv_torchrl.diagnosis.headline import FILE_OFF, headline_of
 from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
@@ -99,6 +100,7 @@ def diagnose(
     settings = settings or load_settings()
     report = progress or (lambda step, share: None)
     log, healthy = stretches_of(followable(log)), [stretches_of(check_healthy_flight(sound)) for sound in healthy]
+    log = replace(log, findings=unless_shared(log.findings, healthy))
     test = [stretches_of(followable(unseen_log)) for unseen_log in test]
 
     def once(answering: FlightLog, begin: float, end: float) -> tuple[Diagnosis, Found]:

@@ -7,14 +7,18 @@ import pytest
 
 from auv_torchrl.diagnosis.calibrate.calibration import calibrate_by_prediction
 from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
+from auv_torchrl.diagnosis.doubt import unless_shared
 from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import POSE, VELOCITY, join
+from auv_torchrl.flightlog.frames import check_frames
 from auv_torchrl.vehicle import load_vehicle
-from tests.diagnosis.flown_logs import fly
+from tests.diagnosis.flown_logs import fly, hold
 from tests.diagnosis.healthy_flights import FILE, OWN, flown
 
 BOTH = (*POSE, *VELOCITY)
+PAPER = hold(load_vehicle("paper"))
 
 
 def with_pose(log, change):
@@ -81,3 +85,16 @@ def test_the_vehicle_that_predicts_better_is_kept():
     assert max(abs(share) for share in estimate.corrections.values()) > 0.1
     assert (known.floor > 0).all() and excess > 0
     assert calibrate_by_prediction(log, FILE, OWN, settings, ()) is None
+
+
+def test_a_doubt_that_healthy_flights_share_is_one_of_the_file():
+    """Thrust that the file has wrong looks like a clock that is off, in every log of the vehicle alike."""
+
+    def read(values, seed):
+        log = fly(changed(PAPER, gain=0.3 * PAPER.gain), values, seed=seed)
+        return replace(log, findings=tuple(check_frames(log.episodes, log.axes, PAPER)[2]))
+
+    healthy, faulty = read({}, 1), read({"thruster_gain": {"gain_1": 0.5}}, 2)
+    assert any(finding.limits for finding in faulty.findings)
+    assert not any(finding.limits for finding in unless_shared(faulty.findings, [healthy]))
+    assert unless_shared(faulty.findings, []) == faulty.findings
