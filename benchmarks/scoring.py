@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
-from auv_torchrl.effects import get_effect
+from auv_torchrl.diagnosis.identify.hypotheses import plainer_names
+from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.effects.effect import Parameter
 from auv_torchrl.vehicle import Vehicle
 from benchmarks.blind.thrusters import declared_groups, exchangeable, same_class
@@ -87,7 +88,7 @@ def score_diagnosis(diagnosis: Mapping[str, Any], truth: Truth, vehicle: Vehicle
         likely: probability above which a name is a claim.
     """
     declared = declared_groups(diagnosis)
-    named = [_named(effect, truth.values, declared, vehicle) for effect in diagnosis["effects"]]
+    named = [_named(plainly(effect, vehicle), truth.values, declared, vehicle) for effect in diagnosis["effects"]]
     claims = [one for one, effect in zip(named, diagnosis["effects"], strict=True) if not effect.get("calibrates")]
     timely = is_timely((diagnosis.get("where") or {}).get("onset_s"), truth.onset_s)
     return score(diagnosis["verdict"] in truth.verdicts, truth.values, claims, timely, likely)
@@ -135,6 +136,22 @@ def is_near(
         if largest and any(abs(e) > NEAR * max(abs(d), LEAST * largest) for d, e in numbers):
             return False
     return True
+
+
+def plainly(effect: Mapping[str, Any], vehicle: Vehicle) -> Mapping[str, Any]:
+    """An effect of an answer by its plainer name, where it is the same thing on the vehicle that was flown.
+
+    A propeller that turns the wrong way has a gain of -1 where it pushes as hard both ways, whatever the file says.
+    """
+    away = [(member, p["value"]) for member, p in effect["parameters"].items() if p["value"] != p["nominal"]]
+    same = plainer_names(get_effect(effect["name"]), vehicle, away, EFFECTS) if away else None
+    names = {one[0] for one in same or ()}
+    if same is None or len(names) != 1:
+        return effect
+    (name,) = names
+    nominal = get_effect(name).nominal(vehicle)
+    parameters = {member: {"value": value, "nominal": nominal[member]} for _, member, value in same}
+    return {**effect, "name": name, "parameters": parameters}
 
 
 def _named(effect: Mapping[str, Any], truth: Values, declared: list[list[str]], vehicle: Vehicle) -> Named:

@@ -93,6 +93,20 @@ class SearchTrace:
         records = (replace(one, outcome=changed[id(one)]) if id(one) in changed else one for one in self.records)
         return SearchTrace(tuple(records))
 
+    def weighed_again(self, whole: "SearchTrace") -> "SearchTrace":
+        """The trace with hypotheses as far behind the best one as they are in ``whole``, which fitted them to more."""
+        fitted: dict[tuple[str, ...], float] = {}
+        for record in whole.records:
+            if record.simulated and np.isfinite(record.log_evidence):
+                fitted[record.names] = max(record.log_evidence, fitted.get(record.names, -np.inf))
+        best, top = whole.best, self.best.log_evidence
+        behind = {names: evidence - best.log_evidence for names, evidence in fitted.items()}
+        records = (
+            replace(one, log_evidence=top + behind[one.names]) if one.simulated and one.names in behind else one
+            for one in self.records
+        )
+        return SearchTrace(tuple(records))
+
     def why(self, name: str) -> str:
         """Why a change is part of the best hypothesis, or is not.
 

@@ -124,3 +124,16 @@ def test_a_truth_may_allow_several_verdicts():
     """Whichever of them is given fits."""
     truth = Truth(frozenset((NO_GAP, PARTLY)))
     assert {score_diagnosis(answer(v), truth, VEHICLE) for v in (NO_GAP, PARTLY)} == {Score.RIGHT}
+
+
+def test_a_propeller_that_turns_the_wrong_way_has_two_names_where_it_pushes_evenly():
+    """It gets the opposite of its command, or has a gain of -1; where a thruster pushes harder ahead these differ."""
+    reversed_4 = fault({"thruster_gain": {"gain_4": -1.0}})
+    swap = {
+        "name": "thruster_swap", "probability": 1.0, "parameters": {"command_4": {"value": -4.0, "nominal": 4.0}},
+        "thrusters": [4],
+    }  # fmt: skip
+    assert score_diagnosis(answer(EXPLAINED, swap), reversed_4, ardusub.pushing_evenly(VEHICLE)) is Score.RIGHT
+    assert score_diagnosis(answer(EXPLAINED, swap), reversed_4, VEHICLE) is Score.WRONG
+    other = {**swap, "parameters": {"command_3": {"value": -3.0, "nominal": 3.0}}, "thrusters": [3]}
+    assert score_diagnosis(answer(EXPLAINED, other), reversed_4, ardusub.pushing_evenly(VEHICLE)) is not Score.RIGHT

@@ -53,6 +53,17 @@ def test_what_held_out_flight_can_do_without_is_taken_back(terms, stays):
     assert weights(kept.trace) == {kept.trace.best.names: 1.0}
 
 
+def test_what_was_taken_back_beside_one_cause_is_so_beside_its_twin():
+    """Another explanation with the same needless effect is no likelier one; alone the effect stays a rival."""
+    found, testing = found_as(GAIN, FORCE, DRAG)
+    (record,) = found.trace.records
+    names = ("added_mass", "thruster_swap"), ("added_mass",)
+    twin, alone = (replace(record, names=those, outcome=Outcome.BEATEN) for those in names)
+    kept = take_back(replace(found, trace=SearchTrace((record, twin, alone))), testing, SETTINGS)
+    outcomes = {one.names: one.outcome for one in kept.trace.records}
+    assert outcomes[twin.names] is Outcome.REFUTED and outcomes[alone.names] is Outcome.BEATEN
+
+
 def test_one_cause_is_never_taken_back_for_itself():
     """Whether a single effect stands at all is asked against no effect."""
     found, testing = found_as(GAIN)

@@ -26,6 +26,7 @@ from auv_torchrl.sysid import (
 )
 from auv_torchrl.sysid.fit import fit, least_quadratic, parameter_columns
 from auv_torchrl.sysid.linear import linearise, reduced_quadratic
+from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
 from tests.sysid.cart import CANDIDATES, DISTURBANCE, NOISE, Cart, drive, windows_of
 
 TRUTHS = [
@@ -257,3 +258,18 @@ def test_a_parameter_that_cannot_be_fitted_is_refused_by_name(wrong):
     given = {"name": "gain", "nominal": 1.0, "low": 0.0, "high": 2.0} | wrong
     with pytest.raises(ValueError, match="gain"):
         Parameter(**given)
+
+
+def test_hypotheses_that_were_fitted_to_more_windows_are_weighed_by_them():
+    """The likelier one of all windows is the likelier one of the trace, and no other record changes."""
+
+    def record(name, evidence, outcome):
+        return Record((name,), {}, evidence, 0.0, 1.0, "by a test", outcome)
+
+    few = SearchTrace(
+        (record("a", -10.0, Outcome.KEPT), record("b", -12.0, Outcome.BEATEN), record("c", -40.0, Outcome.PREDICTED))
+    )
+    whole = SearchTrace((record("a", -130.0, Outcome.STEP), record("b", -100.0, Outcome.KEPT)))
+    again = few.weighed_again(whole)
+    assert [one.log_evidence for one in again.records] == [-40.0, -10.0, -40.0]
+    assert again.instead(("b",), Outcome.STEP).best.names == ("b",)

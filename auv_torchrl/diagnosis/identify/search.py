@@ -70,7 +70,7 @@ def search(
     trace = found.trace  # that of the search among some windows, where all effects were looked at
     del few, found, ranked  # beside all windows they would fill the memory
     whole = _EffectSearch(problem, follow, progress).run(chosen, further=False)
-    names = whole.trace.best.names
+    names, trace = whole.trace.best.names, trace.weighed_again(whole.trace)
     if names == trace.best.names:
         return replace(whole, trace=trace)
     is_there = any(record.simulated and record.names == names for record in trace.records)

@@ -41,11 +41,15 @@ def _without_one(found: Found, testing: FlightLog, settings: Settings) -> Found 
         return None
     kept = smaller[min(needless, key=lambda i: errors[i])]
     fit = fit_by_simulation(problem, kept, best.path)
-    gone = sorted(set(best.explanation.effects) - set(kept.effects)) or ["values of a family"]
-    how = f"without {' and '.join(gone)}, for held-out flight"
+    gone = set(best.explanation.effects) - set(kept.effects)
+    how = f"without {' and '.join(sorted(gone)) or 'values of a family'}, for held-out flight"
     record = weighed(problem, found.field, fit.explanation, fit.evidence, fit.excess, how, Outcome.KEPT)
+    # What is needless beside one explanation is so beside another that does the same.
     before = (
-        replace(one, outcome=Outcome.REFUTED) if one.outcome is Outcome.KEPT else one for one in found.trace.records
+        replace(one, outcome=Outcome.REFUTED)
+        if one.outcome is Outcome.KEPT or (one.simulated and gone and gone < {*one.names})
+        else one
+        for one in found.trace.records
     )
     return replace(found, best=fit, fits=(fit, *found.fits), trace=SearchTrace((*before, record)))
 
