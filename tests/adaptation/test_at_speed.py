@@ -65,7 +65,13 @@ def task_axes(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "fault"), [("remus100", "fin_reversed"), ("remus100", "fin_stuck"), ("otter", "swap"), ("remus100", None)]
+    ("name", "fault"),
+    [
+        ("remus100", "fin_stuck"),
+        ("otter", "swap"),
+        pytest.param("remus100", "fin_reversed", marks=pytest.mark.thorough),
+        pytest.param("remus100", None, marks=pytest.mark.thorough),
+    ],
 )
 def test_a_fault_in_flight_is_noticed_and_the_course_is_kept(name, fault):
     """No alarm without a fault, one soon after it, and less than 3 degrees of heading error from 10 s later on."""

@@ -29,7 +29,7 @@ TINY = (
 )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_row_of_the_table_is_flown(tmp_path, monkeypatch):
     """With a policy that has hardly been trained, and seconds of target data: all cases, in rows that may be there."""
     few = PretrainingConfig(transitions=1000, iterations=40)

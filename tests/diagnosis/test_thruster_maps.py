@@ -89,7 +89,9 @@ def test_a_simulated_map_is_recovered(values):
     ("name", "effect", "values"),
     [
         ("s11_hold_oneway6", "reverse_gain", {"gain_6": 0.0}),
-        ("s4_creep23", "neutral_offset", {"offset_2": -0.12, "offset_3": -0.12}),
+        pytest.param(
+            "s4_creep23", "neutral_offset", {"offset_2": -0.12, "offset_3": -0.12}, marks=pytest.mark.thorough
+        ),
     ],
 )
 def test_a_log_from_another_simulator_names_the_thruster(name, effect, values):

@@ -211,7 +211,7 @@ def test_a_channel_of_another_dive_is_told_before_any_fault():
     assert "on heading does not follow the vehicle" in diagnosis.summary
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_unknown_force_is_no_channel_of_another_dive():
     """Depth goes with the water, and with the thrusters too."""
     vehicle = hold(load_vehicle("bluerov2_heavy"))
