@@ -90,6 +90,7 @@ def test_what_a_calibration_leaves_is_no_fault():
     assert diagnose(log, HEAVY).verdict is Verdict.NO_GAP
 
 
+@pytest.mark.thorough
 def test_surge_is_seen_by_what_is_felt_alone():
     """Two horizontal thrusters that lost thrust together turn nothing: stock sensors are blind, felt surge is not."""
     both = {"thruster_gain": {"gain_1": 0.5, "gain_2": 0.5}}
