@@ -195,3 +195,8 @@ def judge(found: Found, corrected: bool = False) -> Verdict:
     if not found.best.explanation.effects and not corrected:
         return Verdict.NO_GAP if explained else Verdict.UNEXPLAINED
     return Verdict.EXPLAINED if explained else Verdict.PARTLY_EXPLAINED
+
+
+def is_explained(found: Found) -> bool:
+    """Whether a log has no gap, or one that effects explain."""
+    return judge(found) in (Verdict.NO_GAP, Verdict.EXPLAINED)

@@ -36,7 +36,7 @@ from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, 
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.localize.moments import unless_changing
-from auv_torchrl.diagnosis.log_search import LogSearch, judge, search_both_attitudes
+from auv_torchrl.diagnosis.log_search import LogSearch, is_explained, judge, search_both_attitudes
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
 from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
@@ -266,11 +266,6 @@ def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Pro
     explained = explain(training, testing, single, Correction(given.vehicle), report)
     gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
     return explained if is_explained(explained.found) and closes_everywhere(gap) else None
-
-
-def is_explained(found: Found) -> bool:
-    """Whether a log has no gap, or one that effects explain."""
-    return judge(found) in (Verdict.NO_GAP, Verdict.EXPLAINED)
 
 
 def rests_on(searched: LogSearch) -> tuple[Finding, ...]:

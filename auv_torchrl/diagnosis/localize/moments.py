@@ -107,10 +107,9 @@ def _quadratics(problem: Problem, path: WindowPath) -> tuple[float, Floats, Floa
         return (each[:, :, None] * within[:, :, None]).reshape(len(each), count * pieces, windows.steps, 6)
 
     for some, parts in in_pieces(problem, path, count * pieces, cut):
-        columns = parts.columns
-        whole = columns.responses.swapaxes(1, 2) @ columns.responses - columns.pull.swapaxes(1, 2) @ columns.moved
-        known[some] &= ~parts.diverged & np.isfinite(whole).all((1, 2))
-        left[some] = whole[:, 0, 0] + parts.constant
+        whole, finite = parts.by_window
+        known[some] &= finite
+        left[some] = whole[:, 0, 0]
         for i in range(count):
             mine = slice(1 + i * pieces, 1 + (i + 1) * pieces)
             b[i, some], A[i, some] = whole[:, 0, mine], whole[:, mine, mine]

@@ -81,6 +81,18 @@ class Parts:
     diverged: np.ndarray  # (W,) bool
     numbers: float  # measured numbers of all of them
 
+    @property
+    def by_window(self) -> tuple[Floats, np.ndarray]:
+        """Constant, b and A (W, 1 + N, 1 + N) of each window as in :meth:`pooled`, and which of them (W,) are finite.
+
+        Of columns of which none is known already.
+        """
+        own = self.columns
+        whole = own.responses.swapaxes(1, 2) @ own.responses - own.pull.swapaxes(1, 2) @ own.moved
+        finite = ~self.diverged & np.isfinite(whole).all((1, 2))
+        whole[:, 0, 0] += self.constant
+        return whole, finite
+
     def windows(self, chosen: np.ndarray) -> Quadratic:
         """The quadratic of some windows (a boolean mask)."""
         return pooled([self], chosen)

@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.identify.attitude import hold_attitude
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
-from auv_torchrl.diagnosis.log_search import judge
+from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
@@ -53,7 +53,7 @@ def _unless_of_another_source(
     log: FlightLog, settings: Settings, logged: Diagnosis, found: Found, once: Once
 ) -> Diagnosis:
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first."""
-    if judge(found) in (Verdict.NO_GAP, Verdict.EXPLAINED):  # as where the frame of the log is in doubt
+    if is_explained(found):  # as where the frame of the log is in doubt
         return logged
     false = find_other_source(log, found.problem, settings)
     others = without(log, false) if false else None

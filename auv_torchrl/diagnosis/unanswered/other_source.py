@@ -92,9 +92,8 @@ def shares_shown(problem: Problem, follow: WindowPath) -> tuple[Floats, Floats]:
         return np.concatenate([each * (np.arange(6) == d) for d in dof], axis=1)
 
     for some, parts in in_pieces(problem, follow, len(dof), cut):
-        columns = parts.columns
-        whole = columns.responses.swapaxes(1, 2) @ columns.responses - columns.pull.swapaxes(1, 2) @ columns.moved
-        known = problem.followed[some] & ~parts.diverged & np.isfinite(whole).all((1, 2))
+        whole, finite = parts.by_window
+        known = problem.followed[some] & finite
         inverse = np.linalg.inv(np.where(known[:, None, None], whole[:, 1:, 1:], 0.0) + np.eye(len(dof)))
         gone = (inverse @ np.where(known[:, None], whole[:, 0, 1:], 0.0)[..., None])[..., 0]
         share[some], deviation[some] = 1.0 - gone, np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
