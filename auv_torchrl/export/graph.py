@@ -52,9 +52,9 @@ class Graph:
         root._made += 1
         return f"v{root._made}"
 
-    def input(self, name: str, *shape: int | str) -> "Value":
-        """An input of numbers, the batch before ``shape`` unless that is empty."""
-        return self._declare(self._inputs, Value(self, name, self.dtype), shape)
+    def input(self, name: str, *shape: int | str, dtype: Any = None) -> "Value":
+        """An input of numbers, by default of the graph's dtype, the batch before ``shape`` unless that is empty."""
+        return self._declare(self._inputs, Value(self, name, dtype or self.dtype), shape)
 
     def parameter(self, name: str, *shape: int) -> "Value":
         """An input that has no batch: the same for all rows."""

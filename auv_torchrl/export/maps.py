@@ -174,7 +174,7 @@ def _actuation(g: AffineMap) -> Actuation:
 
 def _command_for(actuation: Actuation, share: Array, skip_dead_band: bool) -> Array:
     """:meth:`Actuation.command_for`."""
-    c = coefficients(actuation)
+    c = coefficients(actuation, share.dtype)
     low, high = (array(limit) for limit in actuation.share_limits)
     share = np.maximum(np.minimum(share, high), low)
     size = np.abs(share)

@@ -1,4 +1,8 @@
-"""The networks as graphs: policy, F and R; and what the source vehicle's thrusters make of an action."""
+"""The networks as graphs: policy, F and R; and what the source vehicle's thrusters make of an action.
+
+They compute in double precision between inputs and outputs in single: sums of large numbers of both signs lose four
+digits, and which ones depends on the processor.
+"""
 
 from typing import Any
 
@@ -40,39 +44,46 @@ def layers(network: nn.Sequential, x: Array) -> Array:
     return x
 
 
+def _given(graph: Graph, name: str, size: int) -> Array:
+    """An input (N, size), as what is computed with."""
+    return graph.input(name, size, dtype=np.float32).astype(graph.dtype)
+
+
+def _give(graph: Graph, name: str, value: Array, size: int) -> bytes:
+    """The file of a graph with one output (N, size)."""
+    graph.output(name, value.astype(np.float32), size)
+    return graph.bytes()
+
+
 def policy_graph(policy: TanhPolicy) -> bytes:
     """Observation to action, deterministic: tanh of the mean."""
     inputs = next(layer.in_features for layer in policy.network if isinstance(layer, nn.Linear))
-    graph = Graph("policy")
-    output = layers(policy.network, graph.input("observation", inputs))
-    graph.output("action", np.tanh(output.columns(0, policy.actions)), policy.actions)
-    return graph.bytes()
+    graph = Graph("policy", "float64")
+    output = layers(policy.network, _given(graph, "observation", inputs))
+    return _give(graph, "action", np.tanh(output.columns(0, policy.actions)), policy.actions)
 
 
 def forward_graph(model: ForwardModel) -> bytes:
     """F: motion and action to the motion a control step later."""
-    graph = Graph("F")
+    graph = Graph("F", "float64")
     states = model.change.states
-    state, action = graph.input("state", states), graph.input("action", CHANNELS)
+    state, action = _given(graph, "state", states), _given(graph, "action", CHANNELS)
     change = regression(model.change, state, realised(model.actuation, action))
-    graph.output("next_state", state + change, states)
-    return graph.bytes()
+    return _give(graph, "next_state", state + change, states)
 
 
 def inverse_graph(model: InverseModel) -> bytes:
     """R: two motions, a control step apart, to what the source vehicle's thrusters realised, in channels."""
-    graph = Graph("R")
+    graph = Graph("R", "float64")
     states = model.control.states
-    state, following = graph.input("state", states), graph.input("next_state", states)
-    graph.output("tau", regression(model.control, state, following - state), CHANNELS)
-    return graph.bytes()
+    state, following = _given(graph, "state", states), _given(graph, "next_state", states)
+    return _give(graph, "tau", regression(model.control, state, following - state), CHANNELS)
 
 
 def intended_graph(actuation: Actuation) -> bytes:
     """Action to what it would give on the source vehicle without dead band and limits, in channels."""
-    graph = Graph("intended")
-    graph.output("tau", intended(actuation, graph.input("action", CHANNELS)), CHANNELS)
-    return graph.bytes()
+    graph = Graph("intended", "float64")
+    return _give(graph, "tau", intended(actuation, _given(graph, "action", CHANNELS)), CHANNELS)
 
 
 def regression(regressor: Regressor, state: Array, rest: Array) -> Array:
@@ -90,14 +101,15 @@ def regression(regressor: Regressor, state: Array, rest: Array) -> Array:
     return outputs * array(regressor.output_scale) + array(regressor.output_mean)
 
 
-def coefficients(actuation: Actuation) -> Coefficients:
-    """Of the thrusters, as numpy has them."""
-    return Coefficients(*(array(field) for field in actuation.coefficients))
+def coefficients(actuation: Actuation, dtype: Any) -> Coefficients:
+    """Of the thrusters, as numpy has them, in the precision of what they are applied to."""
+    fields = (array(field) for field in actuation.coefficients)
+    return Coefficients(*(field.astype(dtype) if field.dtype.kind == "f" else field for field in fields))
 
 
 def delivered(actuation: Actuation, command: Array) -> Array:
     """:meth:`Actuation.delivered`."""
-    c = coefficients(actuation)
+    c = coefficients(actuation, command.dtype)
     return thrust_target(c, actuation.terms, command) / c.full_thrust
 
 
@@ -108,8 +120,8 @@ def realised(actuation: Actuation, action: Array) -> Array:
 
 def intended(actuation: Actuation, action: Array) -> Array:
     """:meth:`Actuation.intended`."""
-    c = coefficients(actuation)
     command = action @ array(actuation.mixer).T
+    c = coefficients(actuation, command.dtype)
     beyond = np.maximum(np.abs(command).max(keepdims=True), 1.0)
     smooth = c._replace(dead_band=np.zeros_like(c.dead_band))
     share = thrust_target(smooth, actuation.terms, command / beyond) / smooth.full_thrust
