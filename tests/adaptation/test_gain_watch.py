@@ -1,6 +1,7 @@
 """The test for a change of a single thruster."""
 
 import numpy as np
+import pytest
 
 from auv_torchrl.adaptation import load_adaptation_config
 from auv_torchrl.adaptation.detector import GainWatch
@@ -40,6 +41,7 @@ def test_healthy_vehicles_raise_no_more_alarms_than_stated():
         assert alarms < 0.64  # 1 - exp(-1)
 
 
+@pytest.mark.thorough
 def test_a_thruster_that_hardly_works_is_found_out_too():
     """A dead thruster is noticed within a few steps in which it should have worked, however rare they are."""
     always, rarely = np.quantile(run(-1.0, 1500, 1.0), 0.9), np.quantile(run(-1.0, 1500, 0.1), 0.9)

@@ -99,6 +99,7 @@ def test_what_is_left_out_is_a_part_of_the_diagnosis(name, monkeypatch):
         assert callable(attrgetter(path)(import_module(f"auv_torchrl.diagnosis.{module}")))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_answer_that_changes_without_a_part_is_counted(runs, monkeypatch):
     """A search in which every effect is small names none: the answer to a fault changes, and is counted."""

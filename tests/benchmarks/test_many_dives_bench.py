@@ -36,6 +36,7 @@ def test_a_page_without_its_marks_is_refused(tmp_path, monkeypatch):
     assert page.read_text() == f"# Dives\n{BEGIN}\n"
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
     """Of three sound dives and six that lose 2 % of thruster 2 each, it alone is named before 8 % are lost."""

@@ -13,6 +13,7 @@ PAPER = load_vehicle("paper")
 SHORT = {"episodes": 3, "seconds": 14.0}
 
 
+@pytest.mark.thorough
 def test_a_tilt_that_nobody_measured_is_inferred():
     """A centre of gravity 2 cm off tilts a free vehicle; position and yaw alone tell so, and by how much it is off."""
     diagnosis = diagnose(fly(PAPER, {"mass_offset": {"x": 0.02}}, seed=1, **SHORT), PAPER)

@@ -117,6 +117,7 @@ def _level(episode):
     return replace(episode, pose=pose)
 
 
+@pytest.mark.thorough
 def test_a_current_is_no_finding_and_said_to_be_hidden_where_nobody_measures_the_way():
     """Attitude, rates and depth are the same in water that drifts sideways; one that rises shows in the depth."""
     heavy = load_vehicle("bluerov2_heavy")

@@ -151,6 +151,7 @@ def test_no_healthy_logs_are_needed_any_more(mine):
     assert not {"floor_assumed"} & {finding.code for finding in sound.findings}
 
 
+@pytest.mark.thorough
 def test_a_place_is_as_unsure_as_the_scales_that_no_flight_tells(mine):
     """Where what pulls in heave and sway leads is said within three deviations, of a file that is far off in one."""
     values = {"north": 2.5, "east": -3.0, "down": 0.3, "stiffness": 9.0, "slack": 3.0}

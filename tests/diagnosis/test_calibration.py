@@ -38,6 +38,7 @@ def gusty():
     return fly(OWN, {}, seed=11, push=push, **SHORT)
 
 
+@pytest.mark.thorough
 def test_flights_with_bins_of_their_own_show_one_floor(gusty):
     """A flight that needs shorter bins than the other shows the same disturbance, and so do the two together."""
     usual = load_settings()
@@ -50,6 +51,7 @@ def test_flights_with_bins_of_their_own_show_one_floor(gusty):
     np.testing.assert_allclose(both[:3], np.mean(alone, axis=0)[:3], rtol=0.1)
 
 
+@pytest.mark.thorough
 def test_a_disturbance_and_the_coefficients_are_recovered(gusty):
     """The floor of a vehicle in a gusty tank, its sensor noise and the gains of its horizontal thrusters are found."""
     found = calibrate([gusty], HELD, load_settings())

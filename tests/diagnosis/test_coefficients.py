@@ -192,6 +192,7 @@ def test_what_a_log_leaves_open_is_as_wide_as_the_fit_is_unsure():
     np.testing.assert_allclose(np.sqrt(np.diag(known.nuisance_covariance)), list(width.values()))
 
 
+@pytest.mark.thorough
 def test_a_calibration_that_does_not_carry_over_is_vetoed(monkeypatch):
     """Where the held-out flight speaks for the vehicle's file, the file stands, explained from all that was given."""
     module, given = sys.modules["auv_torchrl.diagnosis.pipeline"], []

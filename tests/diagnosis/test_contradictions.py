@@ -35,6 +35,7 @@ def test_the_sensor_that_contradicts_the_others_is_named(name):
     diagnosed(name, {})
 
 
+@pytest.mark.thorough
 def test_a_fault_beside_it_is_named_too():
     """A weak thruster is found along the motion that the right sensors tell of."""
     diagnosed("heading_bias", {"thruster_gain": {"gain_3": 0.4}})

@@ -73,6 +73,7 @@ def test_a_quadratic_in_pieces_is_that_of_the_whole(followed, at_once, seed, aro
     assert pieces.numbers == whole.numbers
 
 
+@pytest.mark.thorough
 def test_screening_a_longer_log_takes_little_more_memory(followed, monkeypatch):
     """A window more costs less than the marks of all changes on it, which would be several times as much at once."""
     problem, path = followed

@@ -133,6 +133,7 @@ main()
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts memory as Linux does")
 def test_a_fault_that_sets_in_takes_little_more_memory(tmp_path):

@@ -123,6 +123,7 @@ def test_a_vehicle_that_stands_on_deck_is_told_so():
     assert diagnosis.verdict is Verdict.CANNOT_TELL and not diagnosis.effects and diagnosis.gap.closed is None
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_fault_that_other_channels_show_is_named_beside_what_does_not_answer():
     """A weak thruster shows in position and heading; the depth gauge is stuck all the same."""
@@ -143,6 +144,7 @@ def test_dead_thrusters_that_other_channels_show_are_no_stuck_sensor():
     assert {i for effect in likely(diagnosis) for i in effect.thrusters} == {5, 6}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_beside_a_healthy_flight_a_stuck_depth_gauge_is_told_too():
     """The healthy flight measures depth, and the log to explain does not follow it."""

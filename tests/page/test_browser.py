@@ -132,6 +132,7 @@ def test_a_healthy_dive_is_marked_by_a_click_and_taken_along(tab):
     assert "held against sound1.csv" in tab.inner_text("main")
 
 
+@pytest.mark.thorough
 def test_many_dives_are_dropped_at_once(tab):
     """Each is read and can be diagnosed by itself."""
     rows = drop_all(tab, {name: another() for name in ("many1.csv", "many2.csv", "many3.csv")})

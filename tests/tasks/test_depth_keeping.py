@@ -67,6 +67,7 @@ def test_a_helmsman_keeps_depth_and_heading_until_a_fin_fails():
         assert flown(fault(name)).heading_rad > 2 * limit
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_reversed_rudders_are_adapted_to():
     """Eight seconds of flight give the map behind which the helmsman keeps depth and heading again."""
