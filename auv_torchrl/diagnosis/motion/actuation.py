@@ -32,7 +32,7 @@ MEANS: Latest[list[Floats]] = Latest(MOST_MEANS)
 COEFFICIENTS: Latest[Coefficients] = Latest(8)
 SENSORS: Latest[Inverse] = Latest(8)
 # Beside the latest no more than that many bytes of whitening: each subset of windows has its own copy.
-ACTUATIONS: "Latest[Actuation]" = Latest(4, 192 << 20, lambda actuation: actuation.whitening_bytes)
+ACTUATIONS: "Latest[Actuation]" = Latest(4, 96 << 20, lambda actuation: actuation.whitening_bytes)
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def whiten(
     windows = replace(windows, whitening=None)  # they may come from a log that was whitened for another vehicle
     ACTUATIONS.clear()  # which hold windows that were whitened before, the largest arrays of all
     noise = noise_per_sample(windows, sigma)
-    whitening = np.empty((len(windows), len(noise), len(noise)))
+    whitening = np.empty((len(windows), len(noise), len(noise)), np.float32)  # the largest array: 7 digits will do
     for some, covariance in colour_in_pieces(windows, vehicle, layout, begin):
         scaled = covariance / (noise[:, None] * noise)
         inverse = np.linalg.inv(np.linalg.cholesky(np.eye(len(noise)) + scaled))

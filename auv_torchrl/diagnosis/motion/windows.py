@@ -25,10 +25,12 @@ Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of th
 
 PARTS = 6  # in which a triangle is multiplied, 0.6 times the work of a square; more save less than they cost
 AT_ONCE = 24 << 20  # bytes of an array over windows; results that come from one take several times as much
-# Bytes of the slopes of all windows of a log. A diagnosis takes up to ten times as much at its worst, beside 0.5 GB of
+# Bytes of the slopes of all windows of a log. A diagnosis takes up to ten times as much at its worst, beside 0.2 GB of
 # libraries, and 1.5 GB are what it may in all. Of 15 channels at 20 Hz that is 5 minutes, with two forces per bin.
 MOST = 96 << 20
-WHITENING = 0.35  # share of the whitening that counts: slopes are in use ten times, a whitening three times
+# Free numbers that each number of a window counts for where errors are whitened, as in logs of an autopilot: so a .BIN
+# of 22 minutes beside a healthy one of 23 takes 0.6 GB, which a computer on the vehicle has for it.
+WHITENING = 1.1
 FEWEST = 12  # windows, however large
 
 
@@ -159,11 +161,11 @@ class Windows:
             return numbers
         k = self.whitening.shape[-1]
         if numbers.shape[1] != k or numbers.ndim != 3:
-            rows = numbers.reshape(len(self), -1, k) @ self.whitening.swapaxes(1, 2)
-            return rows.reshape(numbers.shape)
+            columns = numbers.reshape(len(self), -1, k).swapaxes(1, 2)
+            return self.whitened(columns).swapaxes(1, 2).reshape(numbers.shape)
         found, edges = np.empty(numbers.shape), np.linspace(0, k, PARTS + 1).astype(int)
         for first, behind in zip(edges, edges[1:], strict=False):  # right of the diagonal is 0
-            found[:, first:behind] = self.whitening[:, first:behind, :behind] @ numbers[:, :behind]
+            found[:, first:behind] = self.whitening[:, first:behind, :behind].astype(float) @ numbers[:, :behind]
         return found
 
 
@@ -229,8 +231,7 @@ def body_rate(quaternion: Floats, change: Floats) -> Floats:
 def affordable(numbers: int, free: int, coloured: bool) -> int:
     """How many windows fit the memory, each with so many measured ``numbers`` and ``free`` numbers.
 
-    Where errors are ``coloured``, the whitening of the numbers is held beside the slopes: once, where slopes are in use
-    many times.
+    Where errors are ``coloured``, the whitening of the numbers is held beside the slopes.
     """
     each = 8 * numbers * (free + (WHITENING * numbers if coloured else 0.0))
     return max(FEWEST, int(MOST / each))
