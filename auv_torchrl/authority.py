@@ -16,7 +16,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.array_api import host, joined, like
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import wrench_per_share, wrench_per_unit
+from auv_torchrl.physics.pushes import wrench_per_share, wrench_per_unit
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 

@@ -22,7 +22,7 @@ from auv_torchrl.quantities import counted
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle_checks import doubts, impossible
 from auv_torchrl.vehicle_entries import read_entry
-from auv_torchrl.vehicle_fields import BY_LABEL, CONTROLLED, DEGREES_OF_FREEDOM, FIELD_OF, SECTIONS, Field, label
+from auv_torchrl.vehicle_fields import BY_LABEL, CONTROLLED, DEGREES_OF_FREEDOM, FIELD_OF, OLDER, SECTIONS, Field, label
 from auv_torchrl.vehicle_fields import VEHICLE_FIELDS as FIELDS
 from auv_torchrl.yaml_file import read_yaml
 
@@ -37,8 +37,40 @@ def index_of(axes: Sequence[str]) -> list[int]:
     return [DEGREES_OF_FREEDOM.index(axis) for axis in axes]
 
 
+class Actuators:
+    """Which of the actuators of a batch of vehicles are what: all stand among the thrusters, one row of each field."""
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    @property
+    def thrusters(self) -> int:
+        """Number of thrusters, fins and servos of azimuth thrusters among them."""
+        return self.gain.shape[-1]
+
+    @property
+    def fins(self) -> tuple[int, ...]:
+        """Which of them are fins, counted from 0; the same throughout a batch."""
+        return self._above_zero("fin_area")
+
+    @property
+    def azimuths(self) -> tuple[int, ...]:
+        """Which of them are servos that turn a thruster, likewise."""
+        return self._above_zero("turns")
+
+    @property
+    def servos(self) -> tuple[int, ...]:
+        """Fins and servos that turn a thruster: their commands are angles."""
+        return tuple(sorted((*self.fins, *self.azimuths)))
+
+    def _above_zero(self, name: str) -> tuple[int, ...]:
+        each = getattr(self, name)[(0,) * self.batch_dims]
+        return tuple(np.flatnonzero(host(each) > 0).tolist()) if bool((each > 0).any()) else ()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Vehicle:
+class Vehicle(Actuators):
     """Physical parameters of a batch of vehicles: arrays of one library, of one precision.
 
     The fields are those of :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS`, which says the shape behind the batch,
@@ -53,17 +85,6 @@ class Vehicle:
         def __getattr__(self, name: str) -> Array: ...
     else:
         __annotations__ = dict.fromkeys(FIELDS, Any)
-
-    @property
-    def thrusters(self) -> int:
-        """Number of thrusters, fins among them."""
-        return self.gain.shape[-1]
-
-    @property
-    def fins(self) -> tuple[int, ...]:
-        """Which of them are fins, counted from 0; the same throughout a batch."""
-        area = self.fin_area[(0,) * self.batch_dims]
-        return tuple(np.flatnonzero(host(area) > 0).tolist()) if bool((area > 0).any()) else ()
 
     @property
     def batch_size(self) -> tuple[int, ...]:
@@ -186,7 +207,22 @@ def _by_label(vehicle: Vehicle) -> dict[str, np.ndarray]:
     return {entry: host(vehicle.get(name)) for entry, name in FIELD_OF.items()}
 
 
+def _with_present_names(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The sections of a file with those entries under their present names that older files have elsewhere."""
+    for older, entry in OLDER.items():
+        (was, key), (section, name) = older.split("."), entry.split(".")
+        if not isinstance(content.get(was), Mapping) or key not in content[was]:
+            continue
+        block = content.get(section, {})
+        if not isinstance(block, Mapping) or name in block:
+            raise ValueError(f"{entry} is given as {older}, too: give it in section {section} alone")
+        rest = {other: value for other, value in content[was].items() if other != key}
+        content = {**content, was: rest, section: {**block, name: content[was][key]}}
+    return content
+
+
 def _nominal(content: Mapping[str, Any]) -> Vehicle:
+    content = _with_present_names(content)
     known = {*SECTIONS, *SECTIONS[""], *_SAID_OF_IT} - {""}
     if odd := sorted(map(str, set(content) - known)):
         raise ValueError(f"unknown entries {odd}: {choices(odd, sorted(known))}")

@@ -83,11 +83,40 @@ def _hull(v: Numbers) -> Floats:
 
 
 _THRUST, _LIMIT, _BAND = "thrusters.full_thrust", "thrusters.limit", "thrusters.dead_band"
-_AREA = "fins.area"
+_AREA, _TURNS = "fins.area", "servos.turns"
 
 
 def _strongest(v: Numbers) -> Floats:
-    return np.array([]) if v[_AREA].any() else v[_THRUST].max() / v["rigid_body.buoyancy"]
+    return np.array([]) if v[_AREA].any() or v[_TURNS].any() else v[_THRUST].max() / v["rigid_body.buoyancy"]
+
+
+ALONG = 0.9  # of a thrust along the axis of its servo, from which on turning hardly turns it
+
+
+def _wrong_servo(v: Numbers) -> str | None:
+    """What is impossible about the servos that turn thrusters, in words; None for nothing."""
+    turns, is_fin, direction = v[_TURNS], v[_AREA] > 0, v["thrusters.direction"]
+    pushing = (np.flatnonzero(~is_fin & (turns == 0)) + 1).tolist()
+    turned: dict[int, int] = {}
+    for row, number in enumerate(turns.tolist(), start=1):
+        if number == 0:
+            continue
+        if is_fin[row - 1]:
+            return f"{_TURNS} has {number:g} for number {row}, which is a fin: give 0 there, or {_AREA} 0"
+        if number not in pushing:
+            return (
+                f"{_TURNS} has {number:g} for number {row}: give the number of a thruster that pushes ({pushing}), or 0"
+            )
+        thruster = int(number)
+        if thruster in turned:
+            return f"{_TURNS} has {thruster} for numbers {turned[thruster]} and {row}: a thruster has one servo"
+        if (along := abs(float(direction[row - 1] @ direction[thruster - 1]))) > ALONG:
+            return (
+                f"thruster {thruster} pushes by {along:.2g} of its thrust along the axis of servo {row}, which so "
+                "turns nothing: thrusters.direction of a servo is the axis about which it turns"
+            )
+        turned[thruster] = row
+    return None
 
 
 RATIOS = (
@@ -153,7 +182,7 @@ _CHECKS = (*RATIOS, *(_own_bounds(name) for name, kind in BY_LABEL.items() if ki
 
 def impossible(v: Numbers) -> str | None:
     """What is impossible about a vehicle's numbers beside each other, in words; None for nothing."""
-    return next(_sentences(v, tuple(ratio for ratio in _CHECKS if not ratio.possible)), None)
+    return _wrong_servo(v) or next(_sentences(v, tuple(ratio for ratio in _CHECKS if not ratio.possible)), None)
 
 
 def doubts(v: Numbers) -> tuple[str, ...]:

@@ -43,6 +43,7 @@ class Field:
     meaning: str
     section: str | None = None  # of vehicle files, "" for an entry outside of sections; None: files have no entry
     entry: str = ""  # name in the section, where it is another than that of the field
+    older: str = ""  # label under which older files have the entry
     default: float | EllipsisType = ...  # of a nominal vehicle without an entry, in every place, or on the diagonal of
     # a square matrix; ... where the file must have the entry
     given: In = _ANY  # what is possible
@@ -191,7 +192,7 @@ VEHICLE_FIELDS: dict[str, Field] = {  # in the order of the class, which hashes 
     "reaction": Field(
         _EACH, "m", "moment about its direction per newton of its thrust: the propeller turns the other way",
         "thrusters", default=0.0, mistaken=_LENGTH, note=", moment about its direction per newton of thrust",
-        brief=True, copied=False,
+        brief=True,
     ),
     "volts": Field(
         _NUMBER, "V", "at which full_thrust holds and from which thrust follows logged volts; 0 where it does not",
@@ -224,14 +225,19 @@ VEHICLE_FIELDS: dict[str, Field] = {  # in the order of the class, which hashes 
         given=In("(0, 1.5]"), usual=In("[0.1, 1.2]", "rad"), mistaken=_ANGLE, note=", half of the flow is off there",
         brief=True, later=True,
     ),
-    "fin_rate": Field(
-        _EACH, "rad/s", "fastest turning of the servo; 0 of any speed", "fins", "rate", default=0.0,
-        given=_NOT_NEGATIVE, usual=In("[0, 50]", "rad/s"), note=", of the servo; 0 without a limit", brief=True,
-        later=True,
+    # servos: of fins, and of azimuth thrusters, which another actuator turns; their angles are deflections in rad, too
+    "turns": Field(
+        _EACH, "", "number of the thruster that a servo turns; 0 of none", "servos", default=0.0, given=_NOT_NEGATIVE,
+        note="number of the thruster that it turns; 0 of none", brief=True, later=True,
     ),
-    "fin_offset": Field(
-        _EACH, "rad", "deflection at no command", "fins", "offset", default=0.0, given=In("[-1.5, 1.5]"),
-        usual=In("[-0.5, 0.5]", "rad"), note=", deflection at no command", brief=True, later=True,
+    "servo_rate": Field(
+        _EACH, "rad/s", "fastest turning; 0 of any speed", "servos", "rate", older="fins.rate", default=0.0,
+        given=_NOT_NEGATIVE, usual=In("[0, 50]", "rad/s"), note="; 0 without a limit", brief=True, later=True,
+    ),
+    "servo_offset": Field(
+        _EACH, "rad", "angle at no command", "servos", "offset", older="fins.offset", default=0.0,
+        given=In("[-3.2, 3.2]"), usual=In("[-0.5, 0.5]", "rad"), mistaken=_ANGLE, note=", angle at no command",
+        brief=True, later=True,
     ),
     # sensors: what a vehicle's own sensors are off by, where that is known; those of a nominal vehicle are true
     "heading_bias": Field(
@@ -294,10 +300,12 @@ for _name, _field in VEHICLE_FIELDS.items():
         SECTIONS.setdefault(_field.section, {})[_field.entry or _name] = _name
 FIELD_OF = {label(section, entry): name for section, names in SECTIONS.items() for entry, name in names.items()}
 BY_LABEL = {entry: VEHICLE_FIELDS[name] for entry, name in FIELD_OF.items()}
+OLDER = {kind.older: entry for entry, kind in BY_LABEL.items() if kind.older}
 COMMENTS = {name.rpartition(".")[2]: kind.unit + kind.note for name, kind in BY_LABEL.items() if kind.unit + kind.note}
 
 
 def may_be_left_out(key: str) -> bool:
     """Whether it is the key of such an entry on a command line: ``vehicle.thrusters.volts``."""
     root, _, name = key.partition(".")
-    return root == "vehicle" and name in BY_LABEL and BY_LABEL[name].default is not ...
+    kind = BY_LABEL.get(OLDER.get(name, name))
+    return root == "vehicle" and kind is not None and kind.default is not ...

@@ -101,6 +101,10 @@ SECTIONS = {
         _underway("control", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK),
         _underway("paths", (*_AGENTS, "auv_torchrl/experiment", "conf/experiment/cruise.yaml", "conf/task"), QUICK),
         _underway("dives", _DIAGNOSIS, SEALED),
+        _underway(
+            "control milliampere", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK
+        ),
+        _underway("dives milliampere", _DIAGNOSIS, SEALED),
         Section("dives.md", "dives", (*_DIAGNOSIS, "auv_torchrl/monitoring"), SEALED, rows.of_dives),
     )
 }

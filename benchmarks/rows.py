@@ -70,10 +70,12 @@ def of_dives(command: str) -> Labels:
 
 
 def of_underway(part: str, command: str) -> Labels:
-    """Of a part of the benchmark of vehicles at speed."""
+    """Of a part of the benchmark of vehicles at speed; a part may name a vehicle that has a table of its own."""
     from benchmarks.underway import control, dives, paths
 
-    return {"control": control.ROWS, "paths": paths.ROWS, "dives": _one(dives.ROWS)}[part]
+    kind, _, vehicle = part.partition(" ")
+    vehicles = (vehicle,) if vehicle else control.TOGETHER
+    return {"control": control.cases(vehicles), "paths": paths.ROWS, "dives": _one(dives.ROWS)}[kind]
 
 
 def of_trial(command: str) -> Labels:

@@ -4,13 +4,13 @@ import torch
 from tensordict.nn import TensorDictModule
 
 
-def helmsman_of_vessel():
+def helmsman_of_vessel(turn=0.8, damping=0.5):
     """Proportional on heading and speed, with damping in yaw; reads the observation of a surface vessel."""
 
     def steer(seen):
         heading = torch.atan2(seen[..., 3], seen[..., 4])
         surge = 0.7 - 0.5 * seen[..., 0]
-        return torch.stack((surge, 0.8 * heading - 0.5 * seen[..., 2]), dim=-1).clamp(-1.0, 1.0)
+        return torch.stack((surge, turn * heading - damping * seen[..., 2]), dim=-1).clamp(-1.0, 1.0)
 
     return TensorDictModule(steer, in_keys=["observation"], out_keys=["action"])
 

@@ -8,9 +8,9 @@ import pytest
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.paths import config_names
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
+from auv_torchrl.physics.thrusters import applied_thrust, body_wrench, thrust_target
 from auv_torchrl.vehicle import load_vehicle, stacked
-from tests.hovering import ACTING, FIN_EFFECTS, one_for
+from tests.hovering import ACTING, SERVO_EFFECTS, one_for
 from tests.uneven import UNEVEN, load_any
 
 effects = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
@@ -76,8 +76,8 @@ def test_values_outside_the_bounds_are_refused(effect):
     """Each bound of each parameter holds, and the error names parameter, bounds and unit."""
     vehicle = load_vehicle(one_for(effect.name, "paper"))
     for name, p in effect.member_parameters(vehicle).items():
-        if effect.name in FIN_EFFECTS and name.endswith("_1"):
-            continue  # the propeller
+        if effect.name in SERVO_EFFECTS and int(name[-1]) - 1 not in vehicle.servos:
+            continue  # a propeller
         for wrong in (p.high + 1.0, p.low - 1.0, math.nan, math.inf, "many", None, True, [1.0]):
             with pytest.raises(ValueError, match=f"effect {effect.name}: {name} is "):
                 effect.read(vehicle, {name: wrong})
@@ -112,15 +112,16 @@ def test_every_effect_says_what_it_is(effect, name):
 
 @pytest.mark.parametrize("effect", [effect for name, effect in ACTING.items() if name.startswith("thrust")],
                          ids=lambda effect: effect.name)  # fmt: skip
-def test_effects_on_thrusters_leave_fins_as_they_are(effect):
-    """But for the delay, the lag and the plugs, which a fin has as well; where it sits counts from the file."""
-    vehicle = load_vehicle("remus100")
+@pytest.mark.parametrize("name", ["remus100", "milliampere"])
+def test_effects_on_thrusters_leave_servos_as_they_are(effect, name):
+    """But for the delay, the lag and the plugs, which a servo has as well; where it sits counts from the file."""
+    vehicle = load_vehicle(name)
     if effect.name in ("thruster_swap", "thruster_lag"):
         return
-    after = effect.apply(vehicle, away_from_nominal(effect, vehicle))
+    after, servos = effect.apply(vehicle, away_from_nominal(effect, vehicle)), list(vehicle.servos)
     for field, value in vehicle.items():
-        if value.shape[:1] == (5,):
-            np.testing.assert_array_equal(after.get(field)[1:], value[1:], err_msg=field)
+        if value.shape[:1] == (vehicle.thrusters,):
+            np.testing.assert_array_equal(after.get(field)[servos], value[servos], err_msg=field)
 
 
 def test_effects_on_fins_are_refused_where_there_is_none():
@@ -130,7 +131,31 @@ def test_effects_on_fins_are_refused_where_there_is_none():
     with pytest.raises(ValueError, match="effect fin_stuck: the vehicle has no fins"):
         get_effect("fin_stuck").read(load_vehicle("paper"), {"stuck": 1.0})
     both = get_effect("fin_stuck").apply(load_vehicle("remus100"), {"stuck_2": 1.0, "angle_2": 0.1})
-    assert both.gain.tolist() == [1, 0, 1, 1, 1] and both.fin_offset.tolist() == [0, 0.1, 0, 0, 0]
+    assert both.gain.tolist() == [1, 0, 1, 1, 1] and both.servo_offset.tolist() == [0, 0.1, 0, 0, 0]
+
+
+def test_servos_of_fins_and_of_azimuth_thrusters_have_effects_of_their_own():
+    """Of one making, for their own actuators; a thruster askew is a servo off its middle, and is called so."""
+    ferry = load_vehicle("milliampere")
+    with pytest.raises(
+        ValueError, match="azimuth_gain: gain_2: thruster 2 is no azimuth servo: the azimuth servos are 3"
+    ):
+        get_effect("azimuth_gain").read(ferry, {"gain_2": 0.5})
+    with pytest.raises(ValueError, match="effect fin_gain: the vehicle has no fins"):
+        get_effect("fin_gain").read(ferry, {"gain_3": 0.5})
+    with pytest.raises(ValueError, match="the vehicle has no azimuth servos: give one whose file has servos.turns"):
+        get_effect("azimuth_stuck").read(load_vehicle("remus100"), {"stuck": 1.0})
+    stuck = get_effect("azimuth_stuck").apply(ferry, {"stuck_3": 1.0, "angle_3": 0.1})
+    assert stuck.gain.tolist() == [1, 1, 0, 1] and stuck.servo_offset.tolist() == [0, 0, 0.1, 0]
+    same_as = get_effect("thruster_misalignment").trial.same_as
+    assert same_as is not None and same_as(ferry, "angle_2", 0.3) == ("azimuth_offset", "offset_4", 0.3)
+    assert same_as(load_vehicle("otter"), "angle_2", 0.3) is None
+    c = [prepare(get_effect(name).apply(ferry, values)) for name, values in
+         (("thruster_misalignment", {"angle_2": 0.3}), ("azimuth_offset", {"offset_4": 0.3}))]  # fmt: skip
+    pushes = [body_wrench(one, ActiveTerms.of(one), np.array([100.0, 200.0, 0.1, -0.2]), np.zeros(())) for one in c]
+    np.testing.assert_allclose(*pushes, atol=1e-9)
+    plugs = get_effect("thruster_swap").trial.same_as
+    assert plugs is not None and plugs(ferry, "command_3", -3.0) == ("azimuth_gain", "gain_3", -1.0)
 
 
 def test_an_unknown_effect_lists_the_effects():

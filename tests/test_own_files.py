@@ -135,12 +135,12 @@ def test_scenarios_and_randomizations_are_files_anywhere(tmp_path, monkeypatch):
 
 
 def test_the_default_randomization_works_for_every_vehicle():
-    """It names nothing that depends on the size of the vehicle; fins have no thrust to draw."""
+    """It names nothing that depends on the size of the vehicle; servos have no thrust to draw."""
     ranges = yaml.safe_load(config_path("randomization", "default").read_text())
     for name in config_names("vehicle"):
         vehicle = load_vehicle(name)
         drawn = RandomizeVehicle(vehicle, ranges).draw(4, torch.Generator().manual_seed(0))
-        assert [i for i, spread in enumerate(drawn.gain.std(0).tolist()) if not spread] == list(vehicle.fins)
+        assert [i for i, spread in enumerate(drawn.gain.std(0).tolist()) if not spread] == list(vehicle.servos)
 
 
 REFUSED = {  # what is written where, and what is said

@@ -8,7 +8,7 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.scenario import read_scenario, scenarios_of
 from auv_torchrl.vehicle import load_vehicle
-from tests.hovering import FIN_EFFECTS, HOVERING
+from tests.hovering import HOVERING, SERVO_EFFECTS, one_for
 
 PAPER = load_vehicle("paper")
 
@@ -28,19 +28,23 @@ def test_every_effect_acts_in_some_scenario():
 
 
 def test_a_vehicle_meets_the_scenarios_of_parts_that_it_has():
-    """A hovering one all but those of fins, a torpedo those of its fins, a vessel of two propellers none of a third."""
-    everything, of_fins = set(config_names("scenario")), {"fin_gain", "fin_offset", "fin_stuck"}
-    own = {name: scenarios_of(load_vehicle(name)) for name in ("paper", "remus100", "otter")}
-    assert of_fins & {change.effect.name for name in own["paper"] for change in scenario(name, PAPER).changes} == set()
-    assert everything - set(own["paper"]) == {"fin_offset", "fin_reversed", "fin_stuck"}
-    assert everything - set(own["paper"]) < set(own["remus100"]) and "thruster_gain" not in own["remus100"]
+    """A hovering one all but those of servos, others those of theirs, a vessel of two propellers none of a third."""
+    everything = set(config_names("scenario"))
+    own = {name: set(scenarios_of(load_vehicle(name))) for name in ("paper", "remus100", "otter", "milliampere")}
+    used = {change.effect.name for name in own["paper"] for change in scenario(name, PAPER).changes}
+    of_fins, of_azimuths = (
+        {f"{kind}_{fault}" for fault in ("offset", "reversed", "stuck")} for kind in ("fin", "azimuth")
+    )
+    assert not SERVO_EFFECTS & used and everything - own["paper"] == of_fins | of_azimuths
+    assert of_fins < own["remus100"] and not of_azimuths & own["remus100"] and "thruster_gain" not in own["remus100"]
+    assert of_azimuths < own["milliampere"] and not of_fins & own["milliampere"]
     assert "swap" in own["otter"] and "cycle" not in own["otter"]
 
 
 def suited(name):
-    """Vehicles that a scenario is for: those with fins where it is of fins, and of as many thrusters as it names."""
-    effects = yaml.safe_load(config_path("scenario", name).read_text())["effects"]
-    return ["remus100"] if set(effects) & FIN_EFFECTS else HOVERING
+    """Vehicles that a scenario is for: those with servos of the kind that it is of, or those that hover."""
+    effects = SERVO_EFFECTS & set(yaml.safe_load(config_path("scenario", name).read_text())["effects"])
+    return sorted({one_for(effect, "paper") for effect in effects}) or HOVERING
 
 
 @pytest.mark.parametrize(

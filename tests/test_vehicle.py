@@ -55,7 +55,7 @@ def test_table_1_is_reproduced():
 def test_an_unknown_name_lists_the_vehicles():
     """The error says what there is."""
     with pytest.raises(
-        FileNotFoundError, match="there are ardusub_sitl, bluerov2, bluerov2_heavy, otter, paper, remus100"
+        FileNotFoundError, match="there are ardusub_sitl, bluerov2, bluerov2_heavy, milliampere, otter, paper, remus100"
     ):
         load_vehicle("submarine")
 

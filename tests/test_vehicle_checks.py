@@ -20,6 +20,7 @@ FILLED = {  # what a bluerov2 leaves out, or has as 0
     "thrusters.reaction": 0.016,
     "thrusters.lag": 0.1,
     "fins": {"stall": 0.4},
+    "servos": {"offset": 0.1},
     "thrusters.delay": 0.05,
     "rigid_body.centre_of_buoyancy": [0.0, 0.0, -0.03],
     "sensors": {
@@ -97,6 +98,39 @@ def test_what_cannot_be_is_refused(entries, message):
     """An impossible number, or several that are impossible beside each other."""
     with pytest.raises(ValueError, match=message):
         load_vehicle(bluerov2(**entries))
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        (
+            {"servos__turns": [0, 0, 1, 5]},
+            r"has 5 for number 4: give the number of a thruster that pushes \(\[1, 2\]\)",
+        ),
+        ({"servos__turns": [0, 0, 1, 3]}, "has 3 for number 4: give the number of a thruster that pushes"),
+        ({"servos__turns": [0, 0, 1.5, 2]}, "has 1.5 for number 3: give the number of a thruster that pushes"),
+        ({"servos__turns": [0, 0, 1, 1]}, "has 1 for numbers 3 and 4: a thruster has one servo"),
+        ({"servos__turns": 1}, r"servos.turns has 1 for number 1: .* that pushes \(\[\]\), or 0"),
+        ({"servos__turns": [0, 0, -1, 2]}, "servos.turns is .*: give values of 0 or more"),
+        ({"servos__turns": [0, 0, 1]}, "servos.turns is .*: give one number, or 4, one per thruster"),
+        ({"servos__turns": "both"}, "servos.turns is 'both': give one number"),
+        ({"fins": {"area": [0, 0, 0.1, 0]}}, "has 1 for number 3, which is a fin: give 0 there, or fins.area 0"),
+        (
+            {"thrusters__direction": [[1, 0, 0], [1, 0, 0], [1, 0, 0.1], [0, 0, 1]]},
+            "thruster 1 pushes by 1 of its thrust",
+        ),
+        ({"servos": [1, 2]}, r"servos is \[1, 2\]: give a mapping with turns, rate, offset"),
+        ({"servos__reach": 1.0}, r"unknown entries \['reach'\] in servos"),
+        ({"servos__rate": -1.0}, "servos.rate is -1.0: give values of 0 or more"),
+    ],
+)
+def test_servos_that_cannot_be_are_refused(entries, message):
+    """A servo turns one thruster that pushes across its axis, and no thruster has two."""
+    content = dict(read_vehicle_file("milliampere"))
+    for name, value in entries.items():
+        content = with_entry(content, name.split("__"), value)
+    with pytest.raises(ValueError, match=message):
+        load_vehicle(content)
 
 
 @pytest.mark.parametrize(

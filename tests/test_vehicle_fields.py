@@ -12,7 +12,7 @@ import yaml
 from auv_torchrl.paths import PROJECT, config_names, config_path
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_fields import BY_LABEL, FIELD_OF, VEHICLE_FIELDS, label, may_be_left_out
+from auv_torchrl.vehicle_fields import BY_LABEL, FIELD_OF, OLDER, VEHICLE_FIELDS, label, may_be_left_out
 from auv_torchrl.vehicle_file import described, entries, fold
 from tests.entries import with_entry
 
@@ -68,13 +68,15 @@ print(json.dumps({
 
 
 def paper():
-    return {"sensors": {}, "fins": {}, **yaml.safe_load(config_path("vehicle", "paper").read_text())}
+    return {"sensors": {}, "fins": {}, "servos": {}, **yaml.safe_load(config_path("vehicle", "paper").read_text())}
 
 
 def other_value(name):
     """Another possible value of an entry than the paper's vehicle has, near by, as a file says it."""
     value = load_vehicle("paper").get(name)
     kind = VEHICLE_FIELDS[name]
+    if name == "turns":  # a number of the list: the vertical thruster stands for a servo
+        return [0, 0, 0, 0, 1, 0]
     # A tenth down keeps an air of 1 and a dead band below the thrust; nothing moves up or down from zero.
     changed = np.where(value == 0, 0.01, 0.9 * value)
     if kind.square:
@@ -116,6 +118,16 @@ def test_what_is_impossible_of_an_entry_is_refused_by_its_name(entry):
     value = [value] * load_vehicle("paper").thrusters if kind.rows else value
     with pytest.raises(ValueError, match=rf"{entry} is .*: give values"):
         load_vehicle(with_entry(paper(), entry.split("."), value))
+
+
+@pytest.mark.parametrize(("older", "entry"), OLDER.items())
+def test_older_files_have_entries_elsewhere(older, entry):
+    """They are read alike, may be given on the command line, and one that is said twice is refused."""
+    was, now = (load_vehicle(with_entry(paper(), name.split("."), 0.3)) for name in (older, entry))
+    assert all(np.array_equal(value, now.get(key)) for key, value in was.items())
+    assert may_be_left_out(f"vehicle.{older}") and may_be_left_out(f"vehicle.{entry}")
+    with pytest.raises(ValueError, match=f"{entry} is given as {older}, too: give it in section servos alone"):
+        load_vehicle(with_entry(with_entry(paper(), older.split("."), 0.3), entry.split("."), 0.3))
 
 
 @pytest.mark.parametrize("entry", BY_LABEL)

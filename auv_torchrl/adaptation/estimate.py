@@ -21,7 +21,7 @@ class Evidence(NamedTuple):
 
     step: Step  # what it was expected to do
     effectiveness: Array  # (N, D, n) by which that was expected
-    arriving: Array  # (N, n) mean thrust, shares of full thrust; of fins, of what they push at the speed of the task
+    arriving: Array  # (N, n) mean thrust, shares of full thrust; of servos, of what they push at the speed of the task
     reading: Reading
     verdict: Verdict
     usable: Array  # (N,) bool, which vehicles' estimates have changed by it
@@ -121,7 +121,7 @@ class Estimate(Memory):
         """
         reading = self.sensing.read(measured)
         arriving, self.turned = self.motion.turning(self.turned, self.timing.arriving(share))
-        arriving = arriving * self.motion.flow(self.velocity)
+        arriving = arriving * self.motion.flow(self.velocity, arriving)
         effectiveness = self.map[0].copy()
         body = None if self.motion.is_level else self.body
         step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale, body)

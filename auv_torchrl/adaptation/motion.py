@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import fin_wrench, wrench_per_share
+from auv_torchrl.physics.fins import fin_wrench
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_product, rotation_matrix
-from auv_torchrl.physics.thrusters import thrust_follower
+from auv_torchrl.physics.pushes import thrust_turned, wrench_per_share
+from auv_torchrl.physics.thrusters import shares_turned
 from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle, index_of
 
@@ -19,7 +20,6 @@ _SUBSTEPS_SLOW, _SUBSTEPS = 2, 4
 _SPEED_STEP = 1e-4  # m/s and rad/s, of the finite differences
 _WRENCH_STEP = 1e-3  # of what the thrusters can give
 _FASTEST = {True: 3.0, False: 10.0}  # m/s, rad/s; beyond, the integration of the drag becomes unstable
-_SERVO_PARTS = 5  # of a control step, over which the turning of a fin is averaged
 
 
 class Step(NamedTuple):
@@ -36,7 +36,7 @@ class SourceMotion:
 
     What roll and pitch do to a vehicle that is not held level counts as noise. A vehicle at speed is followed in all
     six, from the attitude that is measured: it steers by what its axes do to the others. Fins push with the square of
-    the speed ahead, and turn as fast as their servos.
+    the speed ahead, azimuth thrusters aside with their thrust, and both turn as fast as their servos.
 
     Args:
         vehicle: one vehicle (empty batch), the source.
@@ -63,8 +63,10 @@ class SourceMotion:
         per_share = wrench_per_share(c, self._terms, speed)[self.degrees]
         self.per_share = per_share  # (D, n) wrench in N and N m per share of each thruster's full thrust, at the speed
         self.full_wrench = self._units(np.abs(per_share).sum(-1))  # (D,)
-        self.fins = np.zeros(vehicle.thrusters, dtype=bool)
-        self.fins[list(vehicle.fins)] = True
+        self.fins, self.servos = (
+            np.isin(np.arange(vehicle.thrusters), rows) for rows in (vehicle.fins, vehicle.servos)
+        )
+        self._turned = thrust_turned(c, self._terms, np.asarray(speed)) if self._terms.azimuth else None
         size = self.size
         columns = np.zeros((1 + 2 * size, 2, size))
         columns[1 : 1 + size, 0] = _SPEED_STEP * np.eye(size)
@@ -136,24 +138,24 @@ class SourceMotion:
         along = rotation_matrix(normalise(quaternion_product(quaternion, middle)))
         return np.concatenate((body[..., :3] + matvec(along, moved[..., :3]), turned), axis=-1)
 
-    def flow(self, velocity: Array) -> Array:
-        """How strongly each actuator pushes at velocities (N, D), over what it does at the speed, (N, n)."""
-        if not self.fins.any():
-            return np.ones((len(velocity), len(self.fins)))
-        faster = np.square(np.clip(velocity[:, :1] / self.speed, 0.0, 2.0))
-        return np.where(self.fins, faster, 1.0)
+    def flow(self, velocity: Array, share: Array) -> Array:
+        """How strongly each actuator pushes, over what it does at the speed, (N, n).
+
+        Args:
+            velocity: (N, D), with the square of which fins push.
+            share: (N, n) of full thrust that thrusters give, with which their servos push.
+        """
+        stronger = np.ones((len(velocity), len(self.fins)))
+        if self.fins.any():
+            faster = np.square(np.clip(velocity[:, :1] / self.speed, 0.0, 2.0))
+            stronger = np.where(self.fins, faster, stronger)
+        return (
+            stronger if self._turned is None else np.where(self.servos & ~self.fins, share @ self._turned.T, stronger)
+        )
 
     def turning(self, before: Array, target: Array) -> tuple[Array, Array]:
         """Mean shares (N, n) over a control step of what follows its target as a servo does, and those at its end."""
-        if not self._terms.fins:
-            return target, target
-        c, share, total = self._coefficients, before, np.zeros_like(target)
-        after = thrust_follower(c, self._terms, self.control_dt / _SERVO_PARTS)
-        for _ in range(_SERVO_PARTS):
-            later = after(share * c.full_thrust, target * c.full_thrust) / c.full_thrust
-            total = total + (share + later) / 2
-            share = later
-        return np.where(self.fins, total / _SERVO_PARTS, target), share
+        return shares_turned(self._coefficients, self._terms, before, target, self.control_dt)
 
     def _midway(self, velocity: Array, body: Array | None) -> tuple[Array, Array]:
         """Rotation and position about the middle of a step; level at the origin where no body is given."""

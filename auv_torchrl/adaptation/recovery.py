@@ -21,7 +21,7 @@ from auv_torchrl.vehicle_tensors import tensors
 BACK_M = 0.05  # a vehicle has recovered once it stays closer than this to the target
 BACK_RAD = 0.05  # and, where it steers by its heading, turns off from its course by less
 FELT_N = 1.0  # a change is felt once a thruster gives this much more or less than it would have before
-FELT_RAD = 0.01  # or a fin stands off by this much
+FELT_RAD = 0.01  # or a fin or a servo stands off by this much
 _APART_S = 0.1  # s; a change that is felt as soon as this needs no moment of its own
 
 
@@ -102,7 +102,7 @@ def recoveries(
     final = torch.where(after, torch.arange(after.shape[1]), 0).amax(1, keepdim=True)
     never = outside.gather(1, final)[:, 0]
     least = torch.full_like(flight.thrust[0, 0].double(), FELT_N)
-    least[list(before.fins)] = FELT_RAD
+    least[list(before.servos)] = FELT_RAD
     felt = _first((altered_thrust(flight, before).abs() > least).any(-1), after, since)
     alarm = _first(flown.alarm, after, since)
     follows = after & (since > alarm[:, None])
@@ -125,7 +125,7 @@ def recoveries(
 def altered_thrust(flight: Flight, before: Vehicle) -> Tensor:
     """What each thruster gives beyond what it would have given before the change, N, (N, T + 1, n) float64.
 
-    Of a fin it is the angle in rad by which it stands off.
+    Of a servo it is the angle in rad by which it stands off.
     """
     c = prepare(tensors(before))
     terms = ActiveTerms.of(c)

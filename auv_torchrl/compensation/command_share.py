@@ -7,7 +7,7 @@ import numpy as np
 from auv_torchrl.compensation.known_vehicle import Model
 from auv_torchrl.flight import Flight
 from auv_torchrl.physics import State, control_step
-from auv_torchrl.physics.fins import wrench_per_share
+from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 

@@ -14,16 +14,21 @@ from torch import Tensor, nn
 
 from auv_torchrl.ddr.allocation import Allocation, shrunk
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
-from auv_torchrl.physics.fins import wrench_per_share
-from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.physics.pushes import thrust_turned, wrench_per_share
+from auv_torchrl.physics.thrusters import shares_turned, thrust_target
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
 from auv_torchrl.vehicle_tensors import tensors
 
+IDLE = 0.05  # of the thrust at the speed: less is turned to no effect
 EDGE = 1e-4  # share of full thrust kept clear of the dead band's edge, so that rounding does not fall into it
 
 
 class Actuation(nn.Module):
-    """Static actuation of one vehicle: mixer, curve, limit and dead band; no lag, delay or battery.
+    """Actuation of one vehicle: mixer, curve, limit, dead band and the turning of servos; no lag, delay or battery.
+
+    What an azimuth thruster pushes aside grows with its thrust and with its angle. Of its servo not the share of the
+    largest angle counts, but the push: that share, times the thrust over the one that keeps up the speed. In pushes the
+    wrench is linear. Of all other actuators the push is the share of the full thrust.
 
     Args:
         vehicle: one vehicle (empty batch), the source.
@@ -35,7 +40,8 @@ class Actuation(nn.Module):
     """
 
     mixer: Tensor  # (n, a)
-    channels_per_share: Tensor  # (a, n) channels per share of each thruster's full thrust
+    channels_per_share: Tensor  # (a, n) channels per push of each thruster
+    turned: Tensor | None  # (n, n) thrust that each servo turns, over that at the speed, per share of full thrusts
 
     def __init__(self, vehicle: Vehicle, axes: Sequence[str] = CONTROLLED, speed: float = 0.0):
         super().__init__()
@@ -52,6 +58,8 @@ class Actuation(nn.Module):
             )
         self.coefficients = Coefficients(*(field.float() for field in c))
         self.register_buffer("mixer", mixer.float(), persistent=False)
+        turned = thrust_turned(c, self.terms, torch.as_tensor(speed).to(c.turns)) if self.terms.azimuth else None
+        self.register_buffer("turned", None if turned is None else turned.float(), persistent=False)
         self.register_buffer("channels_per_share", torch.linalg.solve(full, per_share).float(), persistent=False)
 
     def _apply(self, fn: Any, recurse: bool = True) -> Any:
@@ -76,9 +84,40 @@ class Actuation(nn.Module):
         forward, reverse = (gain.clamp(min=0.0) for gain in (c.forward_gain, c.reverse_gain))
         return -torch.minimum(limit, 1 - c.asymmetry) * reverse, limit.clamp(max=1.0) * forward
 
+    @property
+    def strongest(self) -> Tensor:
+        """Push of each actuator (n,) at all of its share, while thrusters give all of theirs."""
+        return self.pushes(torch.ones_like(self.mixer[:, 0]))
+
+    @property
+    def push_limits(self) -> tuple[Tensor, Tensor]:
+        """Least and largest push of each actuator (n,), where thrusters give all; with less thrust angles end it."""
+        low, high = self.share_limits
+        return low * self.strongest, high * self.strongest
+
     def delivered(self, command: Tensor) -> Tensor:
         """Thrust for thruster commands (..., n), cut to [-1, 1], as shares of full thrust."""
         return thrust_target(self.coefficients, self.terms, command) / self.coefficients.full_thrust
+
+    def pushes(self, share: Tensor) -> Tensor:
+        """What thrusts and angles (..., n), shares of the full ones, push."""
+        return share if self.turned is None else share * self._thrust_turned(share)
+
+    def shares(self, push: Tensor) -> Tensor:
+        """Thrusts and angles (..., n) that push so; an angle is that of :data:`IDLE` thrust where there is less."""
+        if self.turned is None:
+            return push
+        thrust = self._thrust_turned(push)
+        return push / torch.where(thrust.abs() < IDLE, torch.where(thrust < 0, -IDLE, IDLE), thrust)
+
+    def _thrust_turned(self, share: Tensor) -> Tensor:
+        """The thrust that each servo turns, over that at the speed, (..., n); 1 of what is no servo."""
+        assert self.turned is not None
+        return torch.where(self.turned.any(-1), share @ self.turned.mT, 1.0)
+
+    def turning(self, before: Tensor, share: Tensor, elapsed: float) -> tuple[Tensor, Tensor]:
+        """Mean shares (..., n) over some seconds of what follows as servos do, and those at the end."""
+        return shares_turned(self.coefficients, self.terms, before, share, elapsed)
 
     def intended(self, action: Tensor) -> Tensor:
         """What channels (..., a) would give without dead band and limits, in channels; the same on a linear curve."""
@@ -86,7 +125,7 @@ class Actuation(nn.Module):
         beyond = command.abs().amax(-1, keepdim=True).clamp_min(1.0)
         smooth = self.coefficients._replace(dead_band=torch.zeros_like(self.coefficients.dead_band))
         share = thrust_target(smooth, self.terms, command / beyond) / smooth.full_thrust
-        return beyond * share @ self.channels_per_share.mT
+        return beyond * self.pushes(share) @ self.channels_per_share.mT
 
     def command_for(self, share: Tensor, skip_dead_band: bool = True) -> Tensor:
         """Commands (..., n) that give thrusts (..., n), shares of full thrust.
@@ -108,11 +147,11 @@ class Actuation(nn.Module):
 
     def realised(self, action: Tensor) -> Tensor:
         """What channels (..., a) really give after mixer, limits and dead band, in channels (..., a)."""
-        return self.delivered(action @ self.mixer.mT) @ self.channels_per_share.mT
+        return self.pushes(self.delivered(action @ self.mixer.mT)) @ self.channels_per_share.mT
 
 
 class ControlSpace(nn.Module, ABC):
-    """Commands that a map reads and writes, in coordinates in which the thrust is linear.
+    """Commands that a map reads and writes, in coordinates in which the wrench is linear.
 
     ``rows`` (r, k), ``low`` and ``high`` (r,) are the limits: low <= rows @ control <= high.
     """
@@ -142,8 +181,16 @@ class ControlSpace(nn.Module, ABC):
         return shrunk(control, self.rows, self.low, self.high)
 
     @abstractmethod
+    def delivered(self, command: Tensor) -> Tensor:
+        """Shares of full thrust (..., n) that commands (..., k) call for on the source vehicle."""
+
+    @abstractmethod
+    def of_shares(self, share: Tensor) -> Tensor:
+        """Controls (..., k) of shares of full thrust (..., n)."""
+
     def encode(self, command: Tensor) -> Tensor:
-        """Controls (..., k) of commands (..., k)."""
+        """Controls (..., k) of commands (..., k) that have been held for long."""
+        return self.of_shares(self.delivered(command))
 
     @abstractmethod
     def decode(self, control: Tensor) -> Tensor:
@@ -160,21 +207,26 @@ class Channels(ControlSpace):
     unmixer: Tensor  # (a, n)
 
     def __init__(self, actuation: Actuation):
-        low, high = actuation.share_limits
-        one = torch.ones(actuation.channels)
+        low, high = actuation.push_limits
+        one = torch.where(actuation.mixer != 0, actuation.strongest[:, None], 1.0).amax(0)  # of each channel
         rows = torch.cat((actuation.mixer, torch.eye(actuation.channels)))
         nominal = actuation.channels_per_share @ actuation.mixer
         super().__init__(rows, torch.cat((low, -one)), torch.cat((high, one)), nominal)
         self.actuation = actuation
         self.register_buffer("unmixer", torch.linalg.pinv(actuation.mixer), persistent=False)
 
-    def encode(self, command: Tensor) -> Tensor:
-        """Channels (..., a) as the thrusters' curve and dead band let them through."""
-        return self.actuation.delivered(command @ self.actuation.mixer.mT) @ self.unmixer.mT
+    def delivered(self, command: Tensor) -> Tensor:
+        """As the thrusters' curve and dead band let channels (..., a) through."""
+        return self.actuation.delivered(command @ self.actuation.mixer.mT)
+
+    def of_shares(self, share: Tensor) -> Tensor:
+        """Channels (..., a)."""
+        return self.actuation.pushes(share) @ self.unmixer.mT
 
     def decode(self, control: Tensor) -> Tensor:
         """Channels (..., a) in [-1, 1] that have this effect through the thrusters' curve."""
-        thrusters = self.actuation.command_for(control @ self.actuation.mixer.mT, skip_dead_band=False)
+        share = self.actuation.shares(control @ self.actuation.mixer.mT)
+        thrusters = self.actuation.command_for(share, skip_dead_band=False)
         return (thrusters @ self.unmixer.mT).clamp(-1.0, 1.0)
 
     def informative(self, command: Tensor) -> Tensor:
@@ -193,17 +245,21 @@ class Thrusters(ControlSpace):
     """The n thrusters one by one, in shares of full thrust, with the source's curve and dead band taken out."""
 
     def __init__(self, actuation: Actuation):
-        low, high = actuation.share_limits
+        low, high = actuation.push_limits
         super().__init__(torch.eye(actuation.thrusters), low, high, actuation.channels_per_share)
         self.actuation = actuation
 
-    def encode(self, command: Tensor) -> Tensor:
-        """Shares of full thrust (..., n) that commands (..., n) give on the source vehicle."""
+    def delivered(self, command: Tensor) -> Tensor:
+        """As curve and dead band let commands (..., n) through."""
         return self.actuation.delivered(command)
 
+    def of_shares(self, share: Tensor) -> Tensor:
+        """Pushes (..., n)."""
+        return self.actuation.pushes(share)
+
     def decode(self, control: Tensor) -> Tensor:
-        """Commands (..., n) that give these shares of full thrust."""
-        return self.actuation.command_for(control)
+        """Commands (..., n) that push so."""
+        return self.actuation.command_for(self.actuation.shares(control))
 
     def informative(self, command: Tensor) -> Tensor:
         """Where any thruster turns: the dead band is in the coordinates, but silence says nothing about them."""

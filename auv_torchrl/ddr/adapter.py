@@ -37,6 +37,7 @@ class DDRAdapter(CommandMap):
         self.learner: Any = learners[0] if self.config.shared else LearnerPerVehicle(learners)
         self.dither = Dither(self.config.seed, self.config.dither_steps)
         self.register_buffer("_learning", torch.zeros((), dtype=torch.bool))
+        self._stands: Tensor | None = None  # (N, n) shares at which servos stand
 
     @property
     def learning(self) -> bool:
@@ -97,6 +98,13 @@ class DDRAdapter(CommandMap):
         """Commands (N, k) for the action and the measured quaternion and velocity."""
         return self.translate(self.models.state_of(*measured).float(), action)
 
+    def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
+        """Servos of vehicles that begin stand in their middle."""
+        count = len(tensordict.get("observation"))
+        if self._stands is None or len(self._stands) != count:
+            self._stands = torch.zeros(count, self.models.actuation.thrusters)
+        self._stands[rows] = 0.0
+
     def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:
         """Learn from the transition."""
         if not self.learning:
@@ -106,7 +114,16 @@ class DDRAdapter(CommandMap):
         if stepped is not None:
             valid = valid & stepped.reshape(valid.shape)
         now, then = self._motion(before), self._motion(after)
-        self.learner.observe(now, command, self.models.R(now, then), valid)
+        self.learner.observe(now, command, self.models.R(now, then), valid, self._turned(command))
+
+    def _turned(self, command: Tensor) -> Tensor | None:
+        """Shares (N, n) that commands (N, k) gave over a control step, as far as servos followed; None without any."""
+        if not self.models.actuation.terms.servos:
+            return None
+        share = self.maps[0].space.delivered(command)
+        before = torch.zeros_like(share) if self._stands is None else self._stands.to(share)
+        mean, self._stands = self.models.actuation.turning(before, share, self.models.control_dt)
+        return mean
 
     def _motion(self, tensordict: TensorDictBase) -> Tensor:
         return self.models.state_of(*(tensordict.get(key) for key in self.out_keys_inv[1:])).float()

@@ -42,7 +42,9 @@ class MapLearner(nn.Module):
         self.register_buffer("ignored", torch.zeros((), dtype=torch.long))
 
     @torch.no_grad()
-    def observe(self, state: Tensor, command: Tensor, source: Tensor, valid: Tensor) -> None:
+    def observe(
+        self, state: Tensor, command: Tensor, source: Tensor, valid: Tensor, share: Tensor | None = None
+    ) -> None:
         """Learn from one transition of N vehicles.
 
         Args:
@@ -50,12 +52,14 @@ class MapLearner(nn.Module):
             command: (N, k) commands tau_t that were executed.
             source: (N, a) R(x, x').
             valid: (N,) bool, transitions that happened.
+            share: (N, n) what servos had made of the commands, shares of full thrust; None where there are none.
         """
         finite = state.isfinite().all(-1) & command.isfinite().all(-1)
         possible = finite & (source.abs() < self.config.impossible).all(-1)
         self.ignored += (valid & ~possible).sum()
         use = valid & possible & self.g.space.informative(command)
-        pairs = Pairs(state[use], self.g.space.encode(command[use]), source[use])
+        share = self.g.space.delivered(command) if share is None else share
+        pairs = Pairs(state[use], self.g.space.of_shares(share[use]), source[use])
         if len(pairs.state):
             error = (self.g(pairs.state, pairs.control) - pairs.source).norm(dim=-1).mean()
             self.residual.copy_(torch.cat((self.residual[1:], error[None])))
@@ -127,11 +131,14 @@ class LearnerPerVehicle(nn.Module):
         """(N, 1) bool, which maps are to be refitted."""
         return torch.stack([learner.uncertain for learner in self.learners])[:, None]
 
-    def observe(self, state: Tensor, command: Tensor, source: Tensor, valid: Tensor) -> None:
+    def observe(
+        self, state: Tensor, command: Tensor, source: Tensor, valid: Tensor, share: Tensor | None = None
+    ) -> None:
         """Learn from one transition of each of the N vehicles; arguments as of :class:`MapLearner`."""
         for row, learner in enumerate(self.learners):
             only = slice(row, row + 1)
-            learner.observe(state[only], command[only], source[only], valid[only])
+            given = None if share is None else share[only]
+            learner.observe(state[only], command[only], source[only], valid[only], given)
 
     def invert(self, state: Tensor, tau: Tensor) -> Tensor:
         """H of each vehicle: controls (N, k) within limits for source channels (N, a) in states (N, s).

@@ -108,7 +108,7 @@ class SourceModels(nn.Module):
 
     def __init__(self, vehicle: Vehicle, task: Task, hidden: int = 48):
         super().__init__()
-        self.tilt, self.hidden = task.tilt, hidden
+        self.tilt, self.hidden, self.control_dt = task.tilt, hidden, task.control_dt
         felt = DEGREES_OF_FREEDOM if task.tilt else CONTROLLED
         self._speeds = index_of((*task.axes, *(axis for axis in felt if axis not in task.axes)))
         self.states = len(self._speeds) + 2 * task.tilt

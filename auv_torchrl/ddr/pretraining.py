@@ -10,8 +10,8 @@ from torch import Tensor
 
 from auv_torchrl.ddr.models import Regressor, SourceModels
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
-from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle, index_of
@@ -58,7 +58,7 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
         return 2 * torch.rand(count, *shape, generator=generator, dtype=torch.float64) - 1
 
     sound = tensors(vehicle)
-    overdrive = 1.0 if vehicle.fins else config.overdrive  # a fin would stall
+    overdrive = 1.0 if vehicle.servos else config.overdrive  # a fin would stall
     strong = sound.replace(gain=sound.gain * overdrive)
     c = prepare(strong.expand(count).clone())
     command = (uniform(len(task.axes)) @ sound.mixer[:, index_of(task.axes)].mT).clamp(-1, 1)
@@ -66,7 +66,8 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
     if task.tilt:  # single thrusters tilt the vehicle, which R must not take for one of the channels
         mixed = torch.rand(count, generator=generator) < 0.5
         command = torch.where(mixed[:, None], command, uniform(vehicle.thrusters))
-    realised = models.actuation.double().delivered(command) @ models.actuation.channels_per_share.mT * overdrive
+    actuation = models.actuation.double()
+    realised = actuation.pushes(actuation.delivered(command)) @ actuation.channels_per_share.mT * overdrive
     fastest = fastest_speeds(strong, task)
     velocity = fastest * uniform(6) * 10 ** (uniform(1) - 1)
     if cruise_speed(task):
@@ -79,7 +80,7 @@ def source_transitions(vehicle: Vehicle, task: Task, models: SourceModels, confi
     position = torch.zeros(count, 3, dtype=torch.float64)
     before = rest_state(position, quaternion, velocity, vehicle.thrusters)
     terms = ActiveTerms.of(c)
-    if terms.fins:  # where a servo is after some steps with the same command
+    if terms.servos:  # where a servo is after some steps with the same command
         before = before._replace(thrust=thrust_target(c, terms, command))
     after = control_step(c, terms, before, command, task.control_dt)
     x, following = (models.state_of(s.quaternion, s.velocity) for s in (before, after))

@@ -11,7 +11,7 @@ from auv_torchrl.flightlog import POSE, Finding, FlightLog, FlightLogError, Seve
 from auv_torchrl.flightlog.log import AXES, with_axes
 from auv_torchrl.flightlog.readiness import followed_axes
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import wrench_per_unit
+from auv_torchrl.physics.pushes import wrench_per_unit
 from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 

@@ -1,6 +1,6 @@
 """Every effect, in one registry that scenarios, randomization, diagnosis and reports read."""
 
-from auv_torchrl.effects import actuation, body, external, fins, flow, mounting, response, sensing
+from auv_torchrl.effects import actuation, body, external, flow, mounting, response, sensing, servos
 from auv_torchrl.effects.effect import Effect, Origin, Parameter
 from auv_torchrl.registry import Registry
 from auv_torchrl.settings import choices
@@ -10,7 +10,7 @@ EFFECTS = Registry(  # in the order in which they are applied
     Effect,
     (
         *actuation.EFFECTS,
-        *fins.EFFECTS,
+        *servos.EFFECTS,
         *response.EFFECTS,
         *body.EFFECTS,
         *flow.EFFECTS,

@@ -20,7 +20,7 @@ from auv_torchrl.effects.effect import (
     scales,
     sets,
 )
-from auv_torchrl.effects.fins import fin_gain
+from auv_torchrl.effects.servos import azimuth_gain, azimuth_offset, fin_gain
 from auv_torchrl.effects.trial import Same, Scan, Trial
 from auv_torchrl.vehicle import Vehicle
 
@@ -105,7 +105,7 @@ def _reversed_gain(vehicle: Vehicle, member: str, command: float) -> Same | None
     i = int(member.rsplit("_", 1)[1]) - 1
     fields = ((vehicle.asymmetry, 0.0), (vehicle.neutral_offset, 0.0), (vehicle.forward_gain, vehicle.reverse_gain))
     is_even = all(bool((host(own - other)[..., i] == 0).all()) for own, other in fields)
-    gain = fin_gain if i in vehicle.fins else thruster_gain
+    gain = fin_gain if i in vehicle.fins else azimuth_gain if i in vehicle.azimuths else thruster_gain
     return (gain.name, f"gain_{i + 1}", -1.0) if is_even and command == -(i + 1) else None
 
 
@@ -141,6 +141,14 @@ def _misalignment(vehicle: Vehicle, angle: Array) -> Vehicle:
     return changed(vehicle, thruster_direction=vector(c * x - s * y, s * x + c * y, z))
 
 
+def _turned_by_servo(vehicle: Vehicle, member: str, value: float) -> Same | None:
+    """A thruster that a servo turns about z points elsewhere where the servo stands off its middle."""
+    number = int(member.rsplit("_", 1)[1])
+    turns, axis = (host(own(name)(vehicle)) for name in ("turns", "thruster_direction"))
+    servos = [k for k in vehicle.azimuths if turns[k] == number and abs(axis[k, 2]) == 1.0]
+    return (azimuth_offset.name, f"offset_{servos[0] + 1}", value * float(axis[servos[0], 2])) if servos else None
+
+
 thruster_misalignment = Effect(
     name="thruster_misalignment",
     origin=Origin.ACTUATION,
@@ -162,6 +170,7 @@ thruster_misalignment = Effect(
     change=of_thrusters(_misalignment),
     advice=advice.thruster_misalignment,
     trial=Trial(
+        same_as=_turned_by_servo,
         scans={"angle": Scan((-1.3, -0.7, -0.3, 0.3, 0.7, 1.3), all=True)},
     ),
 )

@@ -49,31 +49,40 @@ def _gain(thruster: str, gain: float, autopilot: Values) -> Advice:
     return Advice(f"{gives}: compare its propeller and its volts with the vehicle file")
 
 
-def fin_gain(values: Values, autopilot: Values) -> tuple[Advice, ...]:
-    """Of a fin that stays where it is, turns the wrong way, or not as far as it is told."""
-    return tuple(_fin_gain(which(member), gain) for member, gain in values.items())
+Adviser = Callable[[Values, Values], tuple[Advice, ...]]
 
 
-def _fin_gain(fin: str, gain: float) -> Advice:
+def servo_gain(called: str) -> Adviser:
+    """Of a servo, ``called`` so, that stays where it is, turns the wrong way, or not as far as it is told."""
+    return lambda values, autopilot: tuple(_servo(f"{called} {which(m)}", gain) for m, gain in values.items())
+
+
+def _servo(name: str, gain: float) -> Advice:
     if gain <= -DEAD:
-        return Advice(f"fin {fin} turns the wrong way: exchange the ends of its servo in the autopilot, or its linkage")
+        return Advice(f"{name} turns the wrong way: exchange the ends of its servo in the autopilot, or its linkage")
     if gain < DEAD:
-        return Advice(f"fin {fin} does not follow its command: look at its servo, its power and its linkage")
-    return Advice(
-        f"fin {fin} turns {percent(gain)} as far as it is told: look at its linkage and the ends of its servo"
-    )
+        return Advice(f"{name} does not follow its command: look at its servo, its power and its linkage")
+    return Advice(f"{name} turns {percent(gain)} as far as it is told: look at its linkage and the ends of its servo")
 
 
-def fin_offset(values: Values, autopilot: Values) -> tuple[Advice, ...]:
-    """Of a fin that is off its middle."""
-    turned = [f"fin {which(member)} by {-math.degrees(angle):+.0f}°" for member, angle in values.items()]
-    return (Advice(f"set the middle of {' and '.join(turned)}: at its servo horn, or as the trim of its output"),)
+def servo_offset(called: str) -> Adviser:
+    """Of a servo that is off its middle."""
+
+    def advise(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+        turned = [f"{called} {which(member)} by {-math.degrees(angle):+.0f}°" for member, angle in values.items()]
+        return (Advice(f"set the middle of {' and '.join(turned)}: at its servo horn, or as the trim of its output"),)
+
+    return advise
 
 
-def fin_stuck(values: Values, autopilot: Values) -> tuple[Advice, ...]:
-    """Of a fin that stands still."""
-    stuck = sorted({which(member) for member in values}, key=int)
-    return tuple(Advice(f"fin {fin} is stuck: look at its servo, its power and its linkage") for fin in stuck)
+def servo_stuck(called: str) -> Adviser:
+    """Of a servo that stands still."""
+
+    def advise(values: Values, autopilot: Values) -> tuple[Advice, ...]:
+        stuck = sorted({which(member) for member in values}, key=int)
+        return tuple(Advice(f"{called} {n} is stuck: look at its servo, its power and its linkage") for n in stuck)
+
+    return advise
 
 
 def _turned_back(thruster: str, autopilot: Values, besides: str = "") -> Advice:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from array_api_compat import array_namespace
 
-from auv_torchrl.array_api import converted
+from auv_torchrl.array_api import converted, like
 from auv_torchrl.effects.advice import Advice
 from auv_torchrl.effects.trial import Trial
 from auv_torchrl.quantities import percent, quantity, with_unit, words
@@ -17,6 +17,7 @@ from auv_torchrl.vehicle import Vehicle
 
 Array = Any
 Values = Mapping[str, float | Array]
+Change = Callable[..., Vehicle]
 _DIGITS = 2  # of a quantity in a sentence; the table beside it has more
 
 
@@ -214,35 +215,27 @@ class Effect:
         return self.change(vehicle, **arguments)
 
 
-def of_thrusters(change: Callable[..., Vehicle]) -> Callable[..., Vehicle]:
-    """A change of thrusters that leaves fins, which stand among them, as they are."""
+def of_thrusters(change: Change) -> Change:
+    """A change of thrusters that leaves fins and servos, which stand among them, as they are."""
 
     def changed_alone(vehicle: Vehicle, **values: Array) -> Vehicle:
-        after = change(vehicle, **values)
-        return _among(vehicle, after, fins=False) if vehicle.fins else after
+        after, servos = change(vehicle, **values), vehicle.servos
+        thrusters = [row for row in range(vehicle.thrusters) if row not in servos]
+        return among(vehicle, after, thrusters) if servos else after
 
     return changed_alone
 
 
-def of_fins(change: Callable[..., Vehicle]) -> Callable[..., Vehicle]:
-    """A change of fins that leaves thrusters as they are."""
-
-    def changed_alone(vehicle: Vehicle, **values: Array) -> Vehicle:
-        return _among(vehicle, change(vehicle, **values), fins=True) if vehicle.fins else vehicle
-
-    return changed_alone
-
-
-def _among(before: Vehicle, after: Vehicle, fins: bool) -> Vehicle:
-    """What changed, of the fins alone or of the thrusters alone."""
-    xp, rows = array_namespace(before.mass), before.fin_area > 0
-    new = rows if fins else ~rows
+def among(before: Vehicle, after: Vehicle, rows: Collection[int]) -> Vehicle:
+    """What changed, of some actuators alone."""
+    xp = array_namespace(before.mass)
+    new = xp.asarray([row in rows for row in range(before.thrusters)], device=like(before.mass)["device"])
     fields = {}
     for name, value in after.items():
         was = before.get(name)
         if value is was:
             continue
-        each = new if value.ndim == new.ndim else new[..., None]
+        each = new if value.ndim == before.gain.ndim else new[..., None]
         fields[name] = xp.where(each, value, was)
     return after.replace(**fields)
 

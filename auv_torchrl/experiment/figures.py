@@ -17,7 +17,7 @@ from auv_torchrl.flight import Flight
 from auv_torchrl.palette import CONTROLLER, LABEL, NEUTRAL
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.coefficients import allocation_matrix
-from auv_torchrl.physics.fins import wrench_per_share
+from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
@@ -49,7 +49,7 @@ def save_figures(
         vehicles: the vehicle (no batch) that each of them flew.
         scenario: its name, for the titles and the paper's numbers.
         axes: that the policy commands.
-        speed: ahead in m/s, at which fins push.
+        speed: ahead in m/s, at which fins and azimuth thrusters steer.
     """
     drawn = {
         "trajectories.png": trajectories(flights, scenario),
@@ -188,14 +188,14 @@ def control_forces(
     """Forces in N and moments in N m along the controlled axes, both (T + 1, a), of one start.
 
     Returns:
-        What the thruster commands give on the nominal vehicle, at rest or with fins at the speed, and what the
+        What the thruster commands give on the nominal vehicle, at rest or with servos at the speed, and what the
         thrusters of the flown vehicle gave; they differ by the disturbance that the changed actuation is.
     """
 
     def in_channels(vehicle: Vehicle, thrust: Tensor) -> np.ndarray:
         sound = tensors(vehicle)
         each = allocation_matrix(sound).to(thrust)
-        if vehicle.fins:
+        if vehicle.servos:
             whole = prepare(sound.replace(gain=torch.ones_like(sound.gain)))
             each = wrench_per_share(whole, ActiveTerms.of(whole), speed).to(thrust) / whole.full_thrust
         wrench = thrust @ each.T

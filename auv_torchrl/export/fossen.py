@@ -50,9 +50,11 @@ def rows(described: Described) -> Iterator[Row]:
                 unit = "kg/s" if not turns and k < 3 else "kg m/s" if turns != (k > 2) else "kg m^2/s"
                 yield f"{force}_{_SPEEDS[k]}", -float(vehicle.linear_drag[n, k]), unit, mark("linear_drag", n, k)
     for n in range(vehicle.thrusters):
-        unit = "rad" if n in vehicle.fins else "N"
+        unit = "rad" if n in vehicle.servos else "N"
         yield f"K_{n + 1}", float(vehicle.full_thrust[n]), f"{unit} at command 1", mark("full_thrust", n)
         yield f"thrust exponent {n + 1}", float(vehicle.exponent[n]), "1", mark("exponent", n)
         if n in vehicle.fins:
             yield f"A_{n + 1}", float(vehicle.fin_area[n]), "m^2, a fin", mark("fin_area", n)
             yield f"c_L{n + 1}", float(vehicle.fin_lift[n]), "1/rad, slope of its lift", mark("fin_lift", n)
+        if n in vehicle.azimuths:
+            yield f"thruster turned by {n + 1}", float(vehicle.turns[n]), "its number", mark("turns", n)

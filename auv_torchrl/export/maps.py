@@ -169,6 +169,8 @@ def _actuation(g: AffineMap) -> Actuation:
     actuation = getattr(g.space, "actuation", None)
     if not isinstance(actuation, Actuation):
         raise ValueError(f"a map over {type(g.space).__name__} cannot be exported: over channels or thrusters")
+    if actuation.turned is not None:
+        raise ValueError("a map to azimuth thrusters cannot be exported: what a servo pushes depends on its thruster")
     return actuation
 
 

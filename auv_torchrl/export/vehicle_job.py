@@ -30,9 +30,10 @@ def export_vehicle(config: DictConfig, run: Run) -> None:
         if config.format not in FORMATS:
             raise ValueError(f"format={config.format} is none: give one of {', '.join(FORMATS)}")
         described = read_described(str(config.vehicle))
-        if described.vehicle.fins and config.format in THRUSTERS_ALONE:
+        if described.vehicle.servos and config.format in THRUSTERS_ALONE:
+            what = "fins" if described.vehicle.fins else "azimuth thrusters"
             raise ValueError(
-                f"vehicle={described.name} has fins, which {config.format} has no force for: give format=fossen, or "
+                f"vehicle={described.name} has {what}, which {config.format} has no force for: give format=fossen, or "
                 "fly it with train.py"
             )
         name, write = FORMATS[config.format]

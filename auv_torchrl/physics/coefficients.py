@@ -18,8 +18,8 @@ _WORKED_OUT = {  # of several parameters of a vehicle; shapes behind the batch
     "mass_inverse": "(6, 6) with zero rows and columns where a degree of freedom is held",
     "mass_matrix": "(6, 6) rigid body, added mass and payload, for the Coriolis terms",
     "restoring": "(6, 3) wrench per unit of earth z in the body frame: weight, buoyancy and their arms",
-    "allocation": "(6, n) wrench per newton of thrust, gain included; nothing of fins",
-    "fin_normal": "(n, 3) unit vector of the lift of a fin at a positive deflection",
+    "allocation": "(6, n) wrench per newton of thrust, gain included; nothing of fins and servos",
+    "direction": "(n, 3) unit vector of the force of a thruster, of the lift of a fin; axis of a servo",
     "fin_chord": "(n, 3) unit vector ahead across that",
     "hull_height": "() that of a cube where the vehicle has none",
 }
@@ -32,10 +32,10 @@ _TRUE = {name: kind.true for name, kind in VEHICLE_FIELDS.items() if kind.true i
 class Coefficients(namedtuple("Coefficients", (*_WORKED_OUT, *_COPIED))):
     """Arrays ``(batch, ...)``, all numpy or all torch.
 
-    ``mass_inverse``, ``mass_matrix``, ``restoring``, ``allocation``, ``fin_normal``, ``fin_chord`` and ``hull_height``
+    ``mass_inverse``, ``mass_matrix``, ``restoring``, ``allocation``, ``direction``, ``fin_chord`` and ``hull_height``
     are worked out by :func:`prepare`. The others are parameters of
-    :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS` as they are, but for ``fin_rate``, which is that of fins alone;
-    the wrench has the ``gain`` from the allocation, and reports of the thrust read it.
+    :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS` as they are, but for ``servo_rate``, which is that of servos
+    alone; the wrench has the ``gain`` from the allocation, and reports of the thrust read it.
     """
 
     __slots__ = ()
@@ -73,6 +73,7 @@ class ActiveTerms(NamedTuple):
     uneven_drag: bool
     coupled_mass: bool
     fins: bool
+    azimuth: bool
     sensing: bool
     sensor_noise: bool
 
@@ -95,9 +96,15 @@ class ActiveTerms(NamedTuple):
             uneven_drag=bool((c.drag_asymmetry != 0).any()),
             coupled_mass=bool((c.mass_inverse * off_diagonal != 0).any()),
             fins=bool((c.fin_area > 0).any()),
+            azimuth=bool((c.turns > 0).any()),
             sensing=noisy or not _sensors_are_true(c),
             sensor_noise=noisy,
         )
+
+    @property
+    def servos(self) -> bool:
+        """Whether any actuator is turned by its command: a fin, or a servo that turns a thruster."""
+        return self.fins or self.azimuth
 
     def __or__(self, other: "ActiveTerms") -> "ActiveTerms":
         """The terms that do anything in either batch."""
@@ -133,19 +140,19 @@ def prepare(vehicle: Vehicle) -> Coefficients:
         "mass_matrix": mass_matrix,
         "restoring": xp.concat((net_weight[..., None, None] * identity, skew(arm)), axis=-2),
         "allocation": allocation_matrix(vehicle) * (vehicle.gain * thruster)[..., None, :],
-        "fin_normal": vehicle.thruster_direction,
+        "direction": vehicle.thruster_direction,
         "fin_chord": _chord(vehicle.thruster_direction),
         "hull_height": hull_height(vehicle),
     }
     copied = {name: getattr(vehicle, name) for name in _COPIED}
-    copied["fin_rate"] = vehicle.fin_rate * (1 - thruster)  # a file may say one rate for all rows
+    copied["servo_rate"] = vehicle.servo_rate * (1 - thruster)  # a file may say one rate for all rows
     return Coefficients(**worked_out, **copied)
 
 
 def _is_thruster(vehicle: Vehicle) -> Array:
-    """1 for each thruster, 0 for each fin, (..., n)."""
+    """1 for each thruster, 0 for each fin and each servo, (..., n)."""
     xp, area = array_namespace(vehicle.fin_area), vehicle.fin_area
-    return xp.where(area > 0, xp.zeros_like(area), xp.ones_like(area))
+    return xp.where((area > 0) | (vehicle.turns > 0), xp.zeros_like(area), xp.ones_like(area))
 
 
 def _chord(normal: Array) -> Array:

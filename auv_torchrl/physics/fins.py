@@ -25,7 +25,6 @@ from auv_torchrl.vehicle_fields import WATER_DENSITY
 Array = Any
 ACROSS = 1.17  # of a square plate across the flow, Hoerner 1965, section 3
 _SMALL = 1e-12  # m^2/s^2, square of a speed that pushes nothing
-_STEP = 1e-4  # share of a full command, of the differences that give what it does
 
 
 def fin_wrench(
@@ -64,8 +63,8 @@ def fin_forces(c: Coefficients, linear: Array, angular: Array, thrust: Array) ->
     """
     xp = array_namespace(linear)
     through = linear[..., None, :] + cross(angular[..., None, :], c.thruster_position)
-    ahead, aside = (xp.sum(through * axis, axis=-1) for axis in (c.fin_chord, c.fin_normal))
-    turned = c.gain * thrust + c.fin_offset
+    ahead, aside = (xp.sum(through * axis, axis=-1) for axis in (c.fin_chord, c.direction))
+    turned = c.gain * thrust + c.servo_offset
     cosine, sine = xp.cos(turned), xp.sin(turned)
     along, across = (
         cosine * ahead + sine * aside,
@@ -84,27 +83,4 @@ def fin_forces(c: Coefficients, linear: Array, angular: Array, thrust: Array) ->
     pressure = 0.5 * WATER_DENSITY * c.fin_area * speed
     forward = pressure * (-lift * aside - drag * ahead)
     normal = pressure * (lift * ahead - drag * aside)
-    return forward[..., None] * c.fin_chord + normal[..., None] * c.fin_normal
-
-
-def wrench_per_share(c: Coefficients, terms: ActiveTerms, speed: float | Array = 0.0) -> Array:
-    """Wrench (..., 6, n) in N and N m per full thrust or full deflection of each actuator, at a speed ahead in m/s.
-
-    Of fins it is the slope about no deflection, in still water; nothing where there is no speed. Of speeds (...) it is
-    that at each of them.
-    """
-    allocated = c.allocation * c.full_thrust[..., None, :]
-    if not terms.fins:
-        return allocated
-    xp = array_namespace(c.full_thrust)
-    speed = xp.zeros_like(c.full_thrust[..., 0]) + speed
-    still = xp.zeros_like(speed)
-    ahead, still = (xp.stack((first, still, still), axis=-1) for first in (speed, still))
-    force = sum(sign * fin_forces(c, ahead, still, sign * _STEP * c.full_thrust) / (2 * _STEP) for sign in (1.0, -1.0))
-    moment = cross(c.thruster_position, force)
-    return allocated + xp.concat((force, moment), axis=-1).mT
-
-
-def wrench_per_unit(c: Coefficients, terms: ActiveTerms, speed: float | Array = 0.0) -> Array:
-    """Wrench (..., 6, n) in N and N m per newton of a thruster and radian of a fin; as :func:`wrench_per_share`."""
-    return wrench_per_share(c, terms, speed) / c.full_thrust[..., None, :] if terms.fins else c.allocation
+    return forward[..., None] * c.fin_chord + normal[..., None] * c.direction

@@ -102,7 +102,7 @@ def stage_thrusts(
 
     Where the push of the thrusters is the same at all stages, there is one. Arguments as of :func:`runge_kutta_steps`.
     """
-    if not (terms.lag or terms.battery_sag or terms.fins) and all(target is targets[0] for target in targets):
+    if not (terms.lag or terms.battery_sag or terms.servos) and all(target is targets[0] for target in targets):
         return [(targets[0], time)], targets[0]
     stages = []
     for target in targets:
@@ -128,7 +128,7 @@ def runge_kutta_step(
     xp = array_namespace(body)
     later = thrust_after(c, terms, thrust, target, h)
     stages = [(later, time)]
-    if terms.lag or terms.battery_sag or terms.fins:
+    if terms.lag or terms.battery_sag or terms.servos:
         first = thrust_after(c, terms, thrust, target, 0.0)  # the new target at once where a thruster has no lag
         midway = thrust_after(c, terms, thrust, target, h / 2)
         stages = [(first, time), (midway, time + h / 2), (later, time + h)]

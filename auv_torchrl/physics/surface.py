@@ -60,4 +60,7 @@ def given_in_water(c: Coefficients, terms: ActiveTerms, thrust: Array, rotation:
     if not terms.surface:
         return thrust
     depth = (position[..., 2] - c.surface)[..., None] + matvec(c.thruster_position, rotation[..., 2, :])
-    return thrust * (1.0 - c.air[..., None] * (1.0 - immersed(depth, NONE_ABOVE, FULL_BELOW)))
+    wet = 1.0 - c.air[..., None] * (1.0 - immersed(depth, NONE_ABOVE, FULL_BELOW))
+    if terms.azimuth:  # a servo turns in air as well
+        wet = array_namespace(wet).where(c.turns > 0, array_namespace(wet).ones_like(wet), wet)
+    return thrust * wet

@@ -5,6 +5,7 @@ from typing import Any
 
 from array_api_compat import array_namespace
 
+from auv_torchrl.physics.azimuths import azimuth_wrench
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kinematics import matvec
 
@@ -17,6 +18,7 @@ TARGET_FIELDS = ("delay", "routing", *CURVE_FIELDS, "volts")
 # Of thrust at one command, by volts: a T200 gives 3.71 kgf at 12 V, 5.25 at 16 V and 6.7 at 20 V (Blue Robotics,
 # specification of the T200), which is a power of 1.2 between the first two, as a battery of four cells goes.
 VOLTS_EXPONENT = 1.2
+_SERVO_PARTS = 5  # of a time over which the turning of a servo is averaged
 VOLTS_WITHIN = 0.5, 1.5  # times the volts of the file; others are no battery of these thrusters
 
 
@@ -102,7 +104,7 @@ def straight_through_targets(
 def thrust_after(c: Coefficients, terms: ActiveTerms, thrust: Array, target: Array, elapsed: float) -> Array:
     """Thrust in N, ``elapsed`` seconds after it was ``thrust``: exact first-order lag towards ``target``.
 
-    The deflection of a fin, in rad, does the same as far as its rate allows.
+    The angle of a servo, in rad, does the same as far as its rate allows.
     """
     return thrust_follower(c, terms, elapsed)(thrust, target)
 
@@ -111,25 +113,43 @@ def thrust_follower(c: Coefficients, terms: ActiveTerms, elapsed: float) -> Call
     """:func:`thrust_after` of one elapsed time, for many thrusts and their targets."""
     xp = array_namespace(c.lag)
     left = lag_left(c, elapsed) if terms.lag else None
-    most = c.fin_rate * elapsed if terms.fins else None
+    most = c.servo_rate * elapsed if terms.servos else None
 
     def after(thrust: Array, target: Array) -> Array:
         later = target if left is None else target + (thrust - target) * left
         if most is None:
             return later
-        return xp.where(c.fin_rate > 0, thrust + xp.minimum(xp.maximum(later - thrust, -most), most), later)
+        return xp.where(c.servo_rate > 0, thrust + xp.minimum(xp.maximum(later - thrust, -most), most), later)
 
     return after
+
+
+def shares_turned(
+    c: Coefficients, terms: ActiveTerms, before: Array, target: Array, elapsed: float
+) -> tuple[Array, Array]:
+    """Mean shares (..., n) over some seconds of servos that follow their targets from ``before``, and those at the end.
+
+    Thrusters count as if they followed at once.
+    """
+    if not terms.servos:
+        return target, target
+    xp, share, total = array_namespace(target), before, 0.0 * target
+    after = thrust_follower(c, terms, elapsed / _SERVO_PARTS)
+    for _ in range(_SERVO_PARTS):
+        later = after(share * c.full_thrust, target * c.full_thrust) / c.full_thrust
+        total = total + (share + later) / 2
+        share = later
+    return xp.where((c.fin_area > 0) | (c.turns > 0), total / _SERVO_PARTS, target), share
 
 
 def slowest_s(c: Coefficients, terms: ActiveTerms, time_constants: float) -> float:
     """Seconds for which thrusts and deflections remember older commands: of a lag, so many of its time constants."""
     xp = array_namespace(c.lag)
     memory = time_constants * float(xp.max(c.lag)) if terms.lag else 0.0
-    if not terms.fins:
+    if not terms.servos:
         return memory
-    turning = c.fin_rate > 0
-    rate = xp.where(turning, c.fin_rate, xp.ones_like(c.fin_rate))
+    turning = c.servo_rate > 0
+    rate = xp.where(turning, c.servo_rate, xp.ones_like(c.servo_rate))
     whole = xp.where(turning, 2.0 * xp.minimum(c.full_thrust, c.limit) / rate, xp.zeros_like(rate))
     return memory + float(xp.max(whole))
 
@@ -145,6 +165,8 @@ def lag_left(c: Coefficients, elapsed: float) -> Array:
 def body_wrench(c: Coefficients, terms: ActiveTerms, thrust: Array, time: Array) -> Array:
     """Forces in N and moments in N m on the body, (..., 6), ``time`` seconds into the episode."""
     wrench = matvec(c.allocation, thrust)
+    if terms.azimuth:
+        wrench = wrench + azimuth_wrench(c, thrust)
     if terms.battery_sag:
         wrench = wrench * (1.0 - c.battery_sag * time / 60.0)[..., None]
     return wrench

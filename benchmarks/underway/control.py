@@ -26,23 +26,26 @@ from auv_torchrl.tasks import Task
 from auv_torchrl.tasks.underway import Underway
 
 log = logging.getLogger(__name__)
-SCENARIOS = {"remus100": ("fin_reversed", "fin_offset", "fin_stuck"), "otter": ("swap",)}
+SCENARIOS = {
+    "remus100": ("fin_reversed", "fin_offset", "fin_stuck"),
+    "otter": ("swap",),
+    "milliampere": ("azimuth_reversed", "azimuth_offset", "azimuth_stuck"),
+}
+TOGETHER = ("remus100", "otter")  # vehicles of one table; another one has a table of its own
 SEEDS = 3
 LAST_S = 5.0  # of a flight, by which the slowest turn has ended
 CONTROLLERS = {"nominal": "u_s", "u_s": "u_s", "u_t": "u_t, map from 8 s"}  # flights of a run: who flew
 IN_FLIGHT = "u_s, adapting in flight"
 ADAPTING = 20  # starts that are flown with the adaptation in flight
 HEALTHY = "none"
-ROWS = {
-    (vehicle, scenario, controller)
-    for vehicle, scenarios in SCENARIOS.items()
-    for scenario, controllers in (
-        (HEALTHY, ("u_s",)),
-        *((name, (*CONTROLLERS.values(), IN_FLIGHT)) for name in scenarios),
-    )
-    for controller in controllers
-}
 Case = tuple[str, str, str]  # vehicle, scenario, controller
+
+
+def cases(vehicles: Sequence[str] = TOGETHER) -> set[Case]:
+    """What is flown of some vehicles: the rows of a table."""
+    every = (*CONTROLLERS.values(), IN_FLIGHT)
+    healthy = {(vehicle, HEALTHY, "u_s") for vehicle in vehicles}
+    return healthy | {(vehicle, name, who) for vehicle in vehicles for name in SCENARIOS[vehicle] for who in every}
 
 
 class Errors(NamedTuple):
@@ -106,10 +109,12 @@ def fly_cases(vehicle: str, seed: int, policies: Path, overrides: Sequence[str] 
         yield (vehicle, scenario, IN_FLIGHT), errors
 
 
-def measure(policies: Path, seeds: int = SEEDS, overrides: Sequence[str] = ()) -> list[str]:
-    """Train with each seed, or take what was trained before, fly everything; Markdown."""
+def measure(
+    policies: Path, seeds: int = SEEDS, overrides: Sequence[str] = (), vehicles: Sequence[str] = TOGETHER
+) -> list[str]:
+    """Train some vehicles with each seed, or take what was trained before, fly everything; Markdown."""
     table: dict[Case, list[Errors]] = {}
-    for vehicle in SCENARIOS:
+    for vehicle in vehicles:
         for seed in range(seeds):
             log.info("%s, seed %d: training, unless it was trained before", vehicle, seed)
             for case, errors in fly_cases(vehicle, seed, policies, overrides):

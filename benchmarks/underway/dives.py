@@ -1,4 +1,4 @@
-"""Dives of a torpedo of which a fin fails, steered by a helmsman, and what the diagnosis names."""
+"""Dives of a torpedo and trips of a ferry, of which a servo fails, steered by a helmsman, and what is diagnosed."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -57,6 +57,26 @@ class Helmsman:
         return np.round(np.clip(demand @ self.mixer.T, -1, 1), 4)
 
 
+class Coxswain:
+    """Heading by the azimuth thrusters, at the speed of a demand, with what a person does to each actuator beside."""
+
+    def __init__(self, vehicle: Vehicle, count: int, seconds: float, rng: np.random.Generator) -> None:
+        self.mixer, self.before = vehicle.mixer[:, [0, 5]], None
+        legs = int(seconds / HOLD_S) + 1
+        self.ahead, self.heading = rng.uniform(0.4, 0.8, (count, legs)), rng.uniform(-1.0, 1.0, (count, legs))
+        self.rate, self.phase = rng.uniform(0.3, 1.5, (2, count, vehicle.thrusters, 3))  # rad/s and rad
+
+    def __call__(self, time: float, seen: np.ndarray) -> np.ndarray:
+        """Commands of the thrusters and their servos."""
+        leg = int(time / HOLD_S)
+        turning = np.zeros((len(seen), 6)) if self.before is None else wrap_angle(seen - self.before) / DT
+        self.before: Any = seen
+        off = wrap_angle(self.heading[:, leg] - seen[:, 5])
+        demand = np.stack((self.ahead[:, leg], off - 1.5 * turning[:, 5]), axis=-1)
+        stir = 0.15 * np.sin(self.rate * time + self.phase).sum(-1)
+        return np.round(np.clip(np.clip(demand, -1, 1) @ self.mixer.T + stir, -1, 1), 4)
+
+
 def fly_torpedo(
     vehicle: Vehicle, values: Effects, seed: int = 0, episodes: int = 3, seconds: float = 40.0
 ) -> FlightLog:
@@ -69,7 +89,8 @@ def fly_torpedo(
     begin = np.concatenate((rng.uniform(-1, 1, (episodes, 2)), np.zeros((episodes, 1))), axis=-1)
     simulator = PlainSimulator(vehicle.expand(episodes), DT, scenario=scenario)
     simulator.resume(rest_state(begin, level, np.tile([1.5, 0, 0, 0, 0, 0], (episodes, 1)), vehicle.thrusters))
-    pilot = Helmsman(vehicle, episodes, seconds, rng)
+    helmsman = Helmsman if vehicle.fins else Coxswain
+    pilot = helmsman(vehicle, episodes, seconds, rng)
     recorded = record(simulator, pilot, steps, DT, rng.standard_normal((steps, episodes, 6)) * NOISE)
     pose, velocity = recorded.measured, recorded.velocity + SPEED_NOISE * rng.standard_normal(recorded.velocity.shape)
     pose[..., 3:] = wrap_angle(pose[..., 3:])
@@ -79,15 +100,15 @@ def fly_torpedo(
 
 
 def draw_fault(vehicle: Vehicle, kind: str, rng: np.random.Generator) -> tuple[int, dict[str, dict[str, float]]]:
-    """A fault of one fin: the number of the fin among the thrusters, and what it does."""
-    fin = int(rng.choice(vehicle.fins)) + 1
+    """A fault of one servo: its number among the thrusters, and what it does."""
+    fin, kind_of = int(rng.choice(vehicle.servos)) + 1, "fin" if vehicle.fins else "azimuth"
     sign = float(rng.choice([-1.0, 1.0]))
     weak, off, angle = rng.uniform(0.0, 0.5), rng.uniform(0.06, 0.15), rng.uniform(0.05, 0.15)
     values = {
-        "reversed": {"fin_gain": {f"gain_{fin}": -1.0}},
-        "weak": {"fin_gain": {f"gain_{fin}": weak}},
-        "off its middle": {"fin_offset": {f"offset_{fin}": sign * off}},
-        "stuck": {"fin_stuck": {f"stuck_{fin}": 1.0, f"angle_{fin}": sign * angle}},
+        "reversed": {f"{kind_of}_gain": {f"gain_{fin}": -1.0}},
+        "weak": {f"{kind_of}_gain": {f"gain_{fin}": weak}},
+        "off its middle": {f"{kind_of}_offset": {f"offset_{fin}": sign * off}},
+        "stuck": {f"{kind_of}_stuck": {f"stuck_{fin}": 1.0, f"angle_{fin}": sign * angle}},
     }
     return fin, values[kind]
 
@@ -96,8 +117,8 @@ class Answer(NamedTuple):
     """What the diagnosis said of one dive."""
 
     kind: str  # of the fault, or HEALTHY
-    named: bool  # the fin and what it does, and nothing beside; of a healthy dive: no gap
-    fin: bool  # that fin among others, or with another effect
+    named: bool  # the servo and what it does, and nothing beside; of a healthy dive: no gap
+    fin: bool  # that servo among others, or with another effect
     said: str
 
 
@@ -109,17 +130,20 @@ def ask(vehicle: Vehicle, kind: str, seed: int) -> Answer:
     said = ", ".join(f"{effect.name} of {', '.join(map(str, effect.thrusters))}" for effect in found.effects)
     if kind == HEALTHY:
         return Answer(kind, found.verdict is Verdict.NO_GAP and not found.effects, False, said or found.verdict.value)
-    # A fin that is stuck turns 0 times as far as it is told and stands off its middle.
-    wanted = {"fin_gain", "fin_offset"} if kind == "stuck" else set(values)
+    kind_of = "fin" if vehicle.fins else "azimuth"
+    # A servo that is stuck turns 0 times as far as it is told and stands off its middle.
+    wanted = {f"{kind_of}_gain", f"{kind_of}_offset"} if kind == "stuck" else set(values)
     named = {effect.name: effect.thrusters for effect in found.effects} == dict.fromkeys(wanted, (fin,))
-    right = any(fin in effect.thrusters and effect.name.startswith("fin_") for effect in found.effects)
-    log.info("fin %d %s: %s%s", fin, kind, said or found.verdict.value, "" if named else ", not as it was")
+    right = any(fin in effect.thrusters and effect.name.startswith(f"{kind_of}_") for effect in found.effects)
+    log.info("servo %d %s: %s%s", fin, kind, said or found.verdict.value, "" if named else ", not as it was")
     return Answer(kind, named, right, said or found.verdict.value)
 
 
-def report(answers: Sequence[Answer], seed: int) -> list[str]:
+def report(answers: Sequence[Answer], seed: int, name: str = VEHICLE) -> list[str]:
     """A row per fault, as Markdown."""
-    lines = ["| a fin is | dives | named, and nothing beside | the fin named, among others |", "|---|---:|---|---|"]
+    what = "fin" if load_vehicle(name).fins else "servo"
+    lines = [f"| a {what} is | dives | named, and nothing beside | the {what} named, among others |"]
+    lines += ["|---|---:|---|---|"]
     for row in ROWS:
         some = [answer for answer in answers if answer.kind == row or (row == ALL and answer.kind != HEALTHY)]
         fins = "" if row == HEALTHY else Share.of(answer.fin for answer in some).fraction
@@ -129,16 +153,16 @@ def report(answers: Sequence[Answer], seed: int) -> list[str]:
     return [
         *lines,
         "",
-        f"Must: {MUST:.0%} named. Vehicle `{VEHICLE}`, seed {seed}, three dives of 40 s in a log.",
+        f"Must: {MUST:.0%} named. Vehicle `{name}`, seed {seed}, three dives of 40 s in a log.",
     ]
 
 
-def measure(count: int, healthy: int, seed: int) -> list[str]:
+def measure(count: int, healthy: int, seed: int, name: str = VEHICLE) -> list[str]:
     """Diagnose ``count`` dives with a fault, of each kind equally many, and healthy ones; Markdown."""
-    vehicle = load_vehicle(VEHICLE)
+    vehicle = load_vehicle(name)
     kinds = [FAULTS[number % len(FAULTS)] for number in range(count)] + [HEALTHY] * healthy
     answers = []
     for number, kind in enumerate(kinds):
         answers.append(ask(vehicle, kind, 1000 * seed + number))
         log.info("%d of %d dives diagnosed", number + 1, len(kinds))
-    return report(answers, seed)
+    return report(answers, seed, name)

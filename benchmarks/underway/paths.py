@@ -13,7 +13,7 @@ from auv_torchrl.evaluation import STEADY_FROM_S, draw_starts, fly
 from auv_torchrl.experiment.run import source_policy
 from auv_torchrl.flight import Flight
 from auv_torchrl.tasks import Route
-from benchmarks.underway.control import LAST_S, SCENARIOS, diving, experiment, spread
+from benchmarks.underway.control import LAST_S, TOGETHER, diving, experiment, spread
 
 log = logging.getLogger(__name__)
 PATHS: dict[str, dict[str, Any]] = {  # settings of the task; the first is trained on
@@ -21,7 +21,7 @@ PATHS: dict[str, dict[str, Any]] = {  # settings of the task; the first is train
     "line": {"north_m": (0.0, 200.0), "east_m": (0.0, 0.0), "down_m": (0.0, 0.0), "closed": False},
     "circle of 20 m": {"north_m": (0.0, 40.0, 40.0, 0.0), "east_m": (0.0, 0.0, 40.0, 40.0), "corner_m": 20.0},
 }
-ROWS = {(vehicle, path) for vehicle in SCENARIOS for path in PATHS}
+ROWS = {(vehicle, path) for vehicle in TOGETHER for path in PATHS}
 LENGTH_S = 60.0
 Case = tuple[str, str]
 
@@ -62,7 +62,7 @@ def fly_paths(
 def measure(policies: Path, seeds: int, overrides: Sequence[str] = ()) -> list[str]:
     """All paths with the policies of some seeds; Markdown."""
     table: dict[Case, list[Across]] = {}
-    for vehicle in SCENARIOS:
+    for vehicle in TOGETHER:
         for seed in range(seeds):
             log.info("%s, seed %d: training on a path, unless it was trained before", vehicle, seed)
             for case, across in fly_paths(vehicle, seed, policies, overrides).items():

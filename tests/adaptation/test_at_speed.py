@@ -16,6 +16,7 @@ from auv_torchrl.evaluation import draw_starts, fly
 from auv_torchrl.paths import config_path
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.physics.kinematics import quaternion_from_euler
+from auv_torchrl.physics.pushes import steady_thrust
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import Cruise
 from auv_torchrl.vehicle import load_vehicle
@@ -23,7 +24,7 @@ from auv_torchrl.vehicle_tensors import tensors
 from auv_torchrl.yaml_file import read_yaml
 from tests.helmsmen import helmsman_of_torpedo, helmsman_of_vessel
 
-REMUS, OTTER = load_vehicle("remus100"), load_vehicle("otter")
+REMUS, OTTER, FERRY = load_vehicle("remus100"), load_vehicle("otter"), load_vehicle("milliampere")
 AT_S, LENGTH_S, COUNT = 6.0, 24.0, 4
 
 
@@ -42,7 +43,7 @@ def test_one_step_is_that_of_the_plain_physics():
     mean, end = motion.turning(np.zeros_like(told), told)
     np.testing.assert_allclose(end[:, 1:], (after.thrust / c.full_thrust).numpy()[:, 1:], atol=1e-9)
     body = np.concatenate((np.zeros((count, 3)), quaternion.numpy()), axis=-1)
-    step = motion(velocity, (mean * motion.flow(velocity)) @ motion.per_share.T, body)
+    step = motion(velocity, (mean * motion.flow(velocity, mean)) @ motion.per_share.T, body)
     moved = np.abs(after.velocity.numpy() - velocity).max(0)
     assert (np.abs(step.velocity - after.velocity.numpy()).max(0) < 0.06 * moved).all()
 
@@ -54,7 +55,8 @@ def flown(vehicle, name, acting):
     adapter = InFlightAdapter(vehicle, task, load_adaptation_config(), COUNT)
     fleet = TorchFleet(vehicle, task, COUNT, acting, seed=0)
     env = TransformedEnv(fleet, observing(adapter, task))
-    pilot = helmsman_of_torpedo(task) if name == "remus100" else helmsman_of_vessel()
+    vessel = helmsman_of_vessel(1.5, 8.0) if name == "milliampere" else helmsman_of_vessel()
+    pilot = helmsman_of_torpedo(task) if name == "remus100" else vessel
     return fly(env, pilot, draw_starts(task, COUNT, 7), task.steps), adapter
 
 
@@ -69,6 +71,8 @@ def task_axes(name):
     [
         ("remus100", "fin_stuck"),
         ("otter", "swap"),
+        pytest.param("milliampere", "azimuth_offset", marks=pytest.mark.thorough),
+        pytest.param("milliampere", None, marks=pytest.mark.thorough),
         pytest.param("remus100", "fin_reversed", marks=pytest.mark.thorough),
         pytest.param("remus100", None, marks=pytest.mark.thorough),
     ],
@@ -89,8 +93,8 @@ def test_a_fault_in_flight_is_noticed_and_the_course_is_kept(name, fault):
 
 
 def test_what_is_reported_is_along_the_axes_of_an_action():
-    """Three of a torpedo with five actuators, at the speed of the task; a vessel's two propellers push along two."""
-    for vehicle, shape in ((REMUS, (3, 5)), (OTTER, (2, 2))):
+    """Three of a torpedo with five actuators, at the speed of the task; what vessels have pushes along two."""
+    for vehicle, shape in ((REMUS, (3, 5)), (OTTER, (2, 2)), (FERRY, (2, 4))):
         task = replace(Cruise().fitted(vehicle), thruster_commands=True)
         adapter = InFlightAdapter(vehicle, task, load_adaptation_config(), 2)
         env = TransformedEnv(TorchFleet(vehicle, task, 2, seed=0), observing(adapter, task))
@@ -103,8 +107,16 @@ def test_what_is_reported_is_along_the_axes_of_an_action():
 def test_fins_push_with_the_square_of_the_speed():
     """A propeller pushes the same at each."""
     motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
-    flow = motion.flow(np.array([[1.5, 0, 0, 0, 0, 0], [0.75, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]))
+    flow = motion.flow(np.array([[1.5, 0, 0, 0, 0, 0], [0.75, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]), np.zeros((3, 5)))
     np.testing.assert_allclose(flow, [[1, 1, 1, 1, 1], [1, 0.25, 0.25, 0.25, 0.25], [1, 0, 0, 0, 0]])
+
+
+def test_servos_push_with_the_thrust_that_they_turn():
+    """1 at the thrust that keeps up the speed, half with half of it, the other way where it pushes backwards."""
+    motion = SourceMotion(FERRY, 0.05, ("surge", "yaw"), 1.5)
+    steady = steady_thrust(prepare(FERRY), ActiveTerms.of(prepare(FERRY)), np.array(1.5)) / FERRY.full_thrust
+    shares = np.array([steady, [steady[0] / 2, -steady[1], 1.0, 1.0]])
+    np.testing.assert_allclose(motion.flow(np.zeros((2, 6)), shares), [[1, 1, 1, 1], [1, 1, 0.5, -1]])
 
 
 def test_poses_alone_are_refused_at_speed():

@@ -35,12 +35,13 @@ def test_every_row_of_the_table_is_flown(tmp_path, monkeypatch):
     few = PretrainingConfig(transitions=1000, iterations=40)
     monkeypatch.setattr(run, "load_or_pretrain", partial(load_or_pretrain, config=few))
     flown = {case: errors for vehicle in control.SCENARIOS for case, errors in fly_cases(vehicle, 0, tmp_path, TINY)}
-    assert flown.keys() == control.ROWS
-    assert all(math.isnan(errors.depth_m) == (case[0] == "otter") for case, errors in flown.items())
+    assert flown.keys() == control.cases(tuple(control.SCENARIOS))
+    assert all(math.isnan(errors.depth_m) == (case[0] != "remus100") for case, errors in flown.items())
     assert all(0 < errors.last_heading_rad < math.pi for errors in flown.values())
     text = "\n".join(control.report({case: [errors] for case, errors in flown.items()}))
     (table,) = tables.tables(text)
-    allowed = SECTIONS["other-vehicles.md", "control"].rows("")
+    sections = [SECTIONS["other-vehicles.md", name] for name in ("control", "control milliampere")]
+    allowed = {row for section in sections for row in section.rows("")}
     assert {tuple(row[:3]) for row in table[1:]} == allowed
 
 
@@ -48,7 +49,7 @@ def test_every_row_of_the_table_is_flown(tmp_path, monkeypatch):
 def test_every_path_is_flown(tmp_path):
     """With a policy that has hardly been trained: rows that may be there, and no depth of a vessel at the surface."""
     flown = {}
-    for vehicle in control.SCENARIOS:
+    for vehicle in control.TOGETHER:
         flown |= paths.fly_paths(vehicle, 0, tmp_path, TINY, length_s=12.0)
     assert flown.keys() == paths.ROWS
     assert all(across.across_m > 0 for across in flown.values())
@@ -101,6 +102,16 @@ def test_a_dive_with_a_fault_of_a_fin_and_a_healthy_one_are_diagnosed():
     assert healthy.named and healthy.kind == HEALTHY
 
 
+@pytest.mark.slow
+def test_a_servo_of_an_azimuth_thruster_is_named():
+    """One that stands off its middle, and nothing beside."""
+    ferry = load_vehicle("milliampere")
+    drawn = [draw_fault(ferry, "stuck", np.random.default_rng(seed)) for seed in range(9)]
+    assert {servo for servo, _ in drawn} == {3, 4}
+    off = ask(ferry, "off its middle", 0)
+    assert off.named and off.fin and off.said.startswith("azimuth_offset of ")
+
+
 def test_a_dive_that_is_named_wrongly_counts_against_the_share():
     """Of two faults one; the fin alone is counted beside it."""
     answers = [Answer("stuck", False, True, ""), Answer("reversed", True, True, ""), Answer(HEALTHY, True, False, "")]
@@ -127,3 +138,7 @@ def test_the_command_writes_its_sections_and_names_unknown_ones(tmp_path, monkey
     with pytest.raises(SystemExit):
         command.main()
     assert "no part named sails: there are control, paths, dives" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["underway", "paths", "--vehicle", "milliampere"])
+    with pytest.raises(SystemExit):
+        command.main()
+    assert "vehicle milliampere has no table of paths" in capsys.readouterr().err

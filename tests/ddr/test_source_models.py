@@ -2,15 +2,20 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from auv_torchrl.ddr import PretrainingConfig
+from auv_torchrl.ddr.actuation import Actuation, Channels, Thrusters
 from auv_torchrl.ddr.models import Regressor
 from auv_torchrl.ddr.pretraining import source_transitions
 from auv_torchrl.ddr.store import ingredients, load_or_pretrain
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.pushes import wrench_per_share
+from auv_torchrl.physics.thrusters import body_wrench
 from auv_torchrl.tasks import Cruise, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 
@@ -42,6 +47,30 @@ def test_the_long_form_is_the_projection_onto_what_the_source_can_do(models):
     action = 2 * torch.rand(200, 4, generator=torch.Generator().manual_seed(2)) - 1
     error = models.R(state, models.F(state, action)) - models.actuation.realised(action)
     assert error.square().mean().sqrt() < 0.02
+
+
+def test_pushes_of_azimuth_thrusters_are_linear_in_the_wrench():
+    """The channels of thrusts and angles are what the physics pushes, and commands for a push give it back."""
+    ferry, task = load_vehicle("milliampere"), Cruise().fitted(load_vehicle("milliampere"))
+    actuation, c = Actuation(ferry, task.axes, 1.5), prepare(ferry)
+    per_share = wrench_per_share(c, ActiveTerms.of(c), 1.5)[[0, 5]]
+    share = torch.tensor([[0.5, 0.3, 0.1, -0.2], [1.0, -0.4, -0.05, 0.1], [0.2, 0.2, 0.0, 0.2]])
+    pushes = actuation.pushes(share)
+    given = body_wrench(c, ActiveTerms.of(c), share.double().numpy() * ferry.full_thrust, np.zeros(3))[:, [0, 5]]
+    np.testing.assert_allclose(pushes.double().numpy() @ per_share.T, given, atol=6.0)  # the angles are small
+    torch.testing.assert_close(actuation.shares(pushes), share)
+    for space in (Channels(actuation), Thrusters(actuation)):
+        command = torch.tensor([[0.8, 0.3], [0.6, -0.5]]) if space.size == 2 else torch.tensor([[0.8, 0.7, 0.3, -0.2]])
+        torch.testing.assert_close(space.decode(space.encode(command)), command, rtol=1e-4, atol=1e-4)
+    assert actuation.push_limits[1][2] > 2.5 and actuation.push_limits[1][0] == 1.0
+
+
+def test_servos_have_turned_as_far_as_their_rate_lets_them():
+    """Half of the angle after a quarter of a second, and a quarter in the mean over it; thrusters follow at once."""
+    actuation = Actuation(load_vehicle("milliampere"), ("surge", "yaw"), 1.5)
+    mean, stands = actuation.turning(torch.zeros(1, 4), torch.ones(1, 4), 0.25)
+    torch.testing.assert_close(mean, torch.tensor([[1.0, 1.0, 0.25, 0.25]]))
+    torch.testing.assert_close(stands, torch.tensor([[1.0, 1.0, 0.5, 0.5]]))
 
 
 def test_models_are_trained_once(tmp_path, vehicle, task):

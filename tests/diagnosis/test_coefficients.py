@@ -292,7 +292,7 @@ def test_a_fault_on_a_calibrated_vehicle_is_written_on_top_of_it(calibrated):
 def test_what_a_vehicle_file_calls_uncertain_can_be_read(name):
     """The section names effects and parameters that exist; the vehicles of the paper and a simulator are exact."""
     coefficients = load_uncertainty(name, load_vehicle(name))
-    assert bool(coefficients) == (name not in ("paper", "ardusub_sitl", "otter", "remus100"))
+    assert bool(coefficients) == (name not in ("paper", "ardusub_sitl", "otter", "remus100", "milliampere"))
     assert all(c.low <= c.nominal <= c.high and c.width > 0 for c in coefficients)
 
 

@@ -6,7 +6,7 @@ import pytest
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.motion.actuation import LAG_MEMORY
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import wrench_per_share, wrench_per_unit
+from auv_torchrl.physics.pushes import wrench_per_share, wrench_per_unit
 from auv_torchrl.physics.thrusters import slowest_s, thrust_after, thrust_follower
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.underway.dives import FAULTS, ask, fly_torpedo

@@ -20,7 +20,7 @@ from auv_torchrl.sensors import MOTION
 from auv_torchrl.tasks import Cruise, Lemniscate, StationKeeping, cruise_speed, fitted
 from auv_torchrl.vehicle import load_vehicle
 from tests.few_thrusters import without_sway
-from tests.hovering import FIN_EFFECTS, one_for
+from tests.hovering import SERVO_EFFECTS, one_for
 
 PAPER = load_vehicle("paper")
 SHORT = StationKeeping(episode_s=0.5)
@@ -175,7 +175,7 @@ def test_every_effect_is_felt(backend, effect):
     """Away from nominal, each effect changes the motion or the observation, but of sensors that no policy has."""
     sound, task = (
         load_vehicle(one_for(effect.name, "paper")),
-        Cruise() if effect.name in FIN_EFFECTS else StationKeeping(),
+        Cruise() if effect.name in SERVO_EFFECTS else StationKeeping(),
     )
     nominal = effect.nominal(sound)
     declared = effect.member_parameters(sound)

@@ -14,7 +14,7 @@ from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.tasks import Cruise, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.vehicle_tensors import tensordict_of, tensors
-from tests.hovering import ACTING, FIN_EFFECTS
+from tests.hovering import ACTING, SERVO_EFFECTS, one_for
 
 PAPER = load_vehicle("paper")
 CONTINUOUS = {name: effect for name, effect in ACTING.items() if not effect.parameters[0].discrete}
@@ -25,13 +25,13 @@ def ranges_of(name):
 
 
 def suited(ranges):
-    """Names of the vehicles that can be randomized so: those with fins where these are drawn."""
-    of_fins = FIN_EFFECTS & set(ranges_of(ranges))
-    return [name for name in config_names("vehicle") if load_vehicle(name).fins or not of_fins]
+    """Names of the vehicles that can be randomized so: those with fins or azimuth thrusters where these are drawn."""
+    of_servos = SERVO_EFFECTS & set(ranges_of(ranges))
+    return sorted({one_for(effect, "paper") for effect in of_servos}) or config_names("vehicle")
 
 
 def randomized(ranges, count=4, seed=0, backend="torch", own_seed=None, vehicle=PAPER):
-    task = Cruise(episode_s=0.5) if vehicle.fins else StationKeeping(episode_s=0.5)
+    task = Cruise(episode_s=0.5) if vehicle.servos else StationKeeping(episode_s=0.5)
     fleet = make_fleet(backend, vehicle, task, count, seed=seed)
     return TransformedEnv(fleet, RandomizeVehicle(vehicle, ranges, own_seed))
 

@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 import torch
 
+from auv_torchrl.ddr.actuation import Actuation, Thrusters
+from auv_torchrl.ddr.affine import AffineMap
 from auv_torchrl.export.maps import command_graph, effect_graph
 from auv_torchrl.export.networks import forward_graph, intended_graph, inverse_graph, policy_graph
 from auv_torchrl.extras import library
+from auv_torchrl.vehicle import load_vehicle
 from tests.export.conftest import drawn
 
 COUNT = 10_000
@@ -104,3 +107,11 @@ def test_h_agrees(given):
     found = evaluated(command_graph(g, states), state=state, tau=tau, **learnt(g))
     assert_agree(found, expected)
     assert found.abs().max() <= 1.0
+
+
+def test_a_map_to_azimuth_thrusters_is_refused():
+    """An exported map is linear in the thrusts, and what a servo pushes grows with the thrust that it turns."""
+    g = AffineMap(Thrusters(Actuation(load_vehicle("milliampere"), ("surge", "yaw"), 1.5)), 1e-3)
+    for graph in (effect_graph, command_graph):
+        with pytest.raises(ValueError, match="a map to azimuth thrusters cannot be exported"):
+            graph(g, 8)

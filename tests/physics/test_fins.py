@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from auv_torchrl.physics import ActiveTerms, Advance, control_step, prepare, rates, rest_state
 from auv_torchrl.physics.coefficients import total_mass_matrix
-from auv_torchrl.physics.fins import ACROSS, fin_forces, fin_wrench, wrench_per_share
+from auv_torchrl.physics.fins import ACROSS, fin_forces, fin_wrench
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
+from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.simulator import PlainSimulator
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import load_vehicle
@@ -119,7 +120,7 @@ def test_a_servo_turns_no_faster_than_its_rate():
         moved.append(simulator.state.thrust[0, 1])
         assert simulator.state.thrust[0, 0] == 10.9
     np.testing.assert_allclose(moved, [0.05, 0.1, 0.15, 0.2, 0.237])
-    quick = PlainSimulator(REMUS.replace(fin_rate=0 * REMUS.fin_rate).expand(1), 0.05)
+    quick = PlainSimulator(REMUS.replace(servo_rate=0 * REMUS.servo_rate).expand(1), 0.05)
     quick.place(one, *rest)
     quick.step(np.ones((1, 5)))
     assert quick.state.thrust[0, 1] == 0.237
@@ -127,7 +128,7 @@ def test_a_servo_turns_no_faster_than_its_rate():
 
 def test_gain_and_offset_turn_a_fin():
     """The deflection is the gain times what is commanded, and the offset."""
-    off = REMUS.replace(gain=-REMUS.gain, fin_offset=np.full(5, 0.05))
+    off = REMUS.replace(gain=-REMUS.gain, servo_offset=np.full(5, 0.05))
     np.testing.assert_allclose(
         forces([1.5, 0.2, 0], deflection=0.1, vehicle=off), forces([1.5, 0.2, 0], deflection=-0.05)
     )

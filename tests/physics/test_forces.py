@@ -98,7 +98,7 @@ def test_a_term_of_the_motion_has_the_whole_step_also_where_nobody_has_named_it(
     monkeypatch.setattr(terms, "of", staticmethod(lambda c: known), raising=False)
     monkeypatch.setattr(recorded, "ActiveTerms", terms)
     small = term in ("coriolis", "routing", "curve", "sensing", "sensor_noise")
-    by_name = {"surface": Variant.SURFACE, "fins": Variant.FINS}
+    by_name = {"surface": Variant.SURFACE, "fins": Variant.FINS, "azimuth": Variant.AZIMUTH}
     expected = Variant.DIAGONAL if small else by_name.get(term, Variant.DEEP)
     assert Variant.of(prepare(load_any("paper").expand(2)).numpy()) is expected
 

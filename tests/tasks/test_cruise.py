@@ -26,7 +26,12 @@ SWAP = read_scenario("swap", {"effects": {"thruster_swap": {"pair": [1, 2]}}}, O
 
 @pytest.mark.parametrize(
     ("vehicle", "axes"),
-    [("otter", ("surge", "yaw")), ("paper", ("surge", "heave", "yaw")), ("bluerov2_heavy", ("surge", "heave", "yaw"))],
+    [
+        ("otter", ("surge", "yaw")),
+        ("milliampere", ("surge", "yaw")),
+        ("paper", ("surge", "heave", "yaw")),
+        ("bluerov2_heavy", ("surge", "heave", "yaw")),
+    ],
 )
 def test_the_axes_follow_from_the_mixer_of_the_vehicle(vehicle, axes):
     """The action has an entry for each, and the observation has depth where the vehicle dives."""

@@ -34,7 +34,7 @@ from auv_torchrl.diagnosis.thresholds import (
 )
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import wrench_per_share
+from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.vehicle import Vehicle
 
 NuisanceEntry = tuple[str, str, float, float]  # effect, parameter, nominal, standard deviation

@@ -21,8 +21,8 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
 from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, NOTHING_TO_MAP, REACH_WIDTH, WORTHLESS
 from auv_torchrl.effects import Origin
 from auv_torchrl.physics import ActiveTerms
-from auv_torchrl.physics.fins import wrench_per_share
 from auv_torchrl.physics.kinematics import rotation_matrix
+from auv_torchrl.physics.pushes import wrench_per_share
 
 FOLDS = 4
 RESPONSES_BYTES = 8 << 20  # of the responses to all forces; five such arrays are in use at once
@@ -78,8 +78,9 @@ def forces(problem: Problem, path: WindowPath) -> dict[int | Origin, Floats]:
     smooth = (command, command * np.abs(command), command / np.hypot(command, SOFT), np.abs(command))
     shapes = (*smooth, *earlier, *sticking)
     c = path.coefficients
-    each = c.rows((0, None, None)) if c.fin_area.any() else c  # at each speed on the way
-    push = wrench_per_share(each, ActiveTerms.of(c), motion[..., 7])  # (W, S, 6, n), of thrusters alone (1, 6, n)
+    terms = ActiveTerms.of(c)
+    each = c.rows((0, None, None)) if terms.servos else c  # at each speed on the way
+    push = wrench_per_share(each, terms, motion[..., 7])  # (W, S, 6, n), of thrusters alone (1, 6, n)
     found: dict[int | Origin, Floats] = {}
     for i in range(command.shape[-1]):
         found[i + 1] = np.stack([shape[..., i, None] * push[..., i] for shape in shapes], axis=1)

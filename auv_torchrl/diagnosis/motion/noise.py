@@ -18,8 +18,8 @@ from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
 from auv_torchrl.diagnosis.thresholds import BENT, FLICKERS, LEAST_FREEDOM, LEAST_NOISE
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.flightlog.streams.drift import DRIFT_S
-from auv_torchrl.physics.fins import wrench_per_unit
 from auv_torchrl.physics.kinematics import matvec
+from auv_torchrl.physics.pushes import wrench_per_unit
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.vehicle import Vehicle
 

@@ -85,7 +85,7 @@ class Run:
         after = thrust_follower(c, terms, h)
         for step in range(targets.shape[2]):
             found[:, step] = thrust
-            for part in range(targets.shape[3] if terms.lag or terms.fins else 0):
+            for part in range(targets.shape[3] if terms.lag or terms.servos else 0):
                 thrust = after(thrust, targets[:, :, step, part])
         return found
 
@@ -103,7 +103,7 @@ def accelerations(actuation: Actuation, motion: Floats) -> Floats:
     windows, c, terms = actuation.windows, actuation.c, actuation.terms
     (target,) = actuation.targets(slice(0, len(windows)), np.arange(windows.steps))
     thrust = target
-    if terms.lag or terms.fins:
+    if terms.lag or terms.servos:
         now, thrust = actuation.thrust, np.empty_like(target)
         halfway, after = (thrust_follower(c, terms, elapsed) for elapsed in (windows.dt / 2, windows.dt))
         for step in range(windows.steps):

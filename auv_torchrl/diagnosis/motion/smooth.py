@@ -25,8 +25,8 @@ from auv_torchrl.diagnosis.motion.windows import (
 from auv_torchrl.diagnosis.thresholds import SMALL_SWING, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
-from auv_torchrl.physics.fins import wrench_per_unit
 from auv_torchrl.physics.kinematics import cross, matvec, normalise, rotation_matrix
+from auv_torchrl.physics.pushes import wrench_per_unit
 from auv_torchrl.sensors import FELT, MOTION, Inverse, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 

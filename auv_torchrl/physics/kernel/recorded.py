@@ -24,7 +24,8 @@ _OFF_DIAGONAL = 1.0 - np.eye(6)
 class Variant(Enum):
     """What a compiled step computes; its value is the name of its machine code."""
 
-    FINS = "fins"  # all terms
+    AZIMUTH = "azimuth"  # all terms
+    FINS = "fins"  # all but azimuth thrusters
     SURFACE = "surface"  # all but fins, which take half of a step, and which few vehicles have
     DEEP = "deep"  # nor the surface of the water, which takes a quarter of a step, and which few vehicles meet
     DIAGONAL = "diagonal"  # diagonal mass and drag; no current, tether, lag, sag, uneven drag: 2 to 3 times faster
@@ -33,13 +34,17 @@ class Variant(Enum):
     def terms(self) -> ActiveTerms:
         """The terms that are there."""
         if self is not Variant.DIAGONAL:
-            fins = self is Variant.FINS
-            return ActiveTerms.everything()._replace(surface=fins or self is Variant.SURFACE, fins=fins)
+            azimuth = self is Variant.AZIMUTH
+            fins = azimuth or self is Variant.FINS
+            surface = fins or self is Variant.SURFACE
+            return ActiveTerms.everything()._replace(surface=surface, fins=fins, azimuth=azimuth)
         return ActiveTerms(*(False for _ in ActiveTerms._fields))._replace(coriolis=True)
 
     @staticmethod
     def full(terms: ActiveTerms) -> "Variant":
-        """All terms, but fins and the surface where there are none."""
+        """All terms, but azimuth thrusters, fins and the surface where there are none."""
+        if terms.azimuth:
+            return Variant.AZIMUTH
         if terms.fins:
             return Variant.FINS
         return Variant.SURFACE if terms.surface else Variant.DEEP
