@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.fins import fin_wrench, wrench_per_share
 from auv_torchrl.physics.hydrodynamics import acceleration
@@ -54,9 +55,9 @@ class SourceMotion:
         self._coefficients = c = prepare(vehicle)
         self._terms = ActiveTerms.of(c)
         self.control_dt, self.speed, self.axes = control_dt, speed, tuple(axes)
-        followed = self.axes if self.is_level else DEGREES_OF_FREEDOM
-        self.degrees = index_of(followed)  # D of them
-        self.controlled = np.array([followed.index(axis) for axis in self.axes])  # places of the axes among them
+        self.followed = followed_axes(self.axes, speed)
+        self.degrees = index_of(self.followed)  # D of them
+        self.controlled = np.array([self.followed.index(axis) for axis in self.axes])  # places of the axes among them
         self.linear = np.array([degree < 3 for degree in self.degrees])  # (D,) bool: m/s, not rad/s
         self.velocity_rows = [7 + degree for degree in self.degrees]  # in a state: position, quaternion, velocity
         self.fastest = np.where(self.linear, _FASTEST[True], _FASTEST[False])
@@ -172,3 +173,23 @@ class SourceMotion:
 def motion_of(vehicle: Vehicle, task: Task) -> SourceMotion:
     """Of a source vehicle (empty batch) in a task: its control step, its axes, its speed."""
     return SourceMotion(vehicle, task.control_dt, task.axes, cruise_speed(task))
+
+
+def followed_axes(axes: Sequence[str], speed: float) -> tuple[str, ...]:
+    """Degrees of freedom that are followed: those that are controlled of a vehicle that hovers, all six at speed."""
+    return tuple(axes) if speed == 0.0 else DEGREES_OF_FREEDOM
+
+
+def axis_weights(reach: Array, axes: Sequence[str], speed: float, config: AdaptationConfig) -> Array:
+    """Weights (D,) on squared errors of what is pushed along the degrees of freedom that are followed.
+
+    Args:
+        reach: (D,) what all thrusters together can push, of any unit; 0 where they push nothing.
+        axes: degrees of freedom that are controlled.
+        speed: ahead in m/s, at which they are; 0 of a vehicle that hovers.
+        config: says how little what is beside the axes counts, and the heading of a vehicle that hovers.
+    """
+    share = np.array([1.0 if axis in axes else config.aside_weight for axis in followed_axes(axes, speed)])
+    if speed == 0.0:  # where it steers by its heading, a vehicle gives nothing of that away
+        share[-1] *= config.heading_weight
+    return np.where(reach > 0, np.square(share / np.where(reach > 0, reach, 1.0)), 0.0)
