@@ -47,7 +47,7 @@ class ThrustChoice(Memory):
             search_s: (N,) s since their searches began.
         """
         effectiveness, constant = estimate.map
-        flow = self.motion.flow(estimate.velocity)
+        flow = self.motion.flow(estimate.velocity, estimate.turned)
         wanted = (flow * nominal) @ self.motion.per_share.T - constant + self.carried
         caution = estimate.caution()
         pushing = flow[:, None] * flow[:, :, None]

@@ -119,7 +119,7 @@ class Estimate(Memory):
         """
         reading = self.sensing.read(measured)
         arriving, self.turned = self.motion.turning(self.turned, self.timing.arriving(share))
-        arriving = arriving * self.motion.flow(self.velocity)
+        arriving = arriving * self.motion.flow(self.velocity, arriving)
         effectiveness = self.map[0].copy()
         body = None if self.motion.is_level else self.body
         step, wrench = self.filter.predict(self.belief, arriving, self.noise_scale, body)

@@ -7,7 +7,7 @@ import numpy as np
 
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import fin_wrench, wrench_per_share
+from auv_torchrl.physics.fins import fin_forces, fin_wrench, wrench_per_share
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_product, rotation_matrix
 from auv_torchrl.physics.thrusters import thrust_follower
@@ -20,6 +20,8 @@ _SUBSTEPS_SLOW, _SUBSTEPS = 2, 4
 _SPEED_STEP = 1e-4  # m/s and rad/s, of the finite differences
 _WRENCH_STEP = 1e-3  # of what the thrusters can give
 _FASTEST = {True: 3.0, False: 10.0}  # m/s, rad/s; beyond, the integration of the drag becomes unstable
+_SLIGHT = 0.01  # share of a deflection that gives the slope of the lift
+_STRONGEST = 4.0  # times what a fin does at the speed: at twice that
 _SERVO_PARTS = 5  # of a control step, over which the turning of a fin is averaged
 
 
@@ -36,8 +38,8 @@ class SourceMotion:
     """Motion of the source vehicle, on numpy: of one that hovers in its four controlled degrees of freedom, level.
 
     What roll and pitch do to a vehicle that is not held level counts as noise. A vehicle at speed is followed in all
-    six, from the attitude that is measured: it steers by what its axes do to the others. Fins push with the square of
-    the speed ahead, and turn as fast as their servos.
+    six, from the attitude that is measured: it steers by what its axes do to the others. Fins push by the flow at their
+    places, and turn as fast as their servos.
 
     Args:
         vehicle: one vehicle (empty batch), the source.
@@ -66,6 +68,10 @@ class SourceMotion:
         self.full_wrench = self._units(np.abs(per_share).sum(-1))  # (D,)
         self.fins = np.zeros(vehicle.thrusters, dtype=bool)
         self.fins[list(vehicle.fins)] = True
+        still = np.array([[speed, 0.0, 0.0]]), np.zeros((1, 3))
+        lift = fin_forces(c, *still, _SLIGHT * c.full_thrust) - fin_forces(c, *still, 0.0 * c.full_thrust)
+        slope = (lift * c.fin_normal).sum(-1)[0] / _SLIGHT
+        self._slope = np.where(self.fins, slope, 1.0)  # (n,) N per share of a full deflection, at the speed
         size = self.size
         columns = np.zeros((1 + 2 * size, 2, size))
         columns[1 : 1 + size, 0] = _SPEED_STEP * np.eye(size)
@@ -137,12 +143,23 @@ class SourceMotion:
         along = rotation_matrix(normalise(quaternion_product(quaternion, middle)))
         return np.concatenate((body[..., :3] + matvec(along, moved[..., :3]), turned), axis=-1)
 
-    def flow(self, velocity: Array) -> Array:
-        """How strongly each actuator pushes at velocities (N, D), over what it does at the speed, (N, n)."""
+    def flow(self, velocity: Array, share: Array) -> Array:
+        """How strongly each actuator pushes at velocities (N, D) and shares (N, n), over what it does at the speed.
+
+        Of a fin that is what its deflection adds to its lift, in the flow at its place: a fin that is set against a
+        turn meets the flow at a larger angle, and stalls.
+
+        Returns:
+            (N, n), 1 of a thruster.
+        """
         if not self.fins.any():
             return np.ones((len(velocity), len(self.fins)))
-        faster = np.square(np.clip(velocity[:, :1] / self.speed, 0.0, 2.0))
-        return np.where(self.fins, faster, 1.0)
+        c, six = self._coefficients, self._six(velocity)
+        turned = np.where(np.abs(share) > _SLIGHT, share, _SLIGHT)
+        six[:, 0] = np.clip(six[:, 0], 0.0, None)  # it is made to go ahead
+        pushed = [fin_forces(c, six[:, :3], six[:, 3:], part * c.full_thrust) for part in (turned, 0.0 * turned)]
+        normal = ((pushed[0] - pushed[1]) * c.fin_normal).sum(-1) / turned
+        return np.where(self.fins, np.clip(normal / self._slope, 0.0, _STRONGEST), 1.0)
 
     def turning(self, before: Array, target: Array) -> tuple[Array, Array]:
         """Mean shares (N, n) over a control step of what follows its target as a servo does, and those at its end."""

@@ -152,7 +152,7 @@ def look_ahead(
     steps = np.ceil(timing.late_s()[rows] / motion.control_dt - 1e-9).astype(int)
     velocity, body = state[rows][:, motion.velocity_rows], state[rows, :7]
     for k, thrust in enumerate(timing.coming(rows, int(steps.max()))):
-        wrench = (effectiveness[rows] @ (motion.flow(velocity) * thrust)[..., None])[..., 0] + constant[rows]
+        wrench = (effectiveness[rows] @ (motion.flow(velocity, thrust) * thrust)[..., None])[..., 0] + constant[rows]
         moved, reached = motion.advance(velocity, wrench, None if motion.is_level else body)
         going = (k < steps)[:, None]
         moved, velocity = np.where(going, moved, 0.0), np.where(going, reached, velocity)

@@ -42,7 +42,7 @@ def test_one_step_is_that_of_the_plain_physics():
     mean, end = motion.turning(np.zeros_like(told), told)
     np.testing.assert_allclose(end[:, 1:], (after.thrust / c.full_thrust).numpy()[:, 1:], atol=1e-9)
     body = np.concatenate((np.zeros((count, 3)), quaternion.numpy()), axis=-1)
-    step = motion(velocity, (mean * motion.flow(velocity)) @ motion.per_share.T, body)
+    step = motion(velocity, (mean * motion.flow(velocity, mean)) @ motion.per_share.T, body)
     moved = np.abs(after.velocity.numpy() - velocity).max(0)
     assert (np.abs(step.velocity - after.velocity.numpy()).max(0) < 0.06 * moved).all()
 
@@ -103,8 +103,17 @@ def test_what_is_reported_is_along_the_axes_of_an_action():
 def test_fins_push_with_the_square_of_the_speed():
     """A propeller pushes the same at each."""
     motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
-    flow = motion.flow(np.array([[1.5, 0, 0, 0, 0, 0], [0.75, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]))
-    np.testing.assert_allclose(flow, [[1, 1, 1, 1, 1], [1, 0.25, 0.25, 0.25, 0.25], [1, 0, 0, 0, 0]])
+    speeds = np.array([[1.5, 0, 0, 0, 0, 0], [0.75, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]])
+    flow = motion.flow(speeds, np.zeros((3, 5)))
+    np.testing.assert_allclose(flow, [[1, 1, 1, 1, 1], [1, 0.25, 0.25, 0.25, 0.25], [1, 0, 0, 0, 0]], atol=1e-9)
+
+
+def test_a_rudder_against_a_turn_stalls():
+    """In a turn to starboard the hull slips to port: full rudder to port adds less than to starboard."""
+    motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
+    turn = np.array([[1.3, -0.2, 0, 0, 0, 0.27]])
+    on, against = (motion.flow(turn, np.full((1, 5), share))[0, 1] for share in (-1.0, 1.0))
+    assert 0.0 < against < 0.8 * on
 
 
 def test_poses_alone_are_refused_at_speed():
