@@ -161,6 +161,14 @@ class SourceMotion:
         normal = ((pushed[0] - pushed[1]) * c.fin_normal).sum(-1) / turned
         return np.where(self.fins, np.clip(normal / self._slope, 0.0, _STRONGEST), 1.0)
 
+    def steady(self, velocity: Array) -> Array:
+        """By how much wrenches that no command changes are larger at velocities (N, D), (N, k): not, and as at fins."""
+        ones = np.ones((len(velocity), 1))
+        if not self.fins.any():
+            return ones
+        stuck = self.flow(velocity, np.zeros((len(velocity), len(self.fins))))[:, self.fins]
+        return np.concatenate((ones, stuck.mean(-1, keepdims=True)), axis=-1)
+
     def turning(self, before: Array, target: Array) -> tuple[Array, Array]:
         """Mean shares (N, n) over a control step of what follows its target as a servo does, and those at its end."""
         if not self._terms.fins:

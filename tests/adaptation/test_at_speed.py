@@ -9,6 +9,7 @@ import torch
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
+from auv_torchrl.adaptation.filter import EffectivenessFilter
 from auv_torchrl.adaptation.motion import SourceMotion, motion_of
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
@@ -122,3 +123,16 @@ def test_poses_alone_are_refused_at_speed():
     config = load_adaptation_config(overrides={"sensed": "pose"})
     with pytest.raises(ValueError, match="velocities are needed: give adaptation.sensed=velocity"):
         InFlightAdapter(REMUS, task, config, 1)
+
+
+def test_what_a_stuck_fin_pushes_is_known_to_go_with_the_speed():
+    """The wrench without commands has a part that grows with the flow, and one that a payload stands for."""
+    motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
+    slow = np.array([[0.75, 0, 0, 0, 0, 0]])
+    np.testing.assert_allclose(motion.steady(slow), [[1.0, 0.25]], atol=1e-3)
+    kalman = EffectivenessFilter(motion, load_adaptation_config())
+    belief = kalman.start(1)
+    belief.mean[:, kalman.velocity] = slow
+    belief.mean[:, kalman.constant] = np.repeat([1.0, 4.0], 6)
+    np.testing.assert_allclose(kalman.map_of(belief)[1], np.full((1, 6), 2.0), atol=1e-2)
+    assert SourceMotion(OTTER, 0.05, ("surge", "yaw"), 1.5).steady(slow).shape == (1, 1)
