@@ -106,6 +106,7 @@ def flight_of(rollout: Any, task: Task) -> Flight:
     states["time"] = time.expand(batch)
     along = torch.cat((rollout["along"][:, :1], after["along"]), dim=1)[..., 0]
     reference = task.reference(along)
+    states["miss"] = task.miss(states["position"], states["quaternion"], states["velocity"], along)
     states["reference_position"] = reference.nearest(states["position"])
     states["reference_quaternion"] = reference.attitude(states["position"])
     return Flight.from_tensordict(TensorDict(states, batch_size=batch))  # from_dict would load pandas
@@ -126,6 +127,7 @@ class Metrics:
     settled: float  # share of the starts that settle
     heading_rad: float  # mean over the starts of the mean absolute heading error for t >= 10 s
     attitude_rad: float  # likewise of the angle to the attitude of the reference, roll and pitch included
+    miss_m: float  # likewise of what the task calls a miss: the position error, at speed depth, heading and speed
 
     def holds_as_well_as(self, other: "Metrics") -> bool:
         """Whether position and heading are held no worse than in ``other``, but for what is no gap."""
@@ -159,6 +161,7 @@ class Metrics:
             settled=float(settled.double().mean()),
             heading_rad=float(flight.heading_error[:, steady].mean()),
             attitude_rad=float(flight.attitude_error[:, steady].mean()),
+            miss_m=float(flight.miss.nan_to_num(nan=math.inf)[:, steady].double().mean()),
         )
 
 

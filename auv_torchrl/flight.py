@@ -23,6 +23,7 @@ class Flight(TensorClass):
     applied_action: Tensor  # (k,) what the adapter made of it; the same without one
     reference_position: Tensor  # (3,) m, NED, where the task wanted the vehicle
     reference_quaternion: Tensor  # (4,) likewise
+    miss: Tensor  # () m, how far off the task calls the vehicle
 
     def of_start(self, start: int) -> "Flight":
         """The flight of one start, batch (T + 1)."""

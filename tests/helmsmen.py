@@ -21,7 +21,7 @@ def helmsman_of_torpedo(task):
     def steer(seen):
         named = dict(zip(task.observation_names, seen.unbind(-1), strict=True))
         heading = torch.atan2(named["heading_error_sin"], named["heading_error_cos"])
-        deep = torch.atanh(named["error_z"].clamp(-0.999, 0.999))
+        deep = torch.atanh(named["far_z"].clamp(-0.999, 0.999))
         pitch = (-0.4 * deep - 0.024).clamp(
             -0.3, 0.3
         )  # nose down to go down; it floats, and its hull and its tail push down

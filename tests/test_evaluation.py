@@ -31,6 +31,7 @@ def flight_with(errors: torch.Tensor, yaw: float = 0.0) -> Flight:
         applied_action=nothing[..., :4],
         reference_position=torch.zeros_like(position),
         reference_quaternion=torch.eye(4, dtype=torch.float64)[0].expand(count, samples, 4),
+        miss=errors,
         batch_size=[count, samples],
     )
 
@@ -40,7 +41,7 @@ def test_metrics_average_from_ten_seconds_on_and_then_over_the_starts():
     errors = torch.full((4, 401), 5.0, dtype=torch.float64)
     errors[:, 200:] = torch.tensor((0.01, 0.02, 0.03, 0.10), dtype=torch.float64)[:, None]
     metrics = Metrics.of(flight_with(errors, yaw=-0.3))
-    assert metrics.mean_m == pytest.approx(0.04)
+    assert metrics.mean_m == pytest.approx(0.04) and metrics.miss_m == pytest.approx(0.04)
     assert metrics.std_m == pytest.approx(torch.tensor((0.01, 0.02, 0.03, 0.10)).std(correction=0).item())
     assert metrics.worst_m == metrics.p95_m == pytest.approx(0.10)
     assert metrics.heading_rad == pytest.approx(0.3)

@@ -47,7 +47,8 @@ class ThrustChoice(Memory):
             search_s: (N,) s since their searches began.
         """
         effectiveness, constant = estimate.map
-        flow = self.motion.flow(estimate.velocity, nominal)
+        stands = np.where(self.motion.fins, estimate.turned, nominal)
+        flow = self.motion.flow(estimate.velocity, stands)
         wanted = (flow * nominal) @ self.motion.per_share.T - constant + self.carried
         caution = estimate.caution()
         pushing = flow[:, None] * flow[:, :, None]

@@ -8,7 +8,7 @@ import numpy as np
 from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.adaptation.filter import EffectivenessFilter, Innovation
 from auv_torchrl.adaptation.memory import Memory
-from auv_torchrl.adaptation.motion import SourceMotion, Step
+from auv_torchrl.adaptation.motion import SourceMotion, Step, axis_weights
 from auv_torchrl.adaptation.sensing import MeasurementGuard, Reading, Sensing, Verdict
 from auv_torchrl.adaptation.timing import ActuatorTiming
 
@@ -56,10 +56,8 @@ class Estimate(Memory):
         self.sensing = Sensing(config, count, motion.velocity_rows)
         self.timing = ActuatorTiming(count, motion, config)
         pushed = np.abs(motion.per_share).sum(-1) > 0
-        self.weight = np.where(pushed, np.square(config.aside_weight / motion.full_wrench), 0.0)
-        self.weight[motion.controlled] = 1.0 / np.square(motion.full_wrench[motion.controlled])
-        if motion.is_level:  # where it steers by its heading, a vehicle gives nothing of that away
-            self.weight[d - 1] *= config.heading_weight**2
+        reach = np.where(pushed, motion.full_wrench, 0.0)
+        self.weight = axis_weights(reach, motion.axes, motion.speed, config)
         self.column_power = (self.weight[:, None] * np.square(motion.per_share)).sum(0)
         if config.sensed == "velocity":
             self.entries = np.arange(d, 2 * d)

@@ -2,7 +2,8 @@
 
 The state of a vehicle with n thrusters is its displacement and velocity along the D body axes that are followed (four
 of one that hovers), the effectiveness B (D x n), wrench per share of each thruster's full thrust, and a constant
-wrench b (D). The wrench of a control step is B share + b; the source vehicle's equations turn it into motion. A prior
+wrench b (D); of a vehicle with fins there is a second one, which grows with the flow as what a stuck fin pushes. The
+wrench of a control step is B share + b; the source vehicle's equations turn it into motion. A prior
 on B that comes from W in B = B_nominal W makes gains of single thrusters likelier than swaps, and both likelier than
 anything else. Shares of fins are those that would push as much at the speed for which B is.
 """
@@ -50,7 +51,8 @@ class EffectivenessFilter:
     def __init__(self, motion: SourceMotion, config: AdaptationConfig):
         self.motion, self.config, d = motion, config, motion.size
         self.thrusters = n = motion.per_share.shape[1]
-        self.size = 2 * d + d * n + d
+        steady = 1 + bool(motion.fins.any())  # constant wrenches
+        self.size = 2 * d + d * n + d * steady
         self.moving, self.velocity = slice(0, 2 * d), slice(d, 2 * d)
         self.effectiveness = slice(2 * d, 2 * d + d * n)
         self.constant = slice(2 * d + d * n, self.size)
@@ -67,7 +69,8 @@ class EffectivenessFilter:
     def _prior(self, gain: float, mixing: float, constant: float) -> Array:
         """Covariance of what is learnt, for W's diagonal and other entries and the constant wrench."""
         nominal, n, d = self.motion.per_share, self.thrusters, self.motion.size
-        covariance = np.zeros((d * n + d, d * n + d))
+        size = self.size - 2 * d
+        covariance = np.zeros((size, size))
         outer = nominal[:, None, :] * nominal[None, :, :]  # (d, d, n)
         everything = outer.sum(-1)
         for j in range(n):
@@ -75,7 +78,8 @@ class EffectivenessFilter:
             column = gain**2 * outer[..., j] + mixing**2 * (everything - outer[..., j])
             covariance[np.ix_(index, index)] = column
         end = slice(d * n, None)
-        covariance[end, end] = np.diag(np.square(constant * self.motion.full_wrench))
+        spread = np.tile(np.square(constant * self.motion.full_wrench), (size - d * n) // d)
+        covariance[end, end] = np.diag(spread)
         return covariance
 
     def start(self, count: int) -> Belief:
@@ -114,9 +118,11 @@ class EffectivenessFilter:
         belief.covariance[rows, self._learnt, self._learnt] = self.prior
 
     def map_of(self, belief: Belief) -> tuple[Array, Array]:
-        """B (N, d, n) and b (N, d)."""
-        effectiveness = belief.mean[:, self.effectiveness].reshape(-1, self.motion.size, self.thrusters)
-        return effectiveness, belief.mean[:, self.constant]
+        """B (N, d, n) and b (N, d), at the velocities that are believed."""
+        d = self.motion.size
+        effectiveness = belief.mean[:, self.effectiveness].reshape(-1, d, self.thrusters)
+        steady = self.motion.steady(belief.mean[:, self.velocity])
+        return effectiveness, (steady[:, None] @ belief.mean[:, self.constant].reshape(len(steady), -1, d))[:, 0]
 
     def wrench_covariance(self, belief: Belief, weight: Array) -> Array:
         """Sum over the degrees of freedom of weight (d,) times the covariance of their rows of B, (N, n, n)."""
@@ -141,7 +147,8 @@ class EffectivenessFilter:
         most = _STRONGEST * self.motion.full_wrench
         wrench = np.clip(wrench, -most, most)
         np.clip(mean[:, velocity], -self.motion.fastest, self.motion.fastest, out=mean[:, velocity])
-        step = self.motion(mean[:, velocity], wrench, body)
+        before = mean[:, velocity].copy()
+        step = self.motion(before, wrench, body)
         mean[:, :d] += step.displacement
         mean[:, velocity] = step.velocity
         count = len(mean)
@@ -151,7 +158,8 @@ class EffectivenessFilter:
         onward[:, :, self.effectiveness] = (step.by_wrench[..., None] * share[:, None, None, :]).reshape(
             count, 2 * d, -1
         )
-        onward[:, :, self.constant] = step.by_wrench
+        steady = self.motion.steady(before)
+        onward[:, :, self.constant] = (step.by_wrench[:, :, None] * steady[:, None, :, None]).reshape(count, 2 * d, -1)
         ahead = onward @ covariance  # (N, 2 d, size)
         noise = (step.by_wrench * (self.process_wrench * noise_scale[:, None])[:, None]) @ step.by_wrench.swapaxes(1, 2)
         corner = ahead @ onward.swapaxes(1, 2) + noise

@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from auv_torchrl.adaptation.config import AdaptationConfig
 from auv_torchrl.physics import ActiveTerms, prepare
-from auv_torchrl.physics.fins import fin_wrench
+from auv_torchrl.physics.fins import fin_forces, fin_wrench
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_product, rotation_matrix
 from auv_torchrl.physics.pushes import thrust_turned, wrench_per_share
@@ -20,6 +21,8 @@ _SUBSTEPS_SLOW, _SUBSTEPS = 2, 4
 _SPEED_STEP = 1e-4  # m/s and rad/s, of the finite differences
 _WRENCH_STEP = 1e-3  # of what the thrusters can give
 _FASTEST = {True: 3.0, False: 10.0}  # m/s, rad/s; beyond, the integration of the drag becomes unstable
+_SLIGHT = 0.01  # share of a deflection that gives the slope of the lift
+_STRONGEST = 4.0  # times what a fin does at the speed: at twice that
 
 
 class Step(NamedTuple):
@@ -35,8 +38,8 @@ class SourceMotion:
     """Motion of the source vehicle, on numpy: of one that hovers in its four controlled degrees of freedom, level.
 
     What roll and pitch do to a vehicle that is not held level counts as noise. A vehicle at speed is followed in all
-    six, from the attitude that is measured: it steers by what its axes do to the others. Fins push with the square of
-    the speed ahead, azimuth thrusters aside with their thrust, and both turn as fast as their servos.
+    six, from the attitude that is measured: it steers by what its axes do to the others. Fins push by the flow at their
+    places, azimuth thrusters aside with their thrust, and both turn as fast as their servos.
 
     Args:
         vehicle: one vehicle (empty batch), the source.
@@ -54,9 +57,9 @@ class SourceMotion:
         self._coefficients = c = prepare(vehicle)
         self._terms = ActiveTerms.of(c)
         self.control_dt, self.speed, self.axes = control_dt, speed, tuple(axes)
-        followed = self.axes if self.is_level else DEGREES_OF_FREEDOM
-        self.degrees = index_of(followed)  # D of them
-        self.controlled = np.array([followed.index(axis) for axis in self.axes])  # places of the axes among them
+        self.followed = followed_axes(self.axes, speed)
+        self.degrees = index_of(self.followed)  # D of them
+        self.controlled = np.array([self.followed.index(axis) for axis in self.axes])  # places of the axes among them
         self.linear = np.array([degree < 3 for degree in self.degrees])  # (D,) bool: m/s, not rad/s
         self.velocity_rows = [7 + degree for degree in self.degrees]  # in a state: position, quaternion, velocity
         self.fastest = np.where(self.linear, _FASTEST[True], _FASTEST[False])
@@ -67,6 +70,10 @@ class SourceMotion:
             np.isin(np.arange(vehicle.thrusters), rows) for rows in (vehicle.fins, vehicle.servos)
         )
         self._turned = thrust_turned(c, self._terms, np.asarray(speed)) if self._terms.azimuth else None
+        still = np.array([[speed, 0.0, 0.0]]), np.zeros((1, 3))
+        lift = fin_forces(c, *still, _SLIGHT * c.full_thrust) - fin_forces(c, *still, 0.0 * c.full_thrust)
+        slope = (lift * c.direction).sum(-1)[0] / _SLIGHT
+        self._slope = np.where(self.fins, slope, 1.0)  # (n,) N per share of a full deflection, at the speed
         size = self.size
         columns = np.zeros((1 + 2 * size, 2, size))
         columns[1 : 1 + size, 0] = _SPEED_STEP * np.eye(size)
@@ -139,19 +146,40 @@ class SourceMotion:
         return np.concatenate((body[..., :3] + matvec(along, moved[..., :3]), turned), axis=-1)
 
     def flow(self, velocity: Array, share: Array) -> Array:
-        """How strongly each actuator pushes, over what it does at the speed, (N, n).
+        """How strongly each actuator pushes, over what it does at the speed.
+
+        Of a fin that is what its deflection adds to its lift, in the flow at its place: a fin that is set against a
+        turn meets the flow at a larger angle, and stalls.
 
         Args:
-            velocity: (N, D), with the square of which fins push.
-            share: (N, n) of full thrust that thrusters give, with which their servos push.
+            velocity: (N, D).
+            share: (N, n) of full thrust that thrusters give, with which their servos push, and at which fins stand.
+
+        Returns:
+            (N, n), 1 of a thruster.
         """
         stronger = np.ones((len(velocity), len(self.fins)))
         if self.fins.any():
-            faster = np.square(np.clip(velocity[:, :1] / self.speed, 0.0, 2.0))
-            stronger = np.where(self.fins, faster, stronger)
-        return (
-            stronger if self._turned is None else np.where(self.servos & ~self.fins, share @ self._turned.T, stronger)
-        )
+            stronger = np.where(self.fins, self._fin_flow(velocity, share), stronger)
+        if self._turned is not None:
+            stronger = np.where(self.servos & ~self.fins, share @ self._turned.T, stronger)
+        return stronger
+
+    def _fin_flow(self, velocity: Array, share: Array) -> Array:
+        c, six = self._coefficients, self._six(velocity)
+        turned = np.where(np.abs(share) > _SLIGHT, share, _SLIGHT)
+        six[:, 0] = np.clip(six[:, 0], 0.0, None)  # it is made to go ahead
+        pushed = [fin_forces(c, six[:, :3], six[:, 3:], part * c.full_thrust) for part in (turned, 0.0 * turned)]
+        normal = ((pushed[0] - pushed[1]) * c.direction).sum(-1) / turned
+        return np.clip(normal / self._slope, 0.0, _STRONGEST)
+
+    def steady(self, velocity: Array) -> Array:
+        """By how much wrenches that no command changes are larger at velocities (N, D), (N, k): not, and as at fins."""
+        ones = np.ones((len(velocity), 1))
+        if not self.fins.any():
+            return ones
+        stuck = self.flow(velocity, np.zeros((len(velocity), len(self.fins))))[:, self.fins]
+        return np.concatenate((ones, stuck.mean(-1, keepdims=True)), axis=-1)
 
     def turning(self, before: Array, target: Array) -> tuple[Array, Array]:
         """Mean shares (N, n) over a control step of what follows its target as a servo does, and those at its end."""
@@ -174,3 +202,23 @@ class SourceMotion:
 def motion_of(vehicle: Vehicle, task: Task) -> SourceMotion:
     """Of a source vehicle (empty batch) in a task: its control step, its axes, its speed."""
     return SourceMotion(vehicle, task.control_dt, task.axes, cruise_speed(task))
+
+
+def followed_axes(axes: Sequence[str], speed: float) -> tuple[str, ...]:
+    """Degrees of freedom that are followed: those that are controlled of a vehicle that hovers, all six at speed."""
+    return tuple(axes) if speed == 0.0 else DEGREES_OF_FREEDOM
+
+
+def axis_weights(reach: Array, axes: Sequence[str], speed: float, config: AdaptationConfig) -> Array:
+    """Weights (D,) on squared errors of what is pushed along the degrees of freedom that are followed.
+
+    Args:
+        reach: (D,) what all thrusters together can push, of any unit; 0 where they push nothing.
+        axes: degrees of freedom that are controlled.
+        speed: ahead in m/s, at which they are; 0 of a vehicle that hovers.
+        config: says how little what is beside the axes counts, and the heading of a vehicle that hovers.
+    """
+    share = np.array([1.0 if axis in axes else config.aside_weight for axis in followed_axes(axes, speed)])
+    if speed == 0.0:  # where it steers by its heading, a vehicle gives nothing of that away
+        share[-1] *= config.heading_weight
+    return np.where(reach > 0, np.square(share / np.where(reach > 0, reach, 1.0)), 0.0)

@@ -16,7 +16,7 @@ from auv_torchrl.compensation.diagnosed import Diagnosed
 from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import RandomizeVehicle, make_fleet
-from auv_torchrl.evaluation import FLOOR_M, Metrics, draw_starts, fly
+from auv_torchrl.evaluation import Metrics, draw_starts, fly
 from auv_torchrl.quantities import quantity
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
@@ -29,7 +29,7 @@ _SEED = 271_828  # of their starts and parameters; reported flights use others
 
 @dataclass(frozen=True)
 class Closed:
-    """A controller for the vehicle that was diagnosed, and how it flew in the simulator; mean errors in m."""
+    """A controller for the vehicle that was diagnosed, and how it flew in the simulator; mean misses in m."""
 
     diagnosed: Diagnosed
     policy: SourcePolicy
@@ -85,12 +85,12 @@ def close(
     """
     exam = task.for_evaluation(box_m)
 
-    def rehearse(who: SourcePolicy, base: Vehicle, ranges: Mapping[str, Any], mapped: bool) -> float:
+    def rehearse(who: SourcePolicy, base: Vehicle, ranges: Mapping[str, Any], mapped: bool) -> Metrics:
         transforms = [RandomizeVehicle(base, ranges, seed=_SEED), *([_adapter(diagnosed, exam)] if mapped else [])]
         rehearsal = replace(exam, thruster_commands=mapped)
         fleet = make_fleet(backend, base, rehearsal, _REHEARSALS, seed=_SEED, device=device)
         starts = draw_starts(rehearsal, _REHEARSALS, _SEED)
-        return Metrics.of(fly(TransformedEnv(fleet, Compose(*transforms)), who.module, starts, rehearsal.steps)).mean_m
+        return Metrics.of(fly(TransformedEnv(fleet, Compose(*transforms)), who.module, starts, rehearsal.steps))
 
     possible = (diagnosed.switched, diagnosed.ranges)
     nominal = rehearse(policy, diagnosed.nominal, {}, mapped=False)
@@ -98,10 +98,11 @@ def close(
     mapped = rehearse(policy, *possible, mapped=True)
     log.info(
         "   in the diagnosed simulator: u_s %s, behind the map %s (nominal %s)",
-        *(quantity(error, "m") for error in (before, mapped, nominal)),
+        *(quantity(flown.miss_m, "m") for flown in (before, mapped, nominal)),
     )
-    if mapped < nominal + FLOOR_M:
-        return Closed(diagnosed, policy, exam, nominal, before, mapped, None)
+    missed = nominal.miss_m, before.miss_m, mapped.miss_m
+    if mapped.holds_as_well_as(nominal):
+        return Closed(diagnosed, policy, exam, *missed, None)
     ground = Ground(
         vehicle=diagnosed.vehicle,
         base=diagnosed.switched,
@@ -111,9 +112,9 @@ def close(
     )
     training = replace(task, thruster_commands=True)
     better = fine_tune(policy, ground, training, agent, tuning, seed, backend, folder)
-    tuned = rehearse(better, *possible, mapped=True)
+    tuned = rehearse(better, *possible, mapped=True).miss_m
     log.info("   trained on: %s", quantity(tuned, "m"))
-    return Closed(diagnosed, better if tuned < mapped else policy, exam, nominal, before, mapped, tuned)
+    return Closed(diagnosed, better if tuned < mapped.miss_m else policy, exam, *missed, tuned)
 
 
 def _adapter(diagnosed: Diagnosed, task: Task) -> Transform:

@@ -110,7 +110,8 @@ class SourceModels(nn.Module):
         super().__init__()
         self.tilt, self.hidden, self.control_dt = task.tilt, hidden, task.control_dt
         felt = DEGREES_OF_FREEDOM if task.tilt else CONTROLLED
-        self._speeds = index_of((*task.axes, *(axis for axis in felt if axis not in task.axes)))
+        self.speeds = (*task.axes, *(axis for axis in felt if axis not in task.axes))
+        self._speeds = index_of(self.speeds)
         self.states = len(self._speeds) + 2 * task.tilt
         self.actuation = Actuation(vehicle, task.axes, cruise_speed(task))
         self.F = ForwardModel(self.states, hidden, self.actuation)

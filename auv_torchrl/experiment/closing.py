@@ -40,10 +40,10 @@ class Closing:
     @property
     def share(self) -> float | None:
         """Share of the controller's gap, u_s on the target against u_s on the nominal vehicle; None without one."""
-        gap = self.before.mean_m - self.nominal.mean_m
+        gap = self.before.miss_m - self.nominal.miss_m
         if self.after is None or not gap >= FLOOR_M:
             return None
-        return (self.before.mean_m - self.after.mean_m) / gap
+        return (self.before.miss_m - self.after.miss_m) / gap
 
     @property
     def prediction_share(self) -> float | None:
@@ -61,7 +61,7 @@ class Closing:
             )
         if self.closed is None or self.after is None:
             return " ".join([*sentences, "Nothing was found to put into the simulator: the controller stays u_s."])
-        gaps = (self.before.mean_m - self.nominal.mean_m, self.after.mean_m - self.nominal.mean_m)
+        gaps = (self.before.miss_m - self.nominal.miss_m, self.after.miss_m - self.nominal.miss_m)
         before, after, floor = (quantity(length, "m") for length in (*gaps, FLOOR_M))
         sentences.append(
             f"Simulator's gap closed: {_percent(self.prediction_share)}. Controller's gap closed: "
@@ -136,6 +136,7 @@ def look(experiment: Experiment) -> tuple[FlightLog, Diagnosed]:
     """Log the target as a team would, and diagnose the log."""
     flown = fly_target_log(
         lambda task, count: replace(experiment, exam=task).fleet(count, experiment.scenario),
+        experiment.vehicle,
         experiment.exam,
         experiment.excitation,
         LOG,

@@ -28,7 +28,7 @@ from auv_torchrl.experiment.schema import TrainSchema
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.settings import check, settings_of
 from auv_torchrl.tasks import Task, cruise_speed, fitted, read_task
-from auv_torchrl.vehicle import CONTROLLED, Vehicle, load_vehicle
+from auv_torchrl.vehicle import Vehicle, load_vehicle
 
 UNCERTAINTY = "uncertainty"  # of a randomization: standard deviations to each side
 
@@ -92,16 +92,6 @@ def _check_channels(task: Task, scenario: Scenario) -> None:
         )
 
 
-def _check_axes(task: Task, vehicle: Vehicle, vehicle_name: str, closing: bool) -> None:
-    if closing and task.axes != CONTROLLED:
-        raise ValueError(
-            f"a diagnosis is put into a controller of {', '.join(CONTROLLED)}, and task={task.name} has the axes "
-            f"{', '.join(task.axes)} of vehicle {vehicle_name}: diagnose its log with diagnose.py, and fly "
-            "+scenario with what was found"
-        )
-    check_control(vehicle, task.name, task.needs, not task.thruster_commands, vehicle_name, cruise_speed(task))
-
-
 def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
     """Check a composed config.
 
@@ -129,7 +119,7 @@ def read_experiment(config: DictConfig, scenario_name: str) -> Experiment:
         scenario = scenario if scenario.changes else diagnosed.scenario
     _check_closing(diagnosed, config.diagnose, scenario)
     _check_channels(task, scenario)
-    _check_axes(task, vehicle, vehicle_name, diagnosed is not None or config.diagnose)
+    check_control(vehicle, task.name, task.needs, not task.thruster_commands, vehicle_name, cruise_speed(task))
     flight = settings_of(FlightConfig, _plain(config.flight), "flight")
     if flight.fly and scenario.changes:
         schedule(scenario, vehicle, flight, config.starts, config.starts_seed, task.control_dt)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_torchrl.files import write_text, write_whole
+from auv_torchrl.vehicle_fields import DEGREES_OF_FREEDOM
 
 CONTRACT, FORMAT, VERSION = "contract.json", "auv_torchrl export", 1
 FRAMES = {
@@ -19,13 +20,19 @@ FRAMES = {
     "velocity": "surge, sway, heave in m/s, roll, pitch, yaw rate in rad/s, along the axes of the body, over ground",
 }
 _UNITS = {"error_x": "m", "error_y": "m", "error_z": "m", "yaw": "rad/s"}
-_BY_ENDING = {"_speed": "m/s", "_rate": "rad/s", "_sin": "1", "_cos": "1"}
-_BY_BEGINNING = {"near_": "1", "down_": "1", "surge_in_": "m/s", "sway_in_": "m/s", "heave_in_": "m/s",
+_BY_ENDING = {"_speed": "m/s", "_speed_error": "m/s", "_rate": "rad/s", "_sin": "1", "_cos": "1"}
+_BY_BEGINNING = {"near_": "1", "far_": "1", "down_": "1", "surge_in_": "m/s", "sway_in_": "m/s", "heave_in_": "m/s",
                  "yaw_in_": "rad/s"}  # fmt: skip
+TILT = ("down_x", "down_y")  # of the motion that maps read, where a task has any tilt
 
 
 class ContractError(ValueError):
     """An export that cannot be flown; the message says why."""
+
+
+def motion_name(axis: str) -> str:
+    """What the contract calls the speed along a degree of freedom."""
+    return f"{axis}_{'speed' if DEGREES_OF_FREEDOM.index(axis) < 3 else 'rate'}"
 
 
 def unit_of(observation: str) -> str | None:

@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from auv_torchrl.export.contract import ContractError, read_export
+from auv_torchrl.export.contract import TILT, ContractError, motion_name, read_export
 from auv_torchrl.extras import library
 from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.tasks import read_task
-from auv_torchrl.vehicle_fields import CONTROLLED, DEGREES_OF_FREEDOM
+from auv_torchrl.vehicle_fields import DEGREES_OF_FREEDOM
 
 Array = Any
-_CONTROLLED_INDEX = [DEGREES_OF_FREEDOM.index(name) for name in CONTROLLED]
-_ROLL_AND_PITCH = [DEGREES_OF_FREEDOM.index(name) for name in ("roll", "pitch")]
+_MOTION = (*map(motion_name, DEGREES_OF_FREEDOM), *TILT)
 
 
 class ExportedPolicy:
@@ -61,11 +60,12 @@ class ExportedPolicy:
         self.control_dt = float(self.contract["control_dt_s"])
         adapter = self.contract["adapter"]
         self.adapter: Mapping[str, Any] | None = adapter
+        self._moving = [] if adapter is None else self._places("F")
         self.state = {} if adapter is None else {n: np.array(v, np.float32) for n, v in adapter["state"].items()}
 
     @property
     def outputs(self) -> int:
-        """Number of commands: the four channels, or the thrusters."""
+        """Number of commands: the channels, or the thrusters."""
         return len(self.contract["command"])
 
     def run(self, file: str, **inputs: Array) -> Array:
@@ -84,7 +84,7 @@ class ExportedPolicy:
         return self.run("policy", observation=observation)
 
     def translate(self, quaternion: Array, velocity: Array, action: Array) -> Array:
-        """The commands (N, k) in [-1, 1] that do on the changed vehicle what actions (N, 4) do on the source."""
+        """The commands (N, k) in [-1, 1] that do on the changed vehicle what actions (N, a) do on the source."""
         assert self.adapter is not None
         state = self.motion(quaternion, velocity)
         action = np.clip(np.nan_to_num(action, nan=0.0), -1.0, 1.0)
@@ -111,11 +111,13 @@ class ExportedPolicy:
 
     def motion(self, quaternion: Array, velocity: Array) -> Array:
         """The motion x (N, s) that F, R, G and H read: speeds of the channels, and tilt where the task has any."""
-        controlled = velocity[..., _CONTROLLED_INDEX]
-        if not self.task.tilt:
-            return controlled
         down = rotation_matrix(np.asarray(quaternion, np.float64))[..., 2, :2]
-        return np.concatenate((controlled, velocity[..., _ROLL_AND_PITCH], down), axis=-1)
+        return np.concatenate((velocity, down), axis=-1)[..., self._moving]
+
+    def _places(self, file: str) -> list[int]:
+        """Of what a file reads of the motion, among all velocities and the tilt."""
+        (state,) = (given for given in self.contract["files"][file]["inputs"] if given["name"] == "state")
+        return [_MOTION.index(entry["name"]) for entry in state["entries"]]
 
     def thrusters(self, command: Array) -> Array:
         """Commands (N, n) of the thrusters in [-1, 1], of commands (N, k), mixed where those are channels."""

@@ -20,22 +20,20 @@ from auv_torchrl.command import Run, checking_input
 from auv_torchrl.ddr.adapter import DDRAdapter
 from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.ddr.store import ADAPTER, load_adapter, load_or_pretrain
-from auv_torchrl.export.contract import CONTRACT, FRAMES, entries, unit_of, write_export
+from auv_torchrl.export.contract import CONTRACT, FRAMES, TILT, entries, motion_name, unit_of, write_export
 from auv_torchrl.export.maps import command_graph, effect_graph
-from auv_torchrl.export.networks import CHANNELS, forward_graph, intended_graph, inverse_graph, policy_graph
+from auv_torchrl.export.networks import forward_graph, intended_graph, inverse_graph, policy_graph
 from auv_torchrl.export.schema import ExportSchema
 from auv_torchrl.extras import library
 from auv_torchrl.settings import check
 from auv_torchrl.simulator.base import FARTHEST, FASTEST
 from auv_torchrl.tasks import Task, read_task
-from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle, without_entry
+from auv_torchrl.vehicle import Vehicle, index_of, without_entry
 from auv_torchrl.vehicle_fields import VEHICLE_FIELDS
 
 log = logging.getLogger("export")
 
 RESULTS = "results.json"
-_SPEEDS = {"surge_speed": "m/s", "sway_speed": "m/s", "heave_speed": "m/s", "yaw_rate": "rad/s"}
-_TILT = {"roll_rate": "rad/s", "pitch_rate": "rad/s", "down_x": "1", "down_y": "1"}
 
 
 @dataclass(frozen=True)
@@ -79,11 +77,6 @@ def read_asked(config: DictConfig) -> Asked:
     policy = load_policy(folder)
     shaped = policy.metadata["ingredients"]
     task, vehicle = read_task(shaped["task"]), source_vehicle(shaped["vehicle"])
-    if task.axes != CONTROLLED:
-        raise ValueError(
-            f"the policy in {folder} commands {', '.join(task.axes)} (task {task.name}), and what is exported flies "
-            f"{', '.join(CONTROLLED)}: export a policy of another task"
-        )
     if task.thruster_commands:
         if learnt is not None:
             raise ValueError(f"adapter={learnt} maps channels, and the policy in {folder} commands thrusters itself")
@@ -125,7 +118,7 @@ def described(asked: Asked) -> tuple[dict[str, bytes], dict[str, Any]]:
     """The files, and what the contract says of them and of how they are flown."""
     task, vehicle, adapter = asked.task, asked.vehicle, asked.adapter
     network = cast(TanhPolicy, asked.policy.module.module)
-    channels: dict[str, str | None] = dict.fromkeys(CONTROLLED, "1")
+    channels: dict[str, str | None] = dict.fromkeys(task.axes, "1")
     thrusters: dict[str, str | None] = {f"thruster_{n}": "1" for n in range(1, vehicle.thrusters + 1)}
     action = thrusters if task.thruster_commands else channels
     observed = entries({name: unit_of(name) for name in task.observation_names})
@@ -150,7 +143,7 @@ def described(asked: Asked) -> tuple[dict[str, bytes], dict[str, Any]]:
             "thrusters": vehicle.thrusters,
             "full_thrust_N": vehicle.full_thrust.tolist(),
             "mixed": command is channels,
-            "mixer": vehicle.mixer[:, list(CONTROLLED_INDEX)].tolist(),
+            "mixer": vehicle.mixer[:, index_of(task.axes)].tolist(),
             "mixer_is": "thruster commands in [-1, 1] per channel: thrusters = clip(mixer @ command, -1, 1)",
         },
         "command": entries(command, -1, 1),
@@ -189,11 +182,12 @@ def _adapter_told(adapter: DDRAdapter, fitted: bool) -> dict[str, Any]:
 
 
 def _maps_told(adapter: DDRAdapter, action: list[Any], command: list[Any]) -> dict[str, Any]:
-    speeds: dict[str, str | None] = {**_SPEEDS, **(_TILT if adapter.models.tilt else {})}
-    state, channels = entries(speeds), entries(dict.fromkeys(CONTROLLED, "1"))
+    names = [motion_name(axis) for axis in adapter.models.speeds] + (list(TILT) if adapter.models.tilt else [])
+    state = entries({name: unit_of(name) for name in names})
+    channels = [{"name": entry["name"], "unit": entry["unit"]} for entry in action]
     learnt = [
-        {"name": "weight", "dtype": "float32", "shape": [CHANNELS, len(command)], "from": "adapter.state.weight"},
-        {"name": "bias", "dtype": "float32", "shape": [CHANNELS], "from": "adapter.state.bias"},
+        {"name": "weight", "dtype": "float32", "shape": [len(action), len(command)], "from": "adapter.state.weight"},
+        {"name": "bias", "dtype": "float32", "shape": [len(action)], "from": "adapter.state.bias"},
     ]
     told = {
         "F": _file({"state": state, "action": action}, "next_state", state),

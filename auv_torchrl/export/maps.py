@@ -14,7 +14,7 @@ from auv_torchrl.ddr.affine import AffineMap
 from auv_torchrl.ddr.allocation import RIDGE, ROUNDS, STIFFNESS
 from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.export.graph import Graph, Namespace
-from auv_torchrl.export.networks import CHANNELS, array, coefficients, delivered, layers
+from auv_torchrl.export.networks import array, coefficients, delivered, layers
 
 Array = Any
 xp = Namespace
@@ -23,22 +23,22 @@ EXACT = 1e-9  # relative slope at the end of a step of Newton's method that coun
 
 def effect_graph(g: AffineMap, states: int) -> bytes:
     """G: motion and command to channels of the source vehicle."""
-    graph, k = Graph("G"), g.space.size
+    graph, k, a = Graph("G"), g.space.size, len(g.bias)
     state, command = graph.input("state", states), graph.input("command", k)
-    weight, bias = graph.parameter("weight", CHANNELS, k), graph.parameter("bias", CHANNELS)
+    weight, bias = graph.parameter("weight", a, k), graph.parameter("bias", a)
     control = _encode(g, command)
     tau = control @ weight.turned() + bias
     if isinstance(g, NetworkMap):
         tau = tau + layers(g.g, xp.concat([state, control]))
-    graph.output("tau", tau, CHANNELS)
+    graph.output("tau", tau, a)
     return graph.bytes()
 
 
 def command_graph(g: AffineMap, states: int) -> bytes:
     """H: motion and channels of the source vehicle to the command within limits that comes nearest to them."""
-    graph, k = Graph("H"), g.space.size
-    state, tau = graph.input("state", states), graph.input("tau", CHANNELS)
-    weight, bias = graph.parameter("weight", CHANNELS, k), graph.parameter("bias", CHANNELS)
+    graph, k, a = Graph("H"), g.space.size, len(g.bias)
+    state, tau = graph.input("state", states), graph.input("tau", a)
+    weight, bias = graph.parameter("weight", a, k), graph.parameter("bias", a)
     limits = [array(limit).astype(float) for limit in (g.space.low, g.space.high)]
     rows = array(g.space.rows).astype(float)
     wanted = (tau - bias).astype(np.float64)
@@ -51,7 +51,7 @@ def command_graph(g: AffineMap, states: int) -> bytes:
 
 
 def nearest(effectiveness: Array, wanted: Array, rows: Array, low: Array, high: Array) -> Array:
-    """Commands (N, k) within limits whose effect comes nearest to ``wanted`` (N, 4), by the rule of ``Allocation``."""
+    """Commands (N, k) within limits whose effect comes nearest to ``wanted`` (N, a), by the rule of ``Allocation``."""
     k = rows.shape[-1]
     curvature = effectiveness.turned() @ effectiveness
     hessian = (curvature + RIDGE * np.eye(k)).unsqueeze(0)

@@ -15,9 +15,7 @@ from auv_torchrl.ddr.models import ForwardModel, InverseModel, Regressor
 from auv_torchrl.export.graph import Graph, Namespace
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.thrusters import thrust_target
-from auv_torchrl.vehicle import CONTROLLED
 
-CHANNELS = len(CONTROLLED)
 Array = Any
 
 
@@ -67,7 +65,7 @@ def forward_graph(model: ForwardModel) -> bytes:
     """F: motion and action to the motion a control step later."""
     graph = Graph("F", "float64")
     states = model.change.states
-    state, action = _given(graph, "state", states), _given(graph, "action", CHANNELS)
+    state, action = _given(graph, "state", states), _given(graph, "action", model.actuation.channels)
     change = regression(model.change, state, realised(model.actuation, action))
     return _give(graph, "next_state", state + change, states)
 
@@ -77,13 +75,14 @@ def inverse_graph(model: InverseModel) -> bytes:
     graph = Graph("R", "float64")
     states = model.control.states
     state, following = _given(graph, "state", states), _given(graph, "next_state", states)
-    return _give(graph, "tau", regression(model.control, state, following - state), CHANNELS)
+    return _give(graph, "tau", regression(model.control, state, following - state), model.control.linear.out_features)
 
 
 def intended_graph(actuation: Actuation) -> bytes:
     """Action to what it would give on the source vehicle without dead band and limits, in channels."""
     graph = Graph("intended", "float64")
-    return _give(graph, "tau", intended(actuation, _given(graph, "action", CHANNELS)), CHANNELS)
+    channels = actuation.channels
+    return _give(graph, "tau", intended(actuation, _given(graph, "action", channels)), channels)
 
 
 def regression(regressor: Regressor, state: Array, rest: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from auv_torchrl.export.flight import ExportedPolicy
 from auv_torchrl.fly.safety import Motion
 from auv_torchrl.physics.kinematics import heading_of, quaternion_product
+from auv_torchrl.vehicle_fields import CONTROLLED
 
 
 class Flyer:
@@ -30,6 +31,11 @@ class Flyer:
             raise ValueError(
                 f"policy={folder} commands thrusters, and ArduSub takes surge, sway, heave and yaw alone: export a "
                 "policy without task.thruster_commands=true, and with adapter=affine or network"
+            )
+        if self.policy.task.axes != CONTROLLED:
+            raise ValueError(
+                f"policy={folder} commands {', '.join(self.policy.task.axes)}, and ArduSub takes "
+                f"{', '.join(CONTROLLED)}: fly it with auv_torchrl.export.flight, or export a policy of another task"
             )
         if not adapted:
             self.policy.adapter = None

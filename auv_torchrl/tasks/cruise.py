@@ -19,7 +19,7 @@ Array = Any
 Weight = Annotated[float, In("[0, 1000]")]
 
 _SURFACE = ("surge_speed_error", "sway_speed", "yaw_rate", "heading_error_sin", "heading_error_cos")
-_DEPTH = ("heave_speed", "error_z", "near_z")
+_DEPTH = ("heave_speed", "far_z", "near_z")
 _TILT = ("roll_rate", "pitch_rate", "down_x", "down_y")
 
 

@@ -144,7 +144,9 @@ def particles(bench: Bench) -> Attempt:
 def diagnosed(bench: Bench) -> Attempt:
     """Log the target, diagnose it, put what was found into simulator and controller."""
     task = bench.task()
-    flown = fly_target_log(lambda task, count: bench.fleet(count, task=task), task, BUDGET, bench.scenario.name)
+    flown = fly_target_log(
+        lambda task, count: bench.fleet(count, task=task), bench.vehicle, task, BUDGET, bench.scenario.name
+    )
     began = time.process_time()
     found = Diagnosed.of(diagnose(flown, bench.vehicle, vehicle_name="paper"), bench.vehicle)
     looked = time.process_time()

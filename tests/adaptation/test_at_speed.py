@@ -9,6 +9,7 @@ import torch
 from torchrl.envs import TransformedEnv
 
 from auv_torchrl.adaptation import InFlightAdapter, load_adaptation_config
+from auv_torchrl.adaptation.filter import EffectivenessFilter
 from auv_torchrl.adaptation.motion import SourceMotion, motion_of
 from auv_torchrl.ddr.transform import observing
 from auv_torchrl.envs import TorchFleet
@@ -107,8 +108,17 @@ def test_what_is_reported_is_along_the_axes_of_an_action():
 def test_fins_push_with_the_square_of_the_speed():
     """A propeller pushes the same at each."""
     motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
-    flow = motion.flow(np.array([[1.5, 0, 0, 0, 0, 0], [0.75, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]), np.zeros((3, 5)))
-    np.testing.assert_allclose(flow, [[1, 1, 1, 1, 1], [1, 0.25, 0.25, 0.25, 0.25], [1, 0, 0, 0, 0]])
+    speeds = np.array([[1.5, 0, 0, 0, 0, 0], [0.75, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]])
+    flow = motion.flow(speeds, np.zeros((3, 5)))
+    np.testing.assert_allclose(flow, [[1, 1, 1, 1, 1], [1, 0.25, 0.25, 0.25, 0.25], [1, 0, 0, 0, 0]], atol=1e-9)
+
+
+def test_a_rudder_against_a_turn_stalls():
+    """In a turn to starboard the hull slips to port: full rudder to port adds less than to starboard."""
+    motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
+    turn = np.array([[1.3, -0.2, 0, 0, 0, 0.27]])
+    on, against = (motion.flow(turn, np.full((1, 5), share))[0, 1] for share in (-1.0, 1.0))
+    assert 0.0 < against < 0.8 * on
 
 
 def test_servos_push_with_the_thrust_that_they_turn():
@@ -125,3 +135,16 @@ def test_poses_alone_are_refused_at_speed():
     config = load_adaptation_config(overrides={"sensed": "pose"})
     with pytest.raises(ValueError, match="velocities are needed: give adaptation.sensed=velocity"):
         InFlightAdapter(REMUS, task, config, 1)
+
+
+def test_what_a_stuck_fin_pushes_is_known_to_go_with_the_speed():
+    """The wrench without commands has a part that grows with the flow, and one that a payload stands for."""
+    motion = SourceMotion(REMUS, 0.05, ("surge", "pitch", "yaw"), 1.5)
+    slow = np.array([[0.75, 0, 0, 0, 0, 0]])
+    np.testing.assert_allclose(motion.steady(slow), [[1.0, 0.25]], atol=1e-3)
+    kalman = EffectivenessFilter(motion, load_adaptation_config())
+    belief = kalman.start(1)
+    belief.mean[:, kalman.velocity] = slow
+    belief.mean[:, kalman.constant] = np.repeat([1.0, 4.0], 6)
+    np.testing.assert_allclose(kalman.map_of(belief)[1], np.full((1, 6), 2.0), atol=1e-2)
+    assert SourceMotion(OTTER, 0.05, ("surge", "yaw"), 1.5).steady(slow).shape == (1, 1)

@@ -26,7 +26,7 @@ def made_up(error_m, alarm_s, lost_s, settled_s=math.inf):
     flight = Flight(
         time=time, position=position, quaternion=zeros[:, :4], velocity=zeros, thrust=thrust, command=command,
         action=zeros[:, :4], applied_action=command, reference_position=zeros[:, :3],
-        reference_quaternion=zeros[:, :4], batch_size=[401],
+        reference_quaternion=zeros[:, :4], miss=position.norm(dim=-1), batch_size=[401],
     )  # fmt: skip
     flown = AdaptedFlight(
         flight=flight,

@@ -17,7 +17,7 @@ from benchmarks import provenance
 from benchmarks import published as tables
 from benchmarks.published import SECTIONS
 from benchmarks.underway import __main__ as command
-from benchmarks.underway import control, dives, paths
+from benchmarks.underway import control, dives, paths, turn
 from benchmarks.underway.control import Errors, cells, fly_cases
 from benchmarks.underway.dives import FAULTS, HEALTHY, Answer, ask, draw_fault
 
@@ -142,3 +142,10 @@ def test_the_command_writes_its_sections_and_names_unknown_ones(tmp_path, monkey
     with pytest.raises(SystemExit):
         command.main()
     assert "vehicle milliampere has no table of paths" in capsys.readouterr().err
+
+
+def test_the_rudder_that_is_left_ends_slow_turns():
+    """A helm that has been told keeps 3 degrees with 0.08 rad/s; with 0.3 rad/s it overshoots."""
+    found = turn.measure(starts=12, rates=(0.08, 0.3))
+    slow, fast = (min(float(np.mean(found[rate, gain])) for gain in turn.GAINS) for rate in (0.08, 0.3))
+    assert slow < math.radians(3.0) < fast

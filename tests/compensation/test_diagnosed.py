@@ -157,7 +157,7 @@ def test_the_log_of_a_target_passes_the_checks_of_the_diagnosis(tmp_path):
 
     def logged(scenario):
         make = lambda task, count: make_fleet("mujoco", VEHICLE, task, count, scenario=scenario, seed=0)  # noqa: E731
-        return fly_target_log(make, StationKeeping().for_evaluation(1.0), Excitation(2, 10.0), "target")
+        return fly_target_log(make, VEHICLE, StationKeeping().for_evaluation(1.0), Excitation(2, 10.0), "target")
 
     log, straight = logged(biased), logged(Scenario("nominal"))
     again = read_flightlog(write_flightlog(log, tmp_path / "log.csv"), VEHICLE)

@@ -13,7 +13,7 @@ from auv_torchrl.ddr.adapter import DDRAdapter
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.ddr.models import Regressor, SourceModels
 from auv_torchrl.ddr.network import NetworkMap
-from auv_torchrl.tasks import StationKeeping
+from auv_torchrl.tasks import StationKeeping, Task, fitted
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from auv_torchrl.vehicle_file import described
 
@@ -33,17 +33,19 @@ class Drawn:
     """A policy and an adapter with drawn weights."""
 
     vehicle: Vehicle
-    task: StationKeeping
+    task: Task
     policy: SourcePolicy
     adapter: DDRAdapter
 
 
-def drawn(vehicle_name: str, kind: str, composition: str = "short") -> Drawn:
-    """Of a vehicle, with a map of that kind that has changed."""
-    vehicle, task = load_vehicle(vehicle_name), StationKeeping()
+def drawn(vehicle_name: str, kind: str, composition: str = "short", task: Task | None = None) -> Drawn:
+    """Of a vehicle, with a map of that kind that has changed; a task other than to keep station is fitted to it."""
+    vehicle = load_vehicle(vehicle_name)
+    task = fitted(task or StationKeeping(), vehicle)
     with torch.random.fork_rng(devices=()), torch.no_grad():
         torch.manual_seed(7)
-        network: dict[str, Any] = {"observations": len(task.observation_names), "actions": 4, "hidden": [64, 64]}
+        network: dict[str, Any] = {"observations": len(task.observation_names), "hidden": [64, 64]}
+        network["actions"] = len(task.axes)
         ingredients = {"vehicle": described(vehicle), "task": task.described()}
         metadata = {"hash": fingerprint(ingredients), "ingredients": ingredients, "network": network}
         models = SourceModels(vehicle, task).requires_grad_(False)
@@ -51,7 +53,7 @@ def drawn(vehicle_name: str, kind: str, composition: str = "short") -> Drawn:
             _spread(regressor)
         adapter = DDRAdapter(models, AdapterConfig(map=kind, composition=composition))
         adapter.g.weight.mul_(1 + 0.3 * torch.randn(adapter.g.weight.shape))
-        adapter.g.bias.add_(0.1 * torch.randn(4))
+        adapter.g.bias.add_(0.1 * torch.randn(len(task.axes)))
         if isinstance(adapter.g, NetworkMap):
             for parameter in (*adapter.g.g.parameters(), *adapter.g.h.parameters()):
                 parameter.add_(0.1 * torch.randn(parameter.shape))

@@ -38,7 +38,7 @@ def test_the_axes_follow_from_the_mixer_of_the_vehicle(vehicle, axes):
     fleet = TorchFleet(load_vehicle(vehicle), Cruise(), 2, seed=0)
     assert fleet.task.axes == axes
     assert fleet.action_spec.shape == (2, len(axes))
-    assert ("error_z" in fleet.task.observation_names) == ("heave" in axes)
+    assert ("far_z" in fleet.task.observation_names) == ("heave" in axes)
     check_env_specs(fleet)
 
 
