@@ -22,6 +22,7 @@ from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
 from auv_torchrl.physics.fins import fin_wrench
 from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_product, rotation_matrix
+from auv_torchrl.physics.pushes import steady_thrust
 from auv_torchrl.physics.step import push
 from auv_torchrl.physics.surface import given_in_water
 from auv_torchrl.physics.thrusters import CURVE_FIELDS, body_wrench, lag_left, thrust_after, thrust_target
@@ -59,11 +60,14 @@ class Model(NamedTuple):
     def rate_per_share(self, state: State) -> Array:
         """What full thrust of each thruster adds to it, (N, 6, n): half of the difference to full thrust back.
 
-        Of a fin that is the mean over its reach in the flow that there is, stall included.
+        Of a fin that is the mean over its reach in the flow that there is, stall included, and of a servo that over its
+        reach with the thrust that it turns.
         """
-        each = np.broadcast_to(np.diag(self.c.full_thrust), (len(state.time), *self.c.routing.shape))
+        each, others = np.diag(self.c.full_thrust), np.zeros((1, 1, 1))
+        if self.terms.azimuth:
+            others = np.where(self.c.turns > 0, 0.0, state.thrust)[:, None] * (1.0 - np.eye(len(each)))
         alone = State(*(values[:, None] for values in state))
-        difference = (self.wrench(alone, each) - self.wrench(alone, -each)) / 2
+        difference = (self.wrench(alone, others + each) - self.wrench(alone, others - each)) / 2
         return self.c.mass_inverse @ difference.swapaxes(-1, -2)
 
     def wrench(self, state: State, thrust: Array) -> Array:
@@ -120,13 +124,14 @@ class KnownVehicle(ThrusterTransform):
         self._limits = np.where(self._sense < 0, (-high, -low), (low, high))
         start = at_rest(np.zeros((1, 3)), np.zeros(1), self.thrusters)
         start.velocity[:, 0] = speed
+        start.thrust[:] = steady_thrust(self._source.c, self._source.terms, np.asarray(speed))  # which servos turn
         config = load_adaptation_config()
         self._kept = config.withheld_kept
         reach = np.abs(self._source.rate_per_share(start)[0, self._degrees]).sum(-1)
         self._weight = axis_weights(reach, axes, speed, config)
         edge = c.dead_band / c.full_thrust
         self._carry_limit = (np.abs(self._known.rate_per_share(start)[0, self._degrees]) * edge).max(-1)
-        by_command = {name: getattr(c, name)[self._receiver] for name in ("full_thrust", "lag", "fin_rate")}
+        by_command = {name: getattr(c, name)[self._receiver] for name in ("full_thrust", "lag", "servo_rate")}
         self._by_command = c._replace(**by_command)
         self._left = lag_left(self._by_command, dt) if terms.lag else np.zeros(self.thrusters)
         self._ahead_steps = max(0, round(float(c.delay - self._source.c.delay) / dt))

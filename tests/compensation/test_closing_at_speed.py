@@ -1,4 +1,4 @@
-"""A diagnosis is put into controllers of vehicles that steer by turning: a torpedo with fins, a surface vessel."""
+"""A diagnosis is put into controllers of vehicles that steer by turning: with fins, azimuth thrusters or propellers."""
 
 import math
 from dataclasses import replace
@@ -20,7 +20,7 @@ from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.vehicle_tensors import tensors
 from tests.helmsmen import helmsman_of_torpedo, helmsman_of_vessel
 
-REMUS, OTTER = load_vehicle("remus100"), load_vehicle("otter")
+REMUS, OTTER, FERRY = load_vehicle("remus100"), load_vehicle("otter"), load_vehicle("milliampere")
 COUNT = 2
 HEALTHY = Scenario("healthy")
 
@@ -35,7 +35,8 @@ def flown(vehicle, scenario, known=None):
     task = task_of(vehicle)
     fleet = TorchFleet(vehicle, replace(task, thruster_commands=known is not None), COUNT, scenario, seed=0)
     env = fleet if known is None else TransformedEnv(fleet, observing(KnownVehicle(vehicle, known, task), task))
-    pilot = helmsman_of_torpedo(task) if "pitch" in task.axes else helmsman_of_vessel()
+    vessel = helmsman_of_vessel(1.5, 8.0) if vehicle.servos else helmsman_of_vessel()
+    pilot = helmsman_of_torpedo(task) if "pitch" in task.axes else vessel
     return Metrics.of(fly(env, pilot, draw_starts(task, COUNT, 1), task.steps))
 
 
@@ -43,6 +44,7 @@ def flown(vehicle, scenario, known=None):
     ("vehicle", "effects"),
     [
         (REMUS, {"fin_gain": {"gain_2": -1.0, "gain_3": -1.0}, "current": {"north": 0.2, "east": 0.3}}),
+        (FERRY, {"azimuth_gain": {"gain_3": -1.0, "gain_4": -1.0}}),
         pytest.param(OTTER, {"thruster_swap": {"pair": [1, 2]}}, marks=pytest.mark.thorough),
     ],
 )
