@@ -179,9 +179,13 @@ def _command_for(actuation: Actuation, share: Array, skip_dead_band: bool) -> Ar
     c = coefficients(actuation, share.dtype)
     low, high = (array(limit) for limit in actuation.share_limits)
     share = np.maximum(np.minimum(share, high), low)
-    size = np.abs(share)
+    gain = xp.where(
+        share < 0.0, *(np.where(way > 0, way, way.dtype.type(1)) for way in (c.reverse_gain, c.forward_gain))
+    )
+    size = np.abs(share) / gain  # where the gain is none, so is the share
     if skip_dead_band:
         edge = c.dead_band / c.full_thrust
         size = xp.where(size < edge / 2, 0.0, np.maximum(size, np.where(edge > 0, edge + np.float32(EDGE), 0.0)))
     reach = xp.where(share < 0.0, 1.0 - c.asymmetry, np.ones_like(c.asymmetry))
-    return np.sign(share) * np.minimum(size / reach, 1.0) ** (1.0 / c.exponent)
+    command = np.sign(share) * np.minimum(size / reach, 1.0) ** (1.0 / c.exponent)
+    return np.maximum(np.minimum(command + c.neutral_offset, 1.0), -1.0)

@@ -4,6 +4,7 @@ import importlib.util
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
@@ -13,6 +14,7 @@ from auv_torchrl.ddr.adapter import DDRAdapter
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.ddr.models import Regressor, SourceModels
 from auv_torchrl.ddr.network import NetworkMap
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.tasks import StationKeeping, Task, fitted
 from auv_torchrl.vehicle import Vehicle, load_vehicle
 from auv_torchrl.vehicle_file import described
@@ -38,9 +40,11 @@ class Drawn:
     adapter: DDRAdapter
 
 
-def drawn(vehicle_name: str, kind: str, composition: str = "short", task: Task | None = None) -> Drawn:
+def drawn(
+    vehicle_name: str, kind: str, composition: str = "short", task: Task | None = None, **fields: np.ndarray
+) -> Drawn:
     """Of a vehicle, with a map of that kind that has changed; a task other than to keep station is fitted to it."""
-    vehicle = load_vehicle(vehicle_name)
+    vehicle = changed(load_vehicle(vehicle_name), **fields)
     task = fitted(task or StationKeeping(), vehicle)
     with torch.random.fork_rng(devices=()), torch.no_grad():
         torch.manual_seed(7)

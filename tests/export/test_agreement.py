@@ -24,10 +24,22 @@ CHUNK = 250  # rows at a time: Newton's method goes on until the last of them is
 AGREES = 1e-5  # of 1, or of the value where that is larger
 
 
-@pytest.fixture(scope="module", params=[("paper", "affine"), ("bluerov2_heavy", "thrusters"), ("bluerov2", "network")])
+UNEVEN = {  # thrusters of a vehicle file may give less one way, nothing the other, and creep at neutral
+    "forward_gain": np.array([1, 1, 0.8, 1, 1, 1, 0.6, 1.0]),
+    "reverse_gain": np.array([1, 0.7, 1, 1, 0, 1, 1, 1.0]),
+    "neutral_offset": np.array([0, 0, 0, 0.03, 0, -0.02, 0, 0]),
+}
+
+
+@pytest.fixture(
+    scope="module",
+    params=[("paper", "affine", {}), ("bluerov2_heavy", "thrusters", UNEVEN), ("bluerov2", "network", {})],
+    ids=["paper", "heavy", "bluerov2"],
+)
 def given(request):
     """A vehicle and each kind of map."""
-    return drawn(*request.param)
+    vehicle, kind, fields = request.param
+    return drawn(vehicle, kind, **fields)
 
 
 def inputs(size, seed, largest=1e4):
