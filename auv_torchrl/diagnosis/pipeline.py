@@ -35,7 +35,7 @@ from auv_torchrl.diagnosis.identify.search import Progress
 from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, spread, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
-from auv_torchrl.diagnosis.localize.moments import unless_changing
+from auv_torchrl.diagnosis.localize.moments import is_changing, unless_changing
 from auv_torchrl.diagnosis.log_search import LogSearch, is_explained, judge, search_both_attitudes
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
@@ -254,18 +254,21 @@ def explain(
 
 
 def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Progress) -> Explained | None:
-    """One effect, or none, that explains a log with the file as it is; None where nothing does.
+    """One effect, none, or one changing thruster that explains a log with the file as it is; None where nothing does.
 
-    A file that is off in many coefficients takes up a part of any fault, and no single effect explains what it does.
+    A file that is off in many coefficients takes up a part of any fault, and no single cause explains what it does.
     """
     single = replace(given, settings=replace(given.settings, most_effects=1))
     if training.duration > 2 * PIECES * PIECE_S:  # a file that is off shows in a part, in a fraction of the time
         part = spread(training, PIECES, PIECE_S)
-        if not is_explained(search_both_attitudes(part, given.vehicle, (), single.settings, report).found):
+        short = search_both_attitudes(part, given.vehicle, (), single.settings, report).found
+        if not (is_explained(short) or is_changing(short, given.settings)):
             return None
     explained = explain(training, testing, single, Correction(given.vehicle), report)
+    if not is_explained(explained.found):
+        return explained if is_changing(explained.found, given.settings) else None
     gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
-    return explained if is_explained(explained.found) and closes_everywhere(gap) else None
+    return explained if closes_everywhere(gap) else None
 
 
 def rests_on(searched: LogSearch) -> tuple[Finding, ...]:

@@ -3,6 +3,7 @@
 import pytest
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -56,6 +57,15 @@ def test_no_sound_thruster_is_blamed_beside_one_that_pushes_otherwise(act):
     assert int(max(shares, key=shares.__getitem__)) == label["drawn"]["thruster"]
     assert (diagnosis.where.intermittence is not None) == (act == "comes_and_goes")
     assert any(one.outcome is Outcome.CHANGING for one in diagnosis.decision.trace)
+
+
+@pytest.mark.thorough
+def test_a_loose_plug_is_told_before_a_file_that_is_off():
+    """As an owner asks, with a file that says it is a guess: none of its coefficients takes up a part of the fault."""
+    log, label = flown("comes_and_goes", number=4)
+    diagnosis = diagnose(log, HEAVY, uncertainty=load_uncertainty("bluerov2_heavy", HEAVY))
+    assert not diagnosis.effects and diagnosis.where.intermittence is not None
+    assert diagnosis.where.intermittence.thruster == label["drawn"]["thruster"]
 
 
 def test_a_thruster_that_wanders_is_not_said_to_come_and_go():

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.found import Found
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.attribute import in_pieces
@@ -36,6 +37,7 @@ class Moments:
 
     thruster: int  # from 1
     evidence: float  # log evidence of the log under this, and nothing else that is wrong
+    excess: float  # chi-square per number under this
     gain: Floats  # (W, P) times what the healthy vehicle gives
     deviation: Floats  # (W, P) standard deviation; where it is not commanded, that of the amounts
 
@@ -63,6 +65,12 @@ def unless_changing(found: Found) -> Found | None:
     return replace(found, best=found.none, trace=found.trace.instead((), Outcome.CHANGING))
 
 
+def is_changing(found: Found, settings: Settings) -> bool:
+    """Whether a thruster that gives what it likes leaves nothing of a log, and is likelier than all effects."""
+    changing = changing_thruster(found.problem, found.follow)
+    return changing is not None and changing.evidence > found.best.evidence and changing.excess < settings.excess
+
+
 @DIVERGING
 def changing_thruster(problem: Problem, path: WindowPath) -> Moments | None:
     """The thruster that pushes otherwise than commanded, where one stands out from all others; else None."""
@@ -75,10 +83,11 @@ def changing_thruster(problem: Problem, path: WindowPath) -> Moments | None:
     spread = SPREADS[int(evidence[first].argmax())]
     inverse = np.linalg.inv(A[first] + np.eye(A.shape[-1]) / spread**2)
     amount = (inverse @ b[first][..., None])[..., 0]
+    excess = (left - float((b[first] * amount).sum())) / float(problem.windows.numbers_of_each[known].sum())
     nominal = float(problem.vehicle.gain[..., first])
     now = float(path.vehicle.gain[0, first]) / nominal
     deviation = np.where(known[:, None], np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)), np.inf)
-    return Moments(first + 1, best[first] - 0.5 * left, now + amount, deviation)
+    return Moments(first + 1, best[first] - 0.5 * left, excess, now + amount, deviation)
 
 
 def _evidence(b: Floats, A: Floats, known: np.ndarray, spread: float) -> float:
