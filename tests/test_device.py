@@ -92,7 +92,8 @@ def adapted_and_closed(device: str, backend: str) -> dict[str, list]:
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.setattr(close_module, "fly", rehearse)
         patch.setattr(evaluation, "STEADY_FROM_S", 0.1)  # flights take 0.25 s, ...
-        patch.setattr(close_module, "FLOOR_M", math.inf)  # ... and their errors are none to train for
+        for floor in ("FLOOR_M", "FLOOR_RAD"):  # ... and their errors are none to train for
+            patch.setattr(evaluation, floor, math.inf)
         given = (pilot, TASK, 1.0, load_agent_config(), FineTuning(160, 0), 0, backend, Path(folder), device)
         close_module.close(Diagnosed(vehicle, swap, {}), *given)
     assert gone == [torch.device(device).type] * 3

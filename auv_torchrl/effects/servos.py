@@ -95,7 +95,7 @@ def _gain(kind: Kind) -> Effect:
     return Effect(
         name=name,
         origin=Origin.ACTUATION,
-        meaning=f"angle of {kind.called} i times its gain; 0 stays in the middle, negative is reversed; "
+        meaning=f"gain of the angle of {kind.called} i; 0 stays in the middle, negative is reversed; "
         "i counts thrusters, too",
         source=kind.source,
         parameters=(

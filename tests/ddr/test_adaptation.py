@@ -36,7 +36,7 @@ def test_u_t_holds_the_target_after_four_seconds_of_data(name, kind, models, fle
     assert worst < 0.03
 
 
-@pytest.mark.parametrize("kind", ["affine", "thrusters"])
+@pytest.mark.parametrize("kind", ["affine", pytest.param("thrusters", marks=pytest.mark.thorough)])
 def test_the_long_form_and_the_network_recover_too(kind, models, fleet, policy, scenario):
     """u_t = H(x, R(x, F(x, u_s))) of the paper, and for the channels the network, hold the 3-cycle."""
     thrusters = kind == "thrusters"

@@ -30,6 +30,7 @@ def swap():
     return replace(example(), effects=(effect,), summary="Thrusters 1 and 2 are exchanged.")
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("capable")
 def test_a_diagnosis_goes_into_the_controller_and_the_report_has_both_gaps(experiment, swap, tmp_path):
     """The swap is undone: nearly all of the controller's gap is closed, beside the share of the prediction's."""

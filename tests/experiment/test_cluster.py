@@ -18,6 +18,7 @@ from tests.experiment.conftest import TINY
 SWEEP = ["-m", "seed=0,1", "hydra/launcher=joblib", "flight.fly=false", *TINY]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_sweep_is_complete_though_a_worker_is_killed(policies, tmp_path):
     """Two Dask workers begin two jobs, one worker is killed, and both jobs end with their results."""
