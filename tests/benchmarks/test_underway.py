@@ -45,6 +45,7 @@ def test_every_row_of_the_table_is_flown(tmp_path, monkeypatch):
     assert {tuple(row[:3]) for row in table[1:]} == allowed
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_every_path_is_flown(tmp_path):
     """With a policy that has hardly been trained: rows that may be there, and no depth of a vessel at the surface."""

@@ -39,6 +39,7 @@ def test_a_vehicle_that_no_thruster_tilts_may_be_tilted_at_a_start(name):
     assert np.isfinite(loose).all() and (loose > 0.01).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_log_of_a_vehicle_with_two_propellers_is_diagnosed():
     """Nothing else pushes it, and it tilts by itself: the weak propeller is named."""

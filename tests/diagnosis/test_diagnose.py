@@ -34,6 +34,7 @@ def test_slack_alone_is_no_gap():
     assert {"buoyancy", "thruster_lag"} <= set(diagnosis.detectable)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_effect_that_is_not_known_is_not_explained():
     """Thrusters that follow large changes of their command only are not taken for a known effect."""

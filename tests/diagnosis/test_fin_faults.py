@@ -33,7 +33,11 @@ def test_a_sound_torpedo_has_no_gap():
             {"gain_2": -1.0, "gain_3": -1.0},
             marks=pytest.mark.thorough,
         ),
-        ({"fin_stuck": {"stuck_4": 1.0, "angle_4": 0.15}}, {"gain_4": 0.0, "offset_4": 0.15}),
+        pytest.param(
+            {"fin_stuck": {"stuck_4": 1.0, "angle_4": 0.15}},
+            {"gain_4": 0.0, "offset_4": 0.15},
+            marks=pytest.mark.thorough,
+        ),
     ],
     ids=["reversed", "both reversed", "stuck"],
 )

@@ -42,7 +42,7 @@ def test_a_run_leaves_results_figures_and_a_recording(experiment, tmp_path):
 
 @pytest.mark.parametrize(
     "agent",
-    [pytest.param(name, marks=[pytest.mark.thorough] * (name == "td3")) for name in AGENTS if name != "sac"],
+    [pytest.param(name, marks=[pytest.mark.thorough] * (name in ("td3", "ppo"))) for name in AGENTS if name != "sac"],
 )
 def test_every_agent_flies_a_whole_run(experiment, tmp_path, agent):
     """What another agent than SAC has learnt is broken, adapted and flown in MuJoCo by the same command."""

@@ -98,6 +98,7 @@ def test_authority_is_that_of_the_axes():
     assert dead.recovery is Recovery.NONE and dead.coupled == axes
 
 
+@pytest.mark.thorough
 def test_a_surface_vessel_with_exchanged_plugs_is_adapted_to():
     """A helmsman that holds 3 degrees turns in circles with exchanged plugs, and holds them again behind the map."""
     policy, starts = helmsman_of_vessel(), draw_starts(EXAM, 8, 7)
