@@ -7,7 +7,7 @@ import torch
 from tensordict import TensorClass
 from torch import Tensor
 
-from auv_torchrl.physics.kinematics import heading_of, least_turn, quaternion_product
+from auv_torchrl.physics.kinematics import conjugate, heading_of, least_turn, quaternion_product
 
 
 class Flight(TensorClass):
@@ -43,8 +43,7 @@ class Flight(TensorClass):
     @property
     def attitude_error(self) -> Tensor:
         """Angle in rad by which the vehicle is turned from the reference, about any axis; pi once it is no number."""
-        back = self.reference_quaternion * self.reference_quaternion.new_tensor((1.0, -1.0, -1.0, -1.0))
-        off = quaternion_product(back, self.quaternion)
+        off = quaternion_product(conjugate(self.reference_quaternion), self.quaternion)
         turn = 2 * torch.atan2(off[..., 1:].norm(dim=-1), off[..., 0].abs())
         return turn.nan_to_num(nan=math.pi)
 

@@ -70,10 +70,8 @@ class SourceMotion:
             np.isin(np.arange(vehicle.thrusters), rows) for rows in (vehicle.fins, vehicle.servos)
         )
         self._turned = thrust_turned(c, self._terms, np.asarray(speed)) if self._terms.azimuth else None
-        still = np.array([[speed, 0.0, 0.0]]), np.zeros((1, 3))
-        lift = fin_forces(c, *still, _SLIGHT * c.full_thrust) - fin_forces(c, *still, 0.0 * c.full_thrust)
-        slope = (lift * c.direction).sum(-1)[0] / _SLIGHT
-        self._slope = np.where(self.fins, slope, 1.0)  # (n,) N per share of a full deflection, at the speed
+        ahead, middle = np.array([[speed, 0.0, 0.0, 0.0, 0.0, 0.0]]), np.zeros((1, vehicle.thrusters))
+        self._slope = np.where(self.fins, self._fin_push(ahead, middle)[0], 1.0)  # (n,) N per share, at the speed
         size = self.size
         columns = np.zeros((1 + 2 * size, 2, size))
         columns[1 : 1 + size, 0] = _SPEED_STEP * np.eye(size)
@@ -160,18 +158,20 @@ class SourceMotion:
         """
         stronger = np.ones((len(velocity), len(self.fins)))
         if self.fins.any():
-            stronger = np.where(self.fins, self._fin_flow(velocity, share), stronger)
+            six = self._six(velocity)
+            six[:, 0] = np.clip(six[:, 0], 0.0, None)  # it is made to go ahead
+            flow = np.clip(self._fin_push(six, share) / self._slope, 0.0, _STRONGEST)
+            stronger = np.where(self.fins, flow, stronger)
         if self._turned is not None:
             stronger = np.where(self.servos & ~self.fins, share @ self._turned.T, stronger)
         return stronger
 
-    def _fin_flow(self, velocity: Array, share: Array) -> Array:
-        c, six = self._coefficients, self._six(velocity)
-        turned = np.where(np.abs(share) > _SLIGHT, share, _SLIGHT)
-        six[:, 0] = np.clip(six[:, 0], 0.0, None)  # it is made to go ahead
-        pushed = [fin_forces(c, six[:, :3], six[:, 3:], part * c.full_thrust) for part in (turned, 0.0 * turned)]
-        normal = ((pushed[0] - pushed[1]) * c.direction).sum(-1) / turned
-        return np.clip(normal / self._slope, 0.0, _STRONGEST)
+    def _fin_push(self, velocity: Array, share: Array) -> Array:
+        """What a share (N, n) of its deflection adds to the lift of each fin at velocities (N, 6), N per share."""
+        c, turned = self._coefficients, np.where(np.abs(share) > _SLIGHT, share, _SLIGHT)
+        linear, angular = velocity[:, :3], velocity[:, 3:]
+        pushed = [fin_forces(c, linear, angular, part * c.full_thrust) for part in (turned, 0.0 * turned)]
+        return ((pushed[0] - pushed[1]) * c.direction).sum(-1) / turned
 
     def steady(self, velocity: Array) -> Array:
         """By how much wrenches that no command changes are larger at velocities (N, D), (N, k): not, and as at fins."""

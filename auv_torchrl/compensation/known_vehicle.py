@@ -21,7 +21,7 @@ from auv_torchrl.envs.start import EXPECTED, TIME, expected_spec
 from auv_torchrl.physics import ActiveTerms, Coefficients, State, prepare
 from auv_torchrl.physics.fins import fin_wrench
 from auv_torchrl.physics.hydrodynamics import acceleration
-from auv_torchrl.physics.kinematics import matvec, normalise, quaternion_product, rotation_matrix
+from auv_torchrl.physics.kinematics import conjugate, matvec, normalise, quaternion_product, rotation_matrix
 from auv_torchrl.physics.pushes import steady_thrust
 from auv_torchrl.physics.step import push
 from auv_torchrl.physics.surface import given_in_water
@@ -33,7 +33,6 @@ from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle, index_of
 
 Array = Any
-_BACK = np.array((1.0, -1.0, -1.0, -1.0))  # of a quaternion to that of the turn back
 
 
 class Model(NamedTuple):
@@ -191,7 +190,7 @@ class KnownVehicle(ThrusterTransform):
         was = self._now.state
         self._now.step(array(before.get(ACTION)))
         expected = self._now.state
-        turned = quaternion_product(expected.quaternion, _BACK * was.quaternion)
+        turned = quaternion_product(expected.quaternion, conjugate(was.quaternion))
         moved = np.concatenate((expected.position - was.position, 2.0 * turned[:, 1:] / turned[:, :1]), axis=-1)
         self._moved = push(self._moved, moved)
         self._see(expected, after)

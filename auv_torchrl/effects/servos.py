@@ -33,7 +33,6 @@ class Kind:
     rows: str  # the property of a vehicle that lists them, and the plural of what they are
     entry: str  # of a vehicle file, that makes an actuator one
     called: str  # in sentences, before its number
-    one: str  # what another actuator is not
     source: str  # of a gain
     offset: float  # rad, largest
     scan: tuple[float, ...]  # rad, offsets that are tried
@@ -54,15 +53,14 @@ class Kind:
             numbers = [index + 1 for index in getattr(vehicle, self.rows)]
             if settings and not numbers:
                 raise PartAbsent(
-                    f"effect {effect}: the vehicle has no {self.one}s: give one whose file has {self.entry}"
+                    f"effect {effect}: the vehicle has no {self.called}s: give one whose file has {self.entry}"
                 )
             for name in settings:
                 number = str(name).rpartition("_")[2]
                 if number.isdigit() and int(number) <= vehicle.thrusters and int(number) not in numbers:
                     there = ", ".join(map(str, numbers))
-                    raise PartAbsent(
-                        f"effect {effect}: {name}: thruster {number} is no {self.one}: the {self.one}s are {there}"
-                    )
+                    is_none = f"thruster {number} is no {self.called}: the {self.called}s are {there}"
+                    raise PartAbsent(f"effect {effect}: {name}: {is_none}")
             return dict(settings)
 
         return read
@@ -73,7 +71,6 @@ FIN = Kind(
     rows="fins",
     entry="fins.area",
     called="fin",
-    one="fin",
     source="a linkage that slips or is put together the wrong way round",
     offset=0.6,
     scan=(-0.2, -0.1, 0.1, 0.2),
@@ -83,7 +80,6 @@ AZIMUTH = Kind(
     rows="azimuths",
     entry="servos.turns",
     called="azimuth servo",
-    one="azimuth servo",
     source="a belt that slips, a motor with its wires exchanged, ends of the feedback that are set wrong",
     offset=1.6,  # a quarter turn: beyond it the thruster pushes the other way, as a gain below 0 says
     scan=(-0.8, -0.4, -0.2, -0.1, 0.1, 0.2, 0.4, 0.8),

@@ -31,6 +31,11 @@ def matvec(matrix: Array, vector: Array) -> Array:
     return (matrix @ vector[..., None])[..., 0]
 
 
+def conjugate(quaternion: Array) -> Array:
+    """The quaternion (..., 4) of the turn back."""
+    return array_namespace(quaternion).concat((quaternion[..., :1], -quaternion[..., 1:]), axis=-1)
+
+
 def cross(a: Array, b: Array) -> Array:
     """Vector product of ``(..., 3)`` and ``(..., 3)``."""
     xp = array_namespace(a, b)

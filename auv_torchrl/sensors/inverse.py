@@ -18,6 +18,7 @@ import numpy as np
 
 from auv_torchrl.physics.coefficients import Coefficients
 from auv_torchrl.physics.kinematics import (
+    conjugate,
     cross,
     least_turn,
     matvec,
@@ -148,7 +149,7 @@ class Inverse:
         position = states[..., :3] * self.gain[..., :3] + self.offset[..., :3]
         if self.is_true:
             return _joined(position, states[..., 3:])
-        quaternion = quaternion_product(self.turn * np.array([1.0, -1.0, -1.0, -1.0]), states[..., 3:7])
+        quaternion = quaternion_product(conjugate(self.turn), states[..., 3:7])
         linear = self._reported_linear(quaternion, states[..., 7:10])
         if self.mixing is not None and not self.by_position:
             linear = self.mixing.reported(states[..., 7:10], states[..., 10:], linear)

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class Helmsman:
         """Commands of the propeller and the four fins."""
         leg = int(time / HOLD_S)
         turning = np.zeros((len(seen), 3)) if self.before is None else wrap_angle(seen - self.before)[:, 3:] / DT
-        self.before: Any = seen
+        self.before = seen
         pitch = np.clip(0.4 * (seen[:, 2] - self.depth[:, leg]), -0.3, 0.3)
         off = wrap_angle(self.heading[:, leg] - seen[:, 5])
         stir = 0.25 * np.sin(self.rate * time + self.phase).sum(-1)
@@ -61,7 +61,8 @@ class Coxswain:
     """Heading by the azimuth thrusters, at the speed of a demand, with what a person does to each actuator beside."""
 
     def __init__(self, vehicle: Vehicle, count: int, seconds: float, rng: np.random.Generator) -> None:
-        self.mixer, self.before = vehicle.mixer[:, [0, 5]], None
+        self.mixer = vehicle.mixer[:, [0, 5]]
+        self.before: np.ndarray | None = None  # what was seen a step before
         legs = int(seconds / HOLD_S) + 1
         self.ahead, self.heading = rng.uniform(0.4, 0.8, (count, legs)), rng.uniform(-1.0, 1.0, (count, legs))
         self.rate, self.phase = rng.uniform(0.3, 1.5, (2, count, vehicle.thrusters, 3))  # rad/s and rad
@@ -70,16 +71,14 @@ class Coxswain:
         """Commands of the thrusters and their servos."""
         leg = int(time / HOLD_S)
         turning = np.zeros((len(seen), 6)) if self.before is None else wrap_angle(seen - self.before) / DT
-        self.before: Any = seen
+        self.before = seen
         off = wrap_angle(self.heading[:, leg] - seen[:, 5])
         demand = np.stack((self.ahead[:, leg], off - 1.5 * turning[:, 5]), axis=-1)
         stir = 0.15 * np.sin(self.rate * time + self.phase).sum(-1)
         return np.round(np.clip(np.clip(demand, -1, 1) @ self.mixer.T + stir, -1, 1), 4)
 
 
-def fly_torpedo(
-    vehicle: Vehicle, values: Effects, seed: int = 0, episodes: int = 3, seconds: float = 40.0
-) -> FlightLog:
+def fly_dives(vehicle: Vehicle, values: Effects, seed: int = 0, episodes: int = 3, seconds: float = 40.0) -> FlightLog:
     """Dive with ``vehicle``, changed by ``values``, from 1.5 m/s ahead; pose and velocity are logged."""
     rng = np.random.default_rng(seed)
     scenario = Scenario("flown", tuple(Change(name, EFFECTS[name], dict(given)) for name, given in values.items()))
@@ -99,18 +98,23 @@ def fly_torpedo(
     return FlightLog("dive", tuple(flown), AXES)
 
 
+def servo_kind(vehicle: Vehicle) -> str:
+    """With what the names of the effects on its servos begin."""
+    return "fin" if vehicle.fins else "azimuth"
+
+
 def draw_fault(vehicle: Vehicle, kind: str, rng: np.random.Generator) -> tuple[int, dict[str, dict[str, float]]]:
     """A fault of one servo: its number among the thrusters, and what it does."""
-    fin, kind_of = int(rng.choice(vehicle.servos)) + 1, "fin" if vehicle.fins else "azimuth"
+    number, kind_of = int(rng.choice(vehicle.servos)) + 1, servo_kind(vehicle)
     sign = float(rng.choice([-1.0, 1.0]))
     weak, off, angle = rng.uniform(0.0, 0.5), rng.uniform(0.06, 0.15), rng.uniform(0.05, 0.15)
     values = {
-        "reversed": {f"{kind_of}_gain": {f"gain_{fin}": -1.0}},
-        "weak": {f"{kind_of}_gain": {f"gain_{fin}": weak}},
-        "off its middle": {f"{kind_of}_offset": {f"offset_{fin}": sign * off}},
-        "stuck": {f"{kind_of}_stuck": {f"stuck_{fin}": 1.0, f"angle_{fin}": sign * angle}},
+        "reversed": {f"{kind_of}_gain": {f"gain_{number}": -1.0}},
+        "weak": {f"{kind_of}_gain": {f"gain_{number}": weak}},
+        "off its middle": {f"{kind_of}_offset": {f"offset_{number}": sign * off}},
+        "stuck": {f"{kind_of}_stuck": {f"stuck_{number}": 1.0, f"angle_{number}": sign * angle}},
     }
-    return fin, values[kind]
+    return number, values[kind]
 
 
 class Answer(NamedTuple):
@@ -118,24 +122,24 @@ class Answer(NamedTuple):
 
     kind: str  # of the fault, or HEALTHY
     named: bool  # the servo and what it does, and nothing beside; of a healthy dive: no gap
-    fin: bool  # that servo among others, or with another effect
+    servo: bool  # that servo among others, or with another effect
     said: str
 
 
 def ask(vehicle: Vehicle, kind: str, seed: int) -> Answer:
     """Fly one dive that the seed draws, and diagnose it."""
     rng = np.random.default_rng([seed, ROWS.index(kind)])
-    fin, values = (0, {}) if kind == HEALTHY else draw_fault(vehicle, kind, rng)
-    found = diagnose(fly_torpedo(vehicle, values, seed=int(rng.integers(2**32))), vehicle)
+    number, values = (0, {}) if kind == HEALTHY else draw_fault(vehicle, kind, rng)
+    found = diagnose(fly_dives(vehicle, values, seed=int(rng.integers(2**32))), vehicle)
     said = ", ".join(f"{effect.name} of {', '.join(map(str, effect.thrusters))}" for effect in found.effects)
     if kind == HEALTHY:
         return Answer(kind, found.verdict is Verdict.NO_GAP and not found.effects, False, said or found.verdict.value)
-    kind_of = "fin" if vehicle.fins else "azimuth"
+    kind_of = servo_kind(vehicle)
     # A servo that is stuck turns 0 times as far as it is told and stands off its middle.
     wanted = {f"{kind_of}_gain", f"{kind_of}_offset"} if kind == "stuck" else set(values)
-    named = {effect.name: effect.thrusters for effect in found.effects} == dict.fromkeys(wanted, (fin,))
-    right = any(fin in effect.thrusters and effect.name.startswith(f"{kind_of}_") for effect in found.effects)
-    log.info("servo %d %s: %s%s", fin, kind, said or found.verdict.value, "" if named else ", not as it was")
+    named = {effect.name: effect.thrusters for effect in found.effects} == dict.fromkeys(wanted, (number,))
+    right = any(number in effect.thrusters and effect.name.startswith(f"{kind_of}_") for effect in found.effects)
+    log.info("servo %d %s: %s%s", number, kind, said or found.verdict.value, "" if named else ", not as it was")
     return Answer(kind, named, right, said or found.verdict.value)
 
 
@@ -146,10 +150,10 @@ def report(answers: Sequence[Answer], seed: int, name: str = VEHICLE) -> list[st
     lines += ["|---|---:|---|---|"]
     for row in ROWS:
         some = [answer for answer in answers if answer.kind == row or (row == ALL and answer.kind != HEALTHY)]
-        fins = "" if row == HEALTHY else Share.of(answer.fin for answer in some).fraction
+        servos = "" if row == HEALTHY else Share.of(answer.servo for answer in some).fraction
         share = Share.of(answer.named for answer in some)
         named = f"no gap: {share.fraction}" if row == HEALTHY else str(share)
-        lines.append(f"| {row} | {len(some)} | {named} | {fins} |")
+        lines.append(f"| {row} | {len(some)} | {named} | {servos} |")
     return [
         *lines,
         "",

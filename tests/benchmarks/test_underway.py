@@ -99,7 +99,7 @@ def test_faults_are_of_fins_and_follow_from_the_seed():
 def test_a_dive_with_a_fault_of_a_fin_and_a_healthy_one_are_diagnosed():
     """A reversed fin is named, and nothing of a dive without a fault."""
     reversed_, healthy = ask(REMUS, "reversed", 0), ask(REMUS, HEALTHY, 0)
-    assert reversed_.named and reversed_.fin and "fin_gain" in reversed_.said
+    assert reversed_.named and reversed_.servo and "fin_gain" in reversed_.said
     assert healthy.named and healthy.kind == HEALTHY
 
 
@@ -110,7 +110,7 @@ def test_a_servo_of_an_azimuth_thruster_is_named():
     drawn = [draw_fault(ferry, "stuck", np.random.default_rng(seed)) for seed in range(9)]
     assert {servo for servo, _ in drawn} == {3, 4}
     off = ask(ferry, "off its middle", 0)
-    assert off.named and off.fin and off.said.startswith("azimuth_offset of ")
+    assert off.named and off.servo and off.said.startswith("azimuth_offset of ")
 
 
 def test_a_dive_that_is_named_wrongly_counts_against_the_share():

@@ -9,7 +9,7 @@ from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.pushes import wrench_per_share, wrench_per_unit
 from auv_torchrl.physics.thrusters import slowest_s, thrust_after, thrust_follower
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.underway.dives import FAULTS, ask, fly_torpedo
+from benchmarks.underway.dives import FAULTS, ask, fly_dives
 
 REMUS = load_vehicle("remus100")
 C = prepare(REMUS)
@@ -19,7 +19,7 @@ DRAWN = 20  # dives, each with one fault of one fin
 
 def test_a_sound_torpedo_has_no_gap():
     """Servos that take a quarter of a second and fins that push with the flow are what its file says."""
-    diagnosis = diagnose(fly_torpedo(REMUS, {}, seed=1), REMUS)
+    diagnosis = diagnose(fly_dives(REMUS, {}, seed=1), REMUS)
     assert diagnosis.verdict is Verdict.NO_GAP and diagnosis.effects == ()
 
 
@@ -43,7 +43,7 @@ def test_a_sound_torpedo_has_no_gap():
 )
 def test_a_fault_of_a_fin_is_named(values, named):
     """Which fin, and how it turns: a stuck one does not follow, and stands where it stands."""
-    diagnosis = diagnose(fly_torpedo(REMUS, values, seed=1), REMUS)
+    diagnosis = diagnose(fly_dives(REMUS, values, seed=1), REMUS)
     assert diagnosis.verdict is Verdict.EXPLAINED
     found = {name: value for effect in diagnosis.effects for name, value in effect.parameters.items()}
     assert found.keys() == named.keys()

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
-from auv_torchrl.physics import ActiveTerms, Advance, control_step, prepare, rates, rest_state
+from auv_torchrl.physics import ActiveTerms, prepare, rest_state
 from auv_torchrl.physics.azimuths import azimuth_wrench, servo_of
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.physics.pushes import steady_thrust, wrench_per_share, wrench_per_unit
@@ -14,7 +13,7 @@ from auv_torchrl.physics.thrusters import body_wrench
 from auv_torchrl.simulator import PlainSimulator
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
-from auv_torchrl.vehicle_tensors import tensors
+from tests.physics.compiled import assert_same_accelerations, assert_same_gradients, assert_same_steps
 
 FERRY = load_vehicle("milliampere")
 C = prepare(FERRY)
@@ -126,41 +125,18 @@ def test_of_a_stuck_servo_its_thruster_pushes_where_it_stands():
 @pytest.mark.parametrize("vehicle", [FERRY, tilting()], ids=["azimuth", "tilt"])
 def test_compiled_steps_are_those_of_the_array_physics(vehicle):
     """States, thrusts and angles after a step, on numpy and on torch."""
-    vehicles = vehicle.expand(40)
-    c, (state, command) = prepare(vehicles), steering(40)
-    terms = ActiveTerms.of(c)
-    plain = control_step(c, terms, state, command)
-    compiled = control_step(c, terms, state, command, advance=Advance())
-    for one, other in zip(plain, compiled, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    there = type(state)(*map(torch.as_tensor, state))
-    other = control_step(prepare(tensors(vehicles)), terms, there, torch.as_tensor(command))
-    np.testing.assert_allclose(other.velocity.numpy(), plain.velocity, rtol=1e-9, atol=1e-12)
+    assert_same_steps(vehicle, *steering(40))
 
 
 def test_gradients_of_compiled_steps_are_those_of_torch():
     """By velocity, by thrust and by command."""
-    c, (state, command) = prepare(tensors(FERRY.expand(6)).clone()), steering(6, seed=1)
-    terms, found = ActiveTerms.of(c), []
-    for advance in (None, Advance()):
-        given = [torch.as_tensor(part).clone().requires_grad_() for part in (state.velocity, state.thrust, command)]
-        start = type(state)(*map(torch.as_tensor, state))._replace(velocity=given[0], thrust=given[1])
-        after = control_step(c, terms, start, given[2], advance=advance)
-        weights = torch.linspace(0.5, 1.5, 36, dtype=torch.float64).reshape(6, 6)
-        found.append(torch.autograd.grad((weights * after.velocity).sum() + after.thrust.sum(), given))
-    for one, other in zip(*found, strict=True):
-        torch.testing.assert_close(one, other, rtol=1e-7, atol=1e-9)
+    assert_same_gradients(FERRY, *steering(6, seed=1))
 
 
 def test_compiled_accelerations_are_those_of_the_array_physics(monkeypatch):
     """Along a motion that is known."""
     state, command = steering(7)
-    states = np.concatenate(state[:3], axis=-1)[:, None, None]
-    thrust = (command * FERRY.full_thrust)[:, None, None]
-    given = (prepare(FERRY.expand(1)), TERMS, states, thrust, np.zeros((7, 1, 1)))
-    compiled = rates(*given)
-    monkeypatch.setenv("AUV_PHYSICS", "numpy")
-    np.testing.assert_allclose(rates(*given), compiled, rtol=1e-9, atol=1e-10)
+    assert_same_accelerations(FERRY, state, command * FERRY.full_thrust, monkeypatch)
 
 
 def test_mujoco_turns_the_same_thrusters():

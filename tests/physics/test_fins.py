@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.physics import ActiveTerms, Advance, control_step, prepare, rates, rest_state
+from auv_torchrl.physics import ActiveTerms, prepare, rest_state
 from auv_torchrl.physics.coefficients import total_mass_matrix
 from auv_torchrl.physics.fins import ACROSS, fin_forces, fin_wrench
 from auv_torchrl.physics.kinematics import matvec, quaternion_from_euler, rotation_matrix
@@ -17,7 +16,7 @@ from auv_torchrl.simulator import PlainSimulator
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.vehicle_fields import WATER_DENSITY
-from auv_torchrl.vehicle_tensors import tensors
+from tests.physics.compiled import assert_same_accelerations, assert_same_gradients, assert_same_steps
 
 REMUS = load_vehicle("remus100")
 C = prepare(REMUS)
@@ -145,41 +144,18 @@ def test_a_current_is_a_flow_too():
 
 def test_compiled_steps_are_those_of_the_array_physics():
     """States and deflections after a step, on numpy and on torch."""
-    vehicles = REMUS.expand(40)
-    c, (state, command) = prepare(vehicles), flying(40)
-    terms = ActiveTerms.of(c)
-    plain = control_step(c, terms, state, command)
-    compiled = control_step(c, terms, state, command, advance=Advance())
-    for one, other in zip(plain, compiled, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    tensor = prepare(tensors(vehicles))
-    there = type(state)(*map(torch.as_tensor, state))
-    other = control_step(tensor, terms, there, torch.as_tensor(command))
-    np.testing.assert_allclose(other.velocity.numpy(), plain.velocity, rtol=1e-9, atol=1e-12)
+    assert_same_steps(REMUS, *flying(40))
 
 
 def test_gradients_of_compiled_steps_are_those_of_torch():
     """By body, by thrust and by command."""
-    c, (state, command) = prepare(tensors(REMUS.expand(6)).clone()), flying(6, seed=1)
-    terms, found = ActiveTerms.of(c), []
-    for advance in (None, Advance()):
-        body = [torch.as_tensor(part).clone().requires_grad_() for part in (state.velocity, state.thrust, command)]
-        start = type(state)(*map(torch.as_tensor, state))._replace(velocity=body[0], thrust=body[1])
-        after = control_step(c, terms, start, body[2], advance=advance)
-        weights = torch.linspace(0.5, 1.5, 36, dtype=torch.float64).reshape(6, 6)
-        found.append(torch.autograd.grad((weights * after.velocity).sum() + after.thrust.sum(), body))
-    for one, other in zip(*found, strict=True):
-        torch.testing.assert_close(one, other, rtol=1e-7, atol=1e-9)
+    assert_same_gradients(REMUS, *flying(6, seed=1))
 
 
 def test_compiled_accelerations_are_those_of_the_array_physics(monkeypatch):
     """Along a motion that is known."""
     state, command = flying(7)
-    states = np.concatenate(state[:3], axis=-1)[:, None, None]
-    given = (prepare(REMUS.expand(1)), TERMS, states, 0.2 * command[:, None, None], np.zeros((7, 1, 1)))
-    compiled = rates(*given)
-    monkeypatch.setenv("AUV_PHYSICS", "numpy")
-    np.testing.assert_allclose(rates(*given), compiled, rtol=1e-9, atol=1e-10)
+    assert_same_accelerations(REMUS, state, 0.2 * command, monkeypatch)
 
 
 def test_mujoco_flies_the_same_fins():

@@ -59,16 +59,20 @@ def unless_changing(found: Found) -> Found | None:
 
     Effects that stand in for such a thruster blame others beside it.
     """
-    changing = changing_thruster(found.problem, found.follow) if found.best.explanation.effects else None
-    if changing is None or not changing.evidence > found.best.evidence:
+    if not found.best.explanation.effects or _likelier_thruster(found) is None:
         return None
     return replace(found, best=found.none, trace=found.trace.instead((), Outcome.CHANGING))
 
 
 def is_changing(found: Found, settings: Settings) -> bool:
     """Whether a thruster that gives what it likes leaves nothing of a log, and is likelier than all effects."""
+    changing = _likelier_thruster(found)
+    return changing is not None and changing.excess < settings.excess
+
+
+def _likelier_thruster(found: Found) -> Moments | None:
     changing = changing_thruster(found.problem, found.follow)
-    return changing is not None and changing.evidence > found.best.evidence and changing.excess < settings.excess
+    return changing if changing is not None and changing.evidence > found.best.evidence else None
 
 
 @DIVERGING

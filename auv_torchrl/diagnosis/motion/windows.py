@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.log import ANGLES, SampleErrors
 from auv_torchrl.physics.kinematics import (
+    conjugate,
     euler_angles,
     least_turn,
     matvec,
@@ -225,7 +226,7 @@ def body_rate(quaternion: Floats, change: Floats) -> Floats:
 
     Of ``omega = 2 q* dq/dt`` the derivative has a second term, which is no vector (Shabana 2013, Sec. 3.5).
     """
-    return 2.0 * quaternion_product(quaternion * (1.0, -1.0, -1.0, -1.0), change)[..., 1:]
+    return 2.0 * quaternion_product(conjugate(quaternion), change)[..., 1:]
 
 
 def affordable(numbers: int, free: int, coloured: bool) -> int:

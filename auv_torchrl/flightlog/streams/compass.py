@@ -16,6 +16,7 @@ from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.flightlog.streams.stream import Floats, Stream, Streams
 from auv_torchrl.physics.kinematics import (
+    conjugate,
     least_turn,
     matvec,
     quaternion_from_euler,
@@ -153,7 +154,7 @@ def _steered(attitude: Stream, gyro: Stream | None) -> Floats:
     size = np.linalg.norm(turned, axis=-1, keepdims=True)
     step = np.concatenate([np.cos(size / 2), 0.5 * np.sinc(size / (2 * np.pi)) * turned], axis=-1)
     expected = quaternion_product(q[:-1], step)
-    beside = quaternion_product(q[1:], expected * np.array([1.0, -1.0, -1.0, -1.0]))  # in the earth frame
+    beside = quaternion_product(q[1:], conjugate(expected))  # in the earth frame
     correction = least_turn(2 * np.arctan2(beside[:, 3], beside[:, 0]))
     correction[(np.diff(attitude.t) > PAUSE_S) | ~np.isfinite(correction)] = 0.0
     heading = angles[:, 2] - np.concatenate([[0.0], np.cumsum(correction)])

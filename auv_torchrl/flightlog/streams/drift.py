@@ -9,7 +9,7 @@ import numpy as np
 from auv_torchrl.flightlog.log import ANGLES, POSE
 from auv_torchrl.flightlog.signals import integral, interpolate
 from auv_torchrl.flightlog.streams.stream import Floats, Sampling, Stream
-from auv_torchrl.physics.kinematics import quaternion_from_euler, quaternion_product
+from auv_torchrl.physics.kinematics import conjugate, quaternion_from_euler, quaternion_product
 
 DRIFT_S = 4.0  # s, over which the rate of the error of a filter lasts: as long as its corrections take
 POSITION_DRIFT = 0.05  # m/s, where nothing is said; filters of underwater vehicles in flight are off by 0.03 to 0.1
@@ -58,7 +58,6 @@ def _apart(attitude: Stream, gyro: Stream) -> float | None:
 def _turned(angles: Floats) -> Floats:
     """The turning (T, 3) in rad that an attitude (T, 3) went through since its first sample, about the body's axes."""
     at = quaternion_from_euler(*angles.T)
-    back = at[:-1] * np.array([1.0, -1.0, -1.0, -1.0])
-    step = quaternion_product(back, at[1:])
+    step = quaternion_product(conjugate(at[:-1]), at[1:])
     step = 2 * step[:, 1:] * np.sign(step[:, :1])  # small angles
     return np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
