@@ -18,7 +18,7 @@ export MPLBACKEND := Agg
 # Where it is set, each process would compile the libraries anew, for 8 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env train diagnose sweep test test-all test-fast check format bench blind real fuzz docs clean
+.PHONY: help env train diagnose sweep test suite test-all test-fast check format bench blind real fuzz docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -69,7 +69,9 @@ diagnose: $(BASE) ## what is wrong with a vehicle: LOG= VEHICLE= HEALTHY= PARAMS
 sweep: $(TRAIN) ## all scenarios x seeds, one table and one picture
 	$(BIN)/python train.py -m +experiment=sweep
 
-test: check $(READY) ## lint, types and tests: JOBS=2
+# The check of types keeps one core busy for a minute or two: `make -j 2 test` tests beside it.
+test: check suite ## lint, types and tests: JOBS=2
+suite: $(READY)
 	$(BIN)/python -m pytest -m "not thorough" --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-all: check $(READY) ## the same with the thorough tests, some minutes more
