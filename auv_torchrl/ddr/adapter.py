@@ -13,6 +13,7 @@ from auv_torchrl.ddr.dither import Dither
 from auv_torchrl.ddr.learner import LearnerPerVehicle, MapLearner
 from auv_torchrl.ddr.models import SourceModels
 from auv_torchrl.ddr.network import NetworkMap
+from auv_torchrl.ddr.servos import Servos
 from auv_torchrl.ddr.transform import CommandMap
 
 
@@ -20,7 +21,7 @@ class DDRAdapter(CommandMap):
     """u_t = H(x, u_s(x)), or H(x, R(x, F(x, u_s(x)))): what the target executes for the source policy's action.
 
     While :attr:`learning`, every true transition updates the map and a dither is added as long as the map is uncertain.
-    Networks, bag, modes and the dither are in ``state_dict``.
+    Networks, bag, modes, the dither and where servos stand are in ``state_dict``.
 
     Args:
         models: F and R of the source vehicle.
@@ -37,7 +38,7 @@ class DDRAdapter(CommandMap):
         self.learner: Any = learners[0] if self.config.shared else LearnerPerVehicle(learners)
         self.dither = Dither(self.config.seed, self.config.dither_steps)
         self.register_buffer("_learning", torch.zeros((), dtype=torch.bool))
-        self._stands: Tensor | None = None  # (N, n) shares at which servos stand
+        self.servos = Servos(models.actuation, models.control_dt) if models.actuation.terms.servos else None
 
     @property
     def learning(self) -> bool:
@@ -100,13 +101,12 @@ class DDRAdapter(CommandMap):
 
     def begin(self, rows: Tensor, tensordict: TensorDictBase) -> None:
         """Servos of vehicles that begin stand in their middle."""
-        count = len(tensordict.get("observation"))
-        if self._stands is None or len(self._stands) != count:
-            self._stands = torch.zeros(count, self.models.actuation.thrusters)
-        self._stands[rows] = 0.0
+        if self.servos is not None:
+            self.servos.begin(rows, len(tensordict.get("observation")))
 
     def after_step(self, command: Tensor, before: TensorDictBase, after: TensorDictBase) -> None:
-        """Learn from the transition."""
+        """Follow the servos, and learn from the transition."""
+        turned = None if self.servos is None else self.servos.follow(self.maps[0].space.delivered(command))
         if not self.learning:
             return
         valid = ~after.get("terminated")[..., 0]
@@ -114,16 +114,7 @@ class DDRAdapter(CommandMap):
         if stepped is not None:
             valid = valid & stepped.reshape(valid.shape)
         now, then = self._motion(before), self._motion(after)
-        self.learner.observe(now, command, self.models.R(now, then), valid, self._turned(command))
-
-    def _turned(self, command: Tensor) -> Tensor | None:
-        """Shares (N, n) that commands (N, k) gave over a control step, as far as servos followed; None without any."""
-        if not self.models.actuation.terms.servos:
-            return None
-        share = self.maps[0].space.delivered(command)
-        before = torch.zeros_like(share) if self._stands is None else self._stands.to(share)
-        mean, self._stands = self.models.actuation.turning(before, share, self.models.control_dt)
-        return mean
+        self.learner.observe(now, command, self.models.R(now, then), valid, turned)
 
     def _motion(self, tensordict: TensorDictBase) -> Tensor:
         return self.models.state_of(*(tensordict.get(key) for key in self.out_keys_inv[1:])).float()
