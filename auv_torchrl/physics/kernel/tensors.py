@@ -10,10 +10,16 @@ __all__ = ["DifferentiableSteps", "differentiated", "in_plain_memory"]
 
 def in_plain_memory(*tensors: Tensor) -> bool:
     """Whether tensors are on the CPU and not mapped over."""
-    return not torch.compiler.is_compiling() and all(
-        tensor.is_cpu and not torch._C._functorch.is_functorch_wrapped_tensor(tensor)  # pyright: ignore[reportAttributeAccessIssue]
-        for tensor in tensors
-    )
+    return not torch.compiler.is_compiling() and all(tensor.is_cpu and _has_storage(tensor) for tensor in tensors)
+
+
+def _has_storage(tensor: Tensor) -> bool:
+    """Whether numbers of a tensor lie in memory: those that ``torch.func`` maps over or differentiates have none."""
+    try:
+        tensor.data_ptr()
+    except RuntimeError:  # what torch says where there is none; it has no question for it
+        return False
+    return True
 
 
 def differentiated(*tensors: Tensor) -> bool:
