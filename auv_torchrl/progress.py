@@ -42,13 +42,13 @@ class Progress:
         self.stream = sys.stderr if stream is None else stream
         self.say, self.clock = say or (lambda line: log.info("%s", line)), clock
         self.share, self.stage, self.note = 0.0, "", ""
-        self._begun = self._moved = self._said = clock()
+        self._begun = self._moved = self._reported = clock()
         self._ended = threading.Event()
         self._silent = True
 
     def __enter__(self) -> Self:
         """Begin at nothing done."""
-        self._begun = self._moved = self._said = self.clock()
+        self._begun = self._moved = self._reported = self.clock()
         with _lock:
             self._silent = bool(_shown)
             if not self._silent:
@@ -76,8 +76,8 @@ class Progress:
                 return
             if self.stream.isatty():
                 self.draw()
-            elif begins or now - self._said >= LINE_EVERY_S:
-                self._said = now
+            elif begins or now - self._reported >= LINE_EVERY_S:
+                self._reported = now
                 self.say(self.line())
 
     def line(self) -> str:

@@ -160,7 +160,7 @@ def stacked(vehicles: Sequence[Vehicle]) -> Vehicle:
     return _vehicle({name: xp.stack([vehicle.get(name) for vehicle in vehicles]) for name in FIELDS})
 
 
-_SAID_OF_IT = {"name", "uncertainty", "calibration"}  # what the diagnosis and the training read besides
+_BESIDES = {"name", "uncertainty", "calibration"}  # what the diagnosis and the training read besides
 
 
 def read_vehicle_file(vehicle: str | Path | Mapping[str, Any]) -> Mapping[str, Any]:
@@ -223,7 +223,7 @@ def _with_present_names(content: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def _nominal(content: Mapping[str, Any]) -> Vehicle:
     content = _with_present_names(content)
-    known = {*SECTIONS, *SECTIONS[""], *_SAID_OF_IT} - {""}
+    known = {*SECTIONS, *SECTIONS[""], *_BESIDES} - {""}
     if odd := sorted(map(str, set(content) - known)):
         raise ValueError(f"unknown entries {odd}: {choices(odd, sorted(known))}")
     if not isinstance(content.get("name", ""), str):

@@ -14,7 +14,7 @@ import numpy as np
 from auv_torchrl.settings import In
 from auv_torchrl.vehicle_fields import BY_LABEL, GRAVITY, WATER_DENSITY, Factor
 
-ALIKE = np.log(1.5)  # of conversions that lead about as near to what is typical, all are named
+NEARLY_EQUAL = np.log(1.5)  # of conversions that lead about as near to what is typical, all are named
 ROUNDED = 1e-3  # relative, of moments of inertia that are written with three digits
 
 Floats = Any  # numpy, float64
@@ -233,10 +233,10 @@ def _sentence(
     fixed = {c: sum(np.isfinite(mended[c][other]) for other in now) for c in distance}
     best = [c for c in distance if fixed[c] == max(fixed.values())]
     near = min((distance[c] for c in best), default=0.0)
-    chosen = [c for c in best if distance[c] <= near + ALIKE]
+    chosen = [c for c in best if distance[c] <= near + NEARLY_EQUAL]
     fewest = min(map(len, chosen), default=0)
-    said = [_converted(c) for c in chosen if len(c) == fewest]
-    remedy = ", or ".join(dict.fromkeys(said)) if said else f"check {' and '.join(ratio.entries)}"
+    listed = [_converted(c) for c in chosen if len(c) == fewest]
+    remedy = ", or ".join(dict.fromkeys(listed)) if listed else f"check {' and '.join(ratio.entries)}"
     return f"{ratio.says.format(f'{_worst(ratio, v):.3g}')} ({_expected(ratio)})", remedy
 
 

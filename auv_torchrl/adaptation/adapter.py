@@ -69,9 +69,9 @@ class InFlightAdapter(ThrusterTransform):
         measured, time = measured_state(after), array(after.get(TIME))[:, 0]
         alarm = self.learner.observe(share, measured, time)
         for row in self.learner.settled.nonzero()[0].tolist():
-            judged = self.authority(row)
-            if judged.recovery is Recovery.NONE:
-                log.log(self._declared_at, "%s", judged)
+            verdict = self.authority(row)
+            if verdict.recovery is Recovery.NONE:
+                log.log(self._declared_at, "%s", verdict)
         estimate = self.learner.estimate
         seen = estimate.sensing.shown(measured, estimate.velocity)
         self._report(after, alarm, *look_ahead(estimate.motion, seen, time, estimate.timing, *estimate.map))

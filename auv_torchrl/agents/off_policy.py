@@ -28,7 +28,7 @@ class OffPolicyLearner(Learner):
     def __init__(self, observations: int, actions: int, config: OffPolicyConfig, device: torch.device):
         self.config = config
         self.updater = config.make_updater(observations, actions, device)
-        self.losses = self.updater.told
+        self.losses = self.updater.curves
         super().__init__(observations, actions, config, device)
         self._follow(self.updater.actor)
         self.buffer = TensorDictReplayBuffer(

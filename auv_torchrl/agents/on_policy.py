@@ -52,7 +52,7 @@ class OnPolicyLearner(Learner):
             self.advantage(data)
         self.flown.empty()
         self.flown.extend(data.reshape(-1))
-        told = []
+        batches = []
         for _ in range(config.epochs):
             for batch in self.flown:
                 losses = self.loss(batch)
@@ -64,8 +64,8 @@ class OnPolicyLearner(Learner):
                 torch.nn.utils.clip_grad_norm_(self.loss.parameters(), config.gradient_norm)
                 self.optimiser.step()
                 self._move_average(config.average)
-                told.append(losses.detach())
-        return {name: torch.stack([losses[name].mean() for losses in told]).mean() for name in self.losses}
+                batches.append(losses.detach())
+        return {name: torch.stack([losses[name].mean() for losses in batches]).mean() for name in self.losses}
 
     def parts(self) -> dict[str, Any]:
         """Loss and optimiser, too; what was flown is forgotten when a state is kept."""

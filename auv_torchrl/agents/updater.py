@@ -16,7 +16,7 @@ class Updater(ABC):
     The losses have no parameter in common, so one backward pass and one fused Adam serve them all.
     """
 
-    told: tuple[str, ...]  # entries of the losses that the learning curve shows
+    curves: tuple[str, ...]  # entries of the losses that the learning curve shows
 
     def __init__(self, loss: LossModule, groups: list[dict]):
         self.loss = loss
@@ -58,7 +58,7 @@ class SACUpdater(Updater):
     A :class:`FusedSACLoss` is stepped by its own gradients and target update, any other one by autograd and TorchRL's.
     """
 
-    told = ("loss_qvalue", "loss_actor", "alpha", "entropy")
+    curves = ("loss_qvalue", "loss_actor", "alpha", "entropy")
 
     def __init__(self, loss: SACLoss, learning_rate: float, alpha_learning_rate: float, tau: float):
         networks = [p for name, p in loss.named_parameters() if name != "log_alpha"]
@@ -87,7 +87,7 @@ class SACUpdater(Updater):
 class TD3Updater(Updater):
     """The critics at every step; actor and targets at every ``actor_every``-th (Fujimoto et al. 2018)."""
 
-    told = ("loss_qvalue", "loss_actor")
+    curves = ("loss_qvalue", "loss_actor")
 
     def __init__(self, loss: TD3Loss, learning_rate: float, tau: float, actor_every: int):
         super().__init__(loss, [{"params": list(loss.parameters()), "lr": learning_rate}])

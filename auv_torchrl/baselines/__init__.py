@@ -1,7 +1,7 @@
 """What people do today when a thruster misbehaves, to be compared with: each a transform or a weighting of vehicles."""
 
 from auv_torchrl.baselines.allocations import RecursiveLeastSquares, TrueMap
-from auv_torchrl.baselines.history import EncoderConfig, HistoryPolicy, train_encoder, train_told
+from auv_torchrl.baselines.history import EncoderConfig, HistoryPolicy, train_encoder, train_informed
 from auv_torchrl.baselines.l1 import L1Augmentation
 from auv_torchrl.baselines.lqr import LQR, AdaptiveLQR
 from auv_torchrl.baselines.particles import Particles, weigh_particles
@@ -10,6 +10,6 @@ from auv_torchrl.baselines.retrain import Retrained, retrain
 
 __all__ = [
     "AdaptiveLQR", "EncoderConfig", "FixedSigns", "HistoryPolicy", "L1Augmentation", "LQR", "Particles",
-    "RecursiveLeastSquares", "Retrained", "TrueMap", "pulse_test", "retrain", "train_encoder", "train_told",
+    "RecursiveLeastSquares", "Retrained", "TrueMap", "pulse_test", "retrain", "train_encoder", "train_informed",
     "weigh_particles",
 ]  # fmt: skip

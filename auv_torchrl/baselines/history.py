@@ -28,7 +28,7 @@ from auv_torchrl.envs import RandomizeVehicle, make_fleet
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
 
-TOLD, INFERRED, OBSERVATION, HISTORY = "told", "inferred", "observation", "history"
+DRAWN, INFERRED, OBSERVATION, HISTORY = "told", "inferred", "observation", "history"
 HISTORY_S = 0.5
 CHANGES = 20.0  # by which changes of an observation in a control step are multiplied
 log = logging.getLogger(__name__)
@@ -136,7 +136,7 @@ def joined(key: str) -> CatTensors:
     return CatTensors([key, OBSERVATION], OBSERVATION, dim=-1, del_keys=False, sort=False)
 
 
-def train_told(
+def train_informed(
     vehicle: Vehicle, task: Task, agent: AgentConfig, ranges: Mapping[str, Any], seed: int, backend: str, folder: Path
 ) -> SourcePolicy:
     """The first phase: a policy that is told what was drawn; kept and found again as every source policy.
@@ -152,8 +152,8 @@ def train_told(
     """
 
     def around(fleet: EnvBase, own_seed: int) -> EnvBase:
-        drawn = RandomizeVehicle(vehicle, ranges, seed=own_seed, told=TOLD)
-        parts: list[Transform] = [drawn, joined(TOLD)]
+        drawn = RandomizeVehicle(vehicle, ranges, seed=own_seed, entry=DRAWN)
+        parts: list[Transform] = [drawn, joined(DRAWN)]
         return TransformedEnv(fleet, Compose(parts))
 
     def trainer(training: Path, key: str) -> Trainer:
@@ -180,7 +180,7 @@ def train_encoder(
     """The second phase: flights that the encoder steers, and what was really drawn, by least squares.
 
     Args:
-        policy: of :func:`train_told`.
+        policy: of :func:`train_informed`.
         vehicle: nominal vehicle, empty batch.
         task: that it was trained on.
         ranges: that it was trained over.
@@ -194,17 +194,17 @@ def train_encoder(
     sizes = fleet.observation_spec[OBSERVATION].shape[-1], fleet.action_spec.shape[-1]
     with torch.random.fork_rng(devices=()):
         torch.manual_seed(seed)
-        told = policy.metadata["network"]["observations"] - sizes[0]
-        encoder = Encoder(sizes, steps, told)
+        drawn_count = policy.metadata["network"]["observations"] - sizes[0]
+        encoder = Encoder(sizes, steps, drawn_count)
         made = HistoryPolicy(policy, encoder, sizes, steps)
-        drawn = RandomizeVehicle(vehicle, ranges, seed=seed, told=TOLD)
+        drawn = RandomizeVehicle(vehicle, ranges, seed=seed, entry=DRAWN)
         parts: list[Transform] = [drawn, *made.parts()]
         env = TransformedEnv(fleet, Compose(parts))
         flown: list[tuple[Tensor, Tensor]] = []
         for number in range(config.rounds):
             with torch.no_grad():
                 data = env.rollout(config.steps, policy.module, break_when_any_done=False)["next"]
-            flown.append((data[HISTORY].flatten(0, 1), data[TOLD].flatten(0, 1)))
+            flown.append((data[HISTORY].flatten(0, 1), data[DRAWN].flatten(0, 1)))
             error = _regress(encoder, flown, config)
             log.info("encoder, round %d: %s, off by %.3f of half a range", number + 1, asdict(config), error)
     encoder.requires_grad_(False).eval()
@@ -213,12 +213,12 @@ def train_encoder(
 
 def _regress(encoder: nn.Module, flown: list[tuple[Tensor, Tensor]], config: EncoderConfig) -> float:
     """Fit the encoder to all flights; returns the root mean square of what is left in the last batch."""
-    history, told = (torch.cat(parts) for parts in zip(*flown, strict=True))
+    history, truth = (torch.cat(parts) for parts in zip(*flown, strict=True))
     adam = torch.optim.Adam(encoder.parameters(), config.learning_rate)
     loss = torch.zeros(())
     for _ in range(config.updates):
         rows = torch.randint(len(history), (config.batch_size,))
-        loss = nn.functional.mse_loss(encoder(history[rows]), told[rows])
+        loss = nn.functional.mse_loss(encoder(history[rows]), truth[rows])
         adam.zero_grad()
         loss.backward()
         adam.step()

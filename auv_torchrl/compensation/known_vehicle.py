@@ -111,8 +111,8 @@ class KnownVehicle(ThrusterTransform):
         self._degrees = index_of(followed_axes(axes, speed))
         self._source, self._known = Model.of(source), Model.of(known)
         self._drift = np.asarray(known.current - source.current) if speed else np.zeros(3)  # m/s, of its water
-        alike = changed(known, current=known.current - self._drift)
-        self._source_held, self._known_held = (Model.of(holding(one, self._degrees)) for one in (source, alike))
+        shown = changed(known, current=known.current - self._drift)
+        self._source_held, self._known_held = (Model.of(holding(one, self._degrees)) for one in (source, shown))
         c, terms, dt = self._known.c, self._known.terms, task.control_dt
         self._receiver = np.abs(c.routing).argmax(0)  # (n,) the thruster that a command reaches ...
         self._sense = c.routing[self._receiver, np.arange(self.thrusters)]  # ... and -1 where it turns the wrong way

@@ -136,12 +136,14 @@ def _read(path: Path, shaping: Mapping[str, Any], shape: Mapping[str, Tensor]) -
 
 def ingredients(vehicle: Vehicle, task: Task, config: PretrainingConfig) -> Mapping[str, Any]:
     """Everything that shapes F and R, as plain values."""
-    told: dict[str, Any] = {key: getattr(task, key) for key in ("control_dt", "tilt", "start_speed", "start_yaw_rate")}
+    trained_on: dict[str, Any] = {
+        key: getattr(task, key) for key in ("control_dt", "tilt", "start_speed", "start_yaw_rate")
+    }
     if speed := cruise_speed(task):  # left out of a task that hovers, so that models kept before are found
-        told |= {"axes": list(task.axes), "speed": speed}
+        trained_on |= {"axes": list(task.axes), "speed": speed}
     return {
         "models_version": MODELS_VERSION,
         "vehicle": described(vehicle),
-        "task": told,
+        "task": trained_on,
         "pretraining": asdict(config),
     }

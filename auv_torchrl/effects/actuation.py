@@ -91,7 +91,7 @@ def _read_swap(vehicle: Vehicle, settings: Mapping[str, Any]) -> dict[str, Any]:
     return settings
 
 
-def _said_of_plugs(values: Mapping[str, float]) -> str:
+def _plugs_in_words(values: Mapping[str, float]) -> str:
     """Pairs that are exchanged in one clause, then each thruster of a longer ring, then those that are reversed."""
     pairs, others = advice.exchanged(values)
     clauses = [f"the plugs of thrusters {advice.listed(pairs)} are exchanged"] if pairs else []
@@ -128,7 +128,7 @@ thruster_swap = Effect(
     ),
     change=_swap,
     shorthand=_read_swap,
-    sentence=_said_of_plugs,
+    sentence=_plugs_in_words,
     advice=advice.thruster_swap,
     trial=Trial(same_as=_reversed_gain),
 )

@@ -105,14 +105,14 @@ def _quadratic(vehicle: Vehicle, scale: Array) -> Vehicle:
 
 def _drag(order: str, change: Callable[[Vehicle, Array], Vehicle]) -> Effect:
     """Drag that grows with the speed, or with its square, per degree of freedom."""
-    told = f"the {order} drag in {{which}} is {{value:.2f}} times the nominal one"
+    clause = f"the {order} drag in {{which}} is {{value:.2f}} times the nominal one"
     published = 0.4  # published drags of one vehicle differ by that
     return Effect(
         name=f"{order}_drag",
         origin=Origin.FLOW,
         meaning=f"{order} drag per degree of freedom times its scale",
         source="Lu et al. 2023, Eq. 14 and Table 1",
-        parameters=(Parameter("scale", "1", 1.0, 0.0, 10.0, told, CONTROLLED, guessed=published),),
+        parameters=(Parameter("scale", "1", 1.0, 0.0, 10.0, clause, CONTROLLED, guessed=published),),
         change=change,
         advice=advice.said(_LOOK),
         trial=Trial(

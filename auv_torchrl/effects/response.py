@@ -19,11 +19,11 @@ def in_proportion(values: Array, to: Array, zero: float = 0.0) -> Array:
     alike, all become ``to``.
     """
     xp = array_namespace(values, to)
-    alike = xp.all(values == values[..., :1], axis=-1)
+    constant = xp.all(values == values[..., :1], axis=-1)
     distance = mean(values) - zero
     one = xp.ones_like(distance)
-    factor = (to - zero) / xp.where(alike, one, distance)
-    return xp.where(alike[..., None], to[..., None], zero + (values - zero) * factor[..., None])
+    factor = (to - zero) / xp.where(constant, one, distance)
+    return xp.where(constant[..., None], to[..., None], zero + (values - zero) * factor[..., None])
 
 
 def _dead_band(vehicle: Vehicle, width: Array) -> Vehicle:

@@ -33,16 +33,16 @@ class RandomizeVehicle(Transform):
         nominal: one vehicle, empty batch.
         ranges: ``{effect: {parameter or family: [low, high]}}``, as in ``conf/randomization/*.yaml``.
         seed: of the draws; None takes them from the fleet.
-        told: name of an entry that tells what was drawn, each value in [-1, 1] of its range; None tells nothing.
+        entry: name of an entry that shows what was drawn, each value in [-1, 1] of its range; None shows nothing.
 
     Raises:
         ValueError: for ranges that :func:`read_ranges` refuses.
     """
 
     def __init__(
-        self, nominal: Vehicle, ranges: Mapping[str, Any] | None, seed: int | None = None, told: str | None = None
+        self, nominal: Vehicle, ranges: Mapping[str, Any] | None, seed: int | None = None, entry: str | None = None
     ) -> None:
-        super().__init__(in_keys=[], out_keys=[] if told is None else [told])
+        super().__init__(in_keys=[], out_keys=[] if entry is None else [entry])
         self._nominal = nominal.map(host)
         self.ranges = read_ranges(nominal, ranges)
         self._mixed = _read_together(ranges, sum(len(parameters) for _, parameters in self.ranges))
@@ -103,8 +103,8 @@ class RandomizeVehicle(Transform):
         return tensordict.set(VEHICLE, self._vehicles)
 
     def _call(self, next_tensordict: TensorDictBase) -> TensorDictBase:
-        for told in self.out_keys:
-            next_tensordict.set(told, self._shares.to(next_tensordict.device, copy=True))
+        for entry in self.out_keys:
+            next_tensordict.set(entry, self._shares.to(next_tensordict.device, copy=True))
         return next_tensordict
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
@@ -113,8 +113,8 @@ class RandomizeVehicle(Transform):
     def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
         """Declare what tells of the draws, where it does."""
         spec, count = cast(Composite, observation_spec), sum(len(parameters) for _, parameters in self.ranges)
-        for told in self.out_keys:
-            spec[told] = Unbounded(torch.Size((*spec.shape, count)), dtype=torch.float32, device=spec.device)
+        for entry in self.out_keys:
+            spec[entry] = Unbounded(torch.Size((*spec.shape, count)), dtype=torch.float32, device=spec.device)
         return observation_spec
 
     def _environment(self) -> Any:

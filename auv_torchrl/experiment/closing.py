@@ -53,11 +53,11 @@ class Closing:
     @property
     def summary(self) -> str:
         """Sentences for the console."""
-        said = self.diagnosed.diagnosis
-        sentences = [f"Diagnosed: {said.summary}" if said else "Diagnosed: what was given."]
-        if said is not None and said.input_mappable is not None:
+        concluded = self.diagnosed.diagnosis
+        sentences = [f"Diagnosed: {concluded.summary}" if concluded else "Diagnosed: what was given."]
+        if concluded is not None and concluded.input_mappable is not None:
             sentences.append(
-                f"A map of the commands alone could close {percent(said.input_mappable)} of the simulator's gap."
+                f"A map of the commands alone could close {percent(concluded.input_mappable)} of the simulator's gap."
             )
         if self.closed is None or self.after is None:
             return " ".join([*sentences, "Nothing was found to put into the simulator: the controller stays u_s."])
@@ -76,15 +76,15 @@ class Closing:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        said, closed = self.diagnosed.diagnosis, self.closed
+        concluded, closed = self.diagnosed.diagnosis, self.closed
         rehearsed = closed and {
             "nominal_m": closed.nominal_m, "before_m": closed.before_m, "mapped_m": closed.mapped_m,
             "tuned_m": closed.tuned_m,
         }  # fmt: skip
         return {
-            "verdict": said and said.verdict.key,
-            "found": said and said.summary,
-            "input_mappable": said and said.input_mappable,
+            "verdict": concluded and concluded.verdict.key,
+            "found": concluded and concluded.summary,
+            "input_mappable": concluded and concluded.input_mappable,
             "log_s": self.log and self.log.duration,
             "rehearsed": rehearsed,
             "closed": self.after and self.after.as_dict(),

@@ -228,11 +228,11 @@ def _consensus(adapter: InFlightAdapter, last: Recovery) -> tuple[Authority, flo
     """What most of the vehicles that noticed the last change can still do, and the share that agrees."""
     noticed = last.alarm_s.isfinite()
     rows = noticed.nonzero()[:, 0].tolist() if noticed.any() else range(len(noticed))
-    judged = {row: adapter.authority(row) for row in rows}
-    verdicts: Mapping[tuple[str, ...], int] = Counter(_verdict(found) for found in judged.values())
+    verdict_of = {row: adapter.authority(row) for row in rows}
+    verdicts: Mapping[tuple[str, ...], int] = Counter(_verdict(found) for found in verdict_of.values())
     chosen, votes = max(verdicts.items(), key=lambda item: item[1])
-    found = next(found for found in judged.values() if _verdict(found) == chosen)
-    return replace(found, name="vehicle"), votes / len(judged)
+    found = next(found for found in verdict_of.values() if _verdict(found) == chosen)
+    return replace(found, name="vehicle"), votes / len(verdict_of)
 
 
 def _verdict(found: Authority) -> tuple[Any, ...]:

@@ -63,12 +63,12 @@ class Results:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        told: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        told |= {name: metrics.as_dict() for name, metrics in told.items() if isinstance(metrics, Metrics)}
-        told["u_t_forms"] = {name: metrics.as_dict() for name, metrics in self.u_t_forms.items()}
-        del told["closed"]  # said in closing, too
-        told["u_s_holds"] = self.holds
-        return told
+        content: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        content |= {name: metrics.as_dict() for name, metrics in content.items() if isinstance(metrics, Metrics)}
+        content["u_t_forms"] = {name: metrics.as_dict() for name, metrics in self.u_t_forms.items()}
+        del content["closed"]  # said in closing, too
+        content["u_s_holds"] = self.holds
+        return content
 
     def save(self, folder: Path) -> None:
         """Write ``results.json`` at once or not at all."""
@@ -88,10 +88,10 @@ class Results:
         rows += [_line(label, _cells(metrics)) for label, metrics in flown.items() if metrics is not None]
         took = [("target data", self.target_data_s), ("fit", self.fit_s), ("source training", self.train_s)]
         rows += ["", ", ".join(f"{label}: {duration(s)}" for label, s in took if s is not None)]
-        said = [f"no u_t: {self.reason}" if self.reason is not None else None, self._held()]
-        said.append(command_sentence(self.command_share) if self.u_s is not None else None)
-        said += [more["summary"] for more in (self.in_flight, self.closing) if more is not None]
-        for sentence in filter(None, said):
+        sentences = [f"no u_t: {self.reason}" if self.reason is not None else None, self._held()]
+        sentences.append(command_sentence(self.command_share) if self.u_s is not None else None)
+        sentences += [more["summary"] for more in (self.in_flight, self.closing) if more is not None]
+        for sentence in filter(None, sentences):
             rows += ["", sentence]
         return "\n".join(rows)
 

@@ -122,14 +122,14 @@ def change_in_flight(experiment: Experiment, policy: SourcePolicy, stages: Stage
 
 def obstacle(experiment: Experiment) -> str | None:
     """Why no map of this kind can recover the vehicle, with the rank; None if one can."""
-    judged = authority(
+    verdict = authority(
         experiment.target, experiment.vehicle, experiment.scenario.name,
         experiment.task.axes, cruise_speed(experiment.task),
     )  # fmt: skip
-    if judged.recovery is Recovery.NONE:
-        return str(judged)
-    if judged.recovery is Recovery.THRUSTERS and experiment.adapter.map != "thrusters":
-        return f"{judged}: give adapter=thrusters"
+    if verdict.recovery is Recovery.NONE:
+        return str(verdict)
+    if verdict.recovery is Recovery.THRUSTERS and experiment.adapter.map != "thrusters":
+        return f"{verdict}: give adapter=thrusters"
     return None
 
 

@@ -61,9 +61,9 @@ def _changes(scenario: Scenario, nominal: Vehicle, delay: Tensor) -> tuple[Sched
     at_start = [0.0] if any(change.start_s == 0.0 for change in scenario.changes) else []
     found, before = [], nominal
     for time in at_start + scenario.switching_times():
-        said = [f"{change.label} begins" for change in scenario.changes if change.start_s == time]
-        said += [f"{change.label} ends" for change in scenario.changes if change.stop_s == time]
+        labels = [f"{change.label} begins" for change in scenario.changes if change.start_s == time]
+        labels += [f"{change.label} ends" for change in scenario.changes if change.stop_s == time]
         after = scenario.vehicle_at(nominal, time)
-        found.append(ScheduledChange(", ".join(said), time + delay, before, after))
+        found.append(ScheduledChange(", ".join(labels), time + delay, before, after))
         before = after
     return tuple(found)

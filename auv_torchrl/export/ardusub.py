@@ -26,7 +26,7 @@ def ardusub(described: Described) -> str:
         )
     lines = [
         f"# {described.name}, written by auv-export from {described.source}",
-        *(f"# {line}" for line in described.said),
+        *(f"# {line}" for line in described.remarks),
         "# ArduSub's own simulator has its mass, drag and thrust in its source; to fly those of this vehicle:",
         f"#   auv-sim --vehicle {described.source}",
         "#   ardusub --model JSON:127.0.0.1 --home 33.81,-118.39,0,0 --defaults sub.parm,vehicle.parm",

@@ -81,13 +81,13 @@ def read_export(folder: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
     if content["version"] != VERSION:
         raise ContractError(f"{path} is of version {content['version']}, this program reads {VERSION}: export it anew")
     files = {}
-    for name, told in content["files"].items():
+    for name, entry in content["files"].items():
         try:
-            files[name] = (folder / told["file"]).read_bytes()
+            files[name] = (folder / entry["file"]).read_bytes()
         except OSError as error:
             raise ContractError(f"{folder} is incomplete ({error}): export it anew") from error
-        if _digest(files[name]) != told["sha256"]:
-            raise ContractError(f"{folder / told['file']} is not the file of its contract: export it anew")
+        if _digest(files[name]) != entry["sha256"]:
+            raise ContractError(f"{folder / entry['file']} is not the file of its contract: export it anew")
     return content, files
 
 

@@ -16,7 +16,7 @@ def fossen(described: Described) -> str:
     for symbol, value, unit, mark in rows(described):
         counts[mark.kind] += 1
         lines.append(f"| {symbol} | {value:.6g} | {unit} | {mark} |")
-    said = [line for line in described.said if line]
+    stated = [line for line in described.remarks if line]
     head = [
         f"# {described.name}",
         "",
@@ -24,7 +24,11 @@ def fossen(described: Described) -> str:
         + ", ".join(f"{count} {kind.value}" for kind, count in counts.items())
         + ".",
         "",
-        *([*said, ""] if said else ["No calibration is in the file: the error of held-out flight is not known.", ""]),
+        *(
+            [*stated, ""]
+            if stated
+            else ["No calibration is in the file: the error of held-out flight is not known.", ""]
+        ),
     ]
     return "\n".join([*head, *lines, ""])
 

@@ -103,12 +103,12 @@ def find_policy(given: Path) -> tuple[Path, Path | None]:
     return policies / key, given / ADAPTER if (given / ADAPTER).is_file() else None
 
 
-def source_vehicle(told: Mapping[str, Any]) -> Vehicle:
+def source_vehicle(source: Mapping[str, Any]) -> Vehicle:
     """The vehicle that a policy was trained for, from what is kept with the policy; the rest does nothing."""
-    n = len(told["gain"])
+    n = len(source["gain"])
     return Vehicle(
         **{
-            name: np.array(told[name], dtype=np.float64) if name in told else without_entry(kind, n)
+            name: np.array(source[name], dtype=np.float64) if name in source else without_entry(kind, n)
             for name, kind in VEHICLE_FIELDS.items()
         }
     )
@@ -123,12 +123,12 @@ def described(asked: Asked) -> tuple[dict[str, bytes], dict[str, Any]]:
     action = thrusters if task.thruster_commands else channels
     observed = entries({name: unit_of(name) for name in task.observation_names})
     files = {"policy": policy_graph(network)}
-    told = {"policy": _file({"observation": observed}, "action", entries(action, -1, 1))}
+    graphs = {"policy": _file({"observation": observed}, "action", entries(action, -1, 1))}
     command = action
     if adapter is not None:
         command = thrusters if adapter.config.map == "thrusters" else channels
         files |= map_files(adapter)
-        told |= _maps_told(adapter, entries(channels, -1, 1), entries(command, -1, 1))
+        graphs |= _files_of_maps(adapter, entries(channels, -1, 1), entries(command, -1, 1))
     about = {
         "made_by": f"auv_torchrl {__version__}",
         "policy": asked.policy.metadata["hash"],
@@ -147,8 +147,8 @@ def described(asked: Asked) -> tuple[dict[str, bytes], dict[str, Any]]:
             "mixer_is": "thruster commands in [-1, 1] per channel: thrusters = clip(mixer @ command, -1, 1)",
         },
         "command": entries(command, -1, 1),
-        "adapter": None if adapter is None else _adapter_told(adapter, asked.fitted),
-        "files": told,
+        "adapter": None if adapter is None else _adapter_entry(adapter, asked.fitted),
+        "files": graphs,
     }
     return files, about
 
@@ -165,7 +165,7 @@ def map_files(adapter: DDRAdapter) -> dict[str, bytes]:
     }
 
 
-def _adapter_told(adapter: DDRAdapter, fitted: bool) -> dict[str, Any]:
+def _adapter_entry(adapter: DDRAdapter, fitted: bool) -> dict[str, Any]:
     learnt = "of a changed vehicle, in flight" if fitted else "nothing: it is that of the source vehicle"
     error = float(adapter.g.standard_error)  # infinite before the first fit
     networks = ["G", "H"] if isinstance(adapter.g, NetworkMap) else []
@@ -181,7 +181,7 @@ def _adapter_told(adapter: DDRAdapter, fitted: bool) -> dict[str, Any]:
     }
 
 
-def _maps_told(adapter: DDRAdapter, action: list[Any], command: list[Any]) -> dict[str, Any]:
+def _files_of_maps(adapter: DDRAdapter, action: list[Any], command: list[Any]) -> dict[str, Any]:
     names = [motion_name(axis) for axis in adapter.models.speeds] + (list(TILT) if adapter.models.tilt else [])
     state = entries({name: unit_of(name) for name in names})
     channels = [{"name": entry["name"], "unit": entry["unit"]} for entry in action]
@@ -189,7 +189,7 @@ def _maps_told(adapter: DDRAdapter, action: list[Any], command: list[Any]) -> di
         {"name": "weight", "dtype": "float32", "shape": [len(action), len(command)], "from": "adapter.state.weight"},
         {"name": "bias", "dtype": "float32", "shape": [len(action)], "from": "adapter.state.bias"},
     ]
-    told = {
+    graphs = {
         "F": _file({"state": state, "action": action}, "next_state", state),
         "R": _file({"state": state, "next_state": state}, "tau", channels),
         "intended": _file({"action": action}, "tau", channels),
@@ -197,17 +197,17 @@ def _maps_told(adapter: DDRAdapter, action: list[Any], command: list[Any]) -> di
         "H": _file({"state": state, "tau": channels}, "command", command),
     }
     for name in ("G", "H"):
-        told[name]["inputs"] += learnt
-    return told
+        graphs[name]["inputs"] += learnt
+    return graphs
 
 
 def _file(inputs: Mapping[str, list[Any]], output: str, columns: list[Any]) -> dict[str, Any]:
     """What one file takes and gives; all have the batch first."""
 
-    def told(name: str, columns: list[Any]) -> dict[str, Any]:
+    def entry_of(name: str, columns: list[Any]) -> dict[str, Any]:
         return {"name": name, "dtype": "float32", "shape": ["N", len(columns)], "entries": columns}
 
-    return {"inputs": [told(name, entry) for name, entry in inputs.items()], "outputs": [told(output, columns)]}
+    return {"inputs": [entry_of(name, entry) for name, entry in inputs.items()], "outputs": [entry_of(output, columns)]}
 
 
 def summary(asked: Asked, files: Mapping[str, bytes]) -> str:

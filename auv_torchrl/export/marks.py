@@ -51,7 +51,7 @@ class Described:
     name: str
     vehicle: Vehicle
     source: str  # the file
-    said: tuple[str, ...]  # remarks at the head of the file; after a calibration the errors of held-out flight
+    remarks: tuple[str, ...]  # remarks at the head of the file; after a calibration the errors of held-out flight
     marks: Mapping[str, np.ndarray]  # by field, an array of Mark in its shape
 
     def mark(self, name: str, *place: int) -> Mark:

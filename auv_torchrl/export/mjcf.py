@@ -29,7 +29,7 @@ def mjcf(described: Described) -> str:
     """The model as XML, in a world whose z points up; the axes of the body are front, right, down."""
     vehicle = described.vehicle
     root = ET.Element("mujoco", model=described.name)
-    for line in (*described.said, *remarks(described)):
+    for line in (*described.remarks, *remarks(described)):
         root.append(ET.Comment(f" {line.replace('--', '- -')} "))
     ET.SubElement(root, "option", timestep="0.005", integrator="RK4", gravity=f"0 0 {-GRAVITY}",
                   density=f"{WATER_DENSITY:g}", viscosity="0")  # fmt: skip

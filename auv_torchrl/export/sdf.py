@@ -23,7 +23,10 @@ def sdf(described: Described) -> str:
     vehicle = described.vehicle
     root = ET.Element("sdf", version="1.9")
     marked = ("mass", "added_mass", "linear_drag", "quadratic_drag", "full_thrust")
-    words = [f"{described.name}, written by auv-export from {described.source}; not tried in Gazebo", *described.said]
+    words = [
+        f"{described.name}, written by auv-export from {described.source}; not tried in Gazebo",
+        *described.remarks,
+    ]
     for name in marked:
         words.append(f"{name}: {'; '.join(dict.fromkeys(map(str, described.marks[name].flatten().tolist())))}")
     words.append(f"left out: {'; '.join(left_out(vehicle)) or 'nothing'}")

@@ -30,17 +30,17 @@ def check_clock(episodes: tuple[Episode, ...], vehicle: Vehicle) -> list[Finding
     """A finding where t counts samples, or may do so; none where the motion agrees with seconds."""
     if any((np.diff(episode.t) != 1.0).any() for episode in episodes):
         return []
-    by, told = "its measured velocity", _by_velocity(episodes, vehicle)
-    if told is None:
-        by, told = "its thrusters", _by_thrusters(episodes, vehicle)
-    if told.seconds is False:
+    by, beat = "its measured velocity", _by_velocity(episodes, vehicle)
+    if beat is None:
+        by, beat = "its thrusters", _by_thrusters(episodes, vehicle)
+    if beat.seconds is False:
         sentence = (
-            f"t rises by exactly 1 from row to row, and in seconds the motion is about {1 / told.ratio:.0f} times "
+            f"t rises by exactly 1 from row to row, and in seconds the motion is about {1 / beat.ratio:.0f} times "
             f"smaller than {by} would make it: t counts samples, not seconds"
         )
         remedy = "Give t in seconds, the number of the sample over the sampling rate in Hz"
         return [Finding(Severity.ERROR, "sample_numbers", sentence, remedy, ("t",))]
-    if told.seconds:
+    if beat.seconds:
         return []
     sentence = (
         "t rises by exactly 1 from row to row: it is read as seconds, a log at 1 Hz; whether it counts samples "
@@ -49,14 +49,14 @@ def check_clock(episodes: tuple[Episode, ...], vehicle: Vehicle) -> list[Finding
     return [Finding(Severity.WARNING, "whole_seconds", sentence, "If t counts samples, give seconds", ("t",))]
 
 
-class _Told(NamedTuple):
+class _Beat(NamedTuple):
     """What one witness says."""
 
     ratio: float  # of the motion in seconds to that expected
     seconds: bool | None  # False for sample numbers; None where it cannot be told
 
 
-def _by_velocity(episodes: tuple[Episode, ...], vehicle: Vehicle) -> _Told | None:
+def _by_velocity(episodes: tuple[Episode, ...], vehicle: Vehicle) -> _Beat | None:
     """Compare d(position)/dt with the measured velocity; None where no velocity is measured."""
     b = blocks(episodes, vehicle)
     if np.isnan(b.velocity[:, :3]).all():
@@ -65,24 +65,24 @@ def _by_velocity(episodes: tuple[Episode, ...], vehicle: Vehicle) -> _Told | Non
     moved = matvec(rotations(b.attitude[known]), b.velocity[known, :3]).ravel()
     rate = b.rate[known, :3].ravel()
     if not len(moved) or np.sqrt((moved**2).mean()) < SLOWEST or not rate.any():
-        return _Told(1.0, None)
+        return _Beat(1.0, None)
     ratio = float(moved @ rate / (moved @ moved))
     agreement = float(moved @ rate / np.sqrt((moved @ moved) * (rate @ rate)))
     if ratio < _SLOWER and agreement > _AGREES:
-        return _Told(ratio, False)
-    return _Told(ratio, True if ratio > _KEEPS_UP and agreement > _CLEARLY else None)
+        return _Beat(ratio, False)
+    return _Beat(ratio, True if ratio > _KEEPS_UP and agreement > _CLEARLY else None)
 
 
-def _by_thrusters(episodes: tuple[Episode, ...], vehicle: Vehicle) -> _Told:
+def _by_thrusters(episodes: tuple[Episode, ...], vehicle: Vehicle) -> _Beat:
     """Compare the motion with the push of the thrusters."""
     size, fit = _response(episodes, vehicle, 1.0)
     if size > _ENOUGH and fit > _FITS:
-        return _Told(size, True)
+        return _Beat(size, True)
     if not 0 < size < _TOO_WEAK:
-        return _Told(size, None)
+        return _Beat(size, None)
     faster = (_response(episodes, vehicle, interval) for interval in _INTERVALS_S)
     fits = any(better > _FITS and 1 / _NOT_FAR < then < _NOT_FAR for then, better in faster)
-    return _Told(size, False if fits else None)
+    return _Beat(size, False if fits else None)
 
 
 def _response(episodes: tuple[Episode, ...], vehicle: Vehicle, interval: float) -> tuple[float, float]:

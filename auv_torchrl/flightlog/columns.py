@@ -81,15 +81,15 @@ def _number(column: str) -> int:
 
 
 def _unknown(strange: list[str], refused: Mapping[str, str]) -> str:
-    told = []
+    unclear = []
     for column in strange[:_NAMED]:
         why = refused.get(column, NOT_KNOWN)
         close = near(column) if why == NOT_KNOWN else ""
         reason = f" (did you mean {close}?)" if close else f" ({why})" if why != NOT_KNOWN else ""
-        told.append(f"{column[:40]!r}{reason}")
+        unclear.append(f"{column[:40]!r}{reason}")
     more = f" and {len(strange) - _NAMED} more" if len(strange) > _NAMED else ""
     return (
-        f"columns that are not known or not clear: {', '.join(told)}{more}: rename them, or ignore them by "
+        f"columns that are not known or not clear: {', '.join(unclear)}{more}: rename them, or ignore them by "
         f"{extra_of(strange)}; known are {', '.join(KNOWN)} and cmd_1, cmd_2, ..."
     )
 

@@ -54,11 +54,11 @@ def convert_degrees(
                 why |= _decided(before, likely, sentence)
     findings = []
     if {a for a, _ in likely} == {False, True} and _beyond_level(episodes, angles):
-        told = _by_forces(episodes, angles, vehicle)
-        if told is None:
+        felt_unit = _by_forces(episodes, angles, vehicle)
+        if felt_unit is None:
             findings.append(_open_finding(angles))
         else:
-            likely = {units for units in likely if units[0] is told}
+            likely = {units for units in likely if units[0] is felt_unit}
             why["angles"] = "the vehicle then answers its thrusters"
     in_degrees = all(a for a, _ in likely), all(r for _, r in likely)
     if angles and in_degrees[0]:
@@ -151,10 +151,10 @@ def _by_rates(
         parts = [_rotation(e, angles, in_degrees) for e in episodes]
         turned = np.concatenate([rotation for _, rotation in parts])[:, measured]
         means = [_mean_rate(e, lag)[:, measured] for e, (lag, _) in zip(episodes, parts, strict=True)]
-        said = np.concatenate(means)
-        there = np.isfinite(turned).all(-1) & np.isfinite(said).all(-1)
+        mean_rates = np.concatenate(means)
+        there = np.isfinite(turned).all(-1) & np.isfinite(mean_rates).all(-1)
         for rates_in_degrees in {False, bool(rates)}:
-            rate = said[there] / (DEGREES if rates_in_degrees else 1.0)
+            rate = mean_rates[there] / (DEGREES if rates_in_degrees else 1.0)
             size = np.abs(rate).sum()
             if not size:
                 return

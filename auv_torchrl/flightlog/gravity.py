@@ -52,8 +52,8 @@ def check_gravity(
         return _left_out(episodes, axes, felt, "has its weight upwards: z is up, or its signs are turned")
     if np.linalg.norm(mean) < FITS * GRAVITY:
         return _left_out(episodes, axes, felt, "feels no weight: it was taken out, or it is no accelerometer")
-    told = ", ".join(f"{axis} {value:.3g}" for axis, value in zip(felt, mean.tolist(), strict=True))
-    return _left_out(episodes, axes, felt, f"feels its weight elsewhere than it is ({told})")
+    weights = ", ".join(f"{axis} {value:.3g}" for axis, value in zip(felt, mean.tolist(), strict=True))
+    return _left_out(episodes, axes, felt, f"feels its weight elsewhere than it is ({weights})")
 
 
 def _times(factor: float, felt: Floats | None) -> Floats | None:

@@ -25,7 +25,7 @@ _FOREIGN = {
     b"ULog": "a PX4 log",
     b"\xa3\x95": "an ArduPilot log",
 }
-SAID = "# auv-log: "  # begins a remark with what a converted log says beside its columns
+NOTE = "# auv-log: "  # begins a remark with what a converted log says beside its columns
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|nan|", re.ASCII | re.IGNORECASE)
 
@@ -35,7 +35,7 @@ class Header(NamedTuple):
 
     names: list[str]
     skipped: int  # lines above it: blank ones and remarks
-    said: str  # by ``auv-log convert`` about the columns, as JSON; empty where there is nothing
+    note: str  # by ``auv-log convert`` about the columns, as JSON; empty where there is nothing
 
 
 def first_bytes(path: Path, count: int) -> bytes:
@@ -98,8 +98,8 @@ def read_header(path: Path) -> Header:
             else "give the names of the columns as first line, such as t,x,y,z,yaw,cmd_1"
         )
         raise FlightLogError(f"{name} has no header, its first line holds numbers: {remedy}")
-    said = next((remark.removeprefix(SAID) for remark in remarks if remark.startswith(SAID)), "")
-    return Header(names, len(remarks), said)
+    note = next((remark.removeprefix(NOTE) for remark in remarks if remark.startswith(NOTE)), "")
+    return Header(names, len(remarks), note)
 
 
 def _names(name: str, text: str) -> list[str]:

@@ -138,8 +138,8 @@ def _stream_line(stream: Stream) -> str:
     gaps = stream.gaps
     longest = max((end - begin for begin, end in gaps), default=0.0)
     without = f", {counted(len(gaps), 'gap')}, the longest of {longest:.1f} s" if gaps else ""
-    told = [name for i, name in enumerate(stream.channels) if np.isfinite(stream.values[:, i]).any()]
-    span = told if len(told) < 5 else [told[0], "...", told[-1]]
+    logged = [name for i, name in enumerate(stream.channels) if np.isfinite(stream.values[:, i]).any()]
+    span = logged if len(logged) < 5 else [logged[0], "...", logged[-1]]
     units = "/".join(unit for unit in dict.fromkeys(stream.units) if unit != "1")
     measured = f"{' '.join(span)} [{units}]" if units else " ".join(span)
     return (

@@ -167,7 +167,7 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
         verb = "never changes: it is" if len(still) == 1 else "never change: they are"
         sentence = f"{', '.join(still)} {verb} not used, and what it would show cannot be told"
         found.append(_finding("constant_column", sentence, "Check that the sensor was connected and logged", still))
-    for names, mask in _alike(seen, "frozen"):
+    for names, mask in _by_axes(seen, "frozen"):
         for first, behind in runs(mask):
             seconds = t[behind - 1] - t[first]
             verb = "stands" if len(names) == 1 else "stand"
@@ -177,7 +177,7 @@ def _findings(seen: Mapping[str, _Axis], t: Floats, row: np.ndarray) -> list[Fin
             rows = (int(row[first]), int(row[behind - 1]))
             found.append(_finding("frozen", sentence, "Check the sensor and its cable", names, rows))
     for kind, code, what, remedy in _KINDS:
-        for names, mask in _alike(seen, kind):
+        for names, mask in _by_axes(seen, kind):
             share = float(mask.mean())
             if kind == "held" and share < REPEATED:
                 continue
@@ -209,7 +209,7 @@ def _finding(
     return Finding(Severity.WARNING, code, sentence, remedy, tuple(names), rows)
 
 
-def _alike(seen: Mapping[str, _Axis], kind: str) -> list[tuple[tuple[str, ...], np.ndarray]]:
+def _by_axes(seen: Mapping[str, _Axis], kind: str) -> list[tuple[tuple[str, ...], np.ndarray]]:
     """Axes with nearly the same rows of a kind, together, and the rows of the first of them."""
     groups: list[tuple[list[str], np.ndarray]] = []
     for name, axis in seen.items():

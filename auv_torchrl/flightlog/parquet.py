@@ -13,10 +13,10 @@ from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.header import MOST_COLUMNS, check_number
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.flightlog.table import (
+    NOTE_KEY,
     PARQUET,
-    SAID_KEY,
     Table,
-    as_said,
+    as_noted,
     check_size,
     collect,
     column_name,
@@ -57,7 +57,7 @@ def _read(path: Path) -> Table:
             check_size(name, file.metadata.num_rows, len(flat))
             _check_chunks(name, file.metadata)
             text = [f.name for f in file.schema_arrow if pa.types.is_string(f.type) or pa.types.is_large_string(f.type)]
-            said = (file.schema_arrow.metadata or {}).get(SAID_KEY, b"").decode()
+            note = (file.schema_arrow.metadata or {}).get(NOTE_KEY, b"").decode()
         opened.seek(0)
         with ParquetFile(opened, read_dictionary=text) as file:  # a long text that repeats is held once
             batches = file.iter_batches(max(1, _BATCH_NUMBERS // max(len(flat), 1)), columns=flat)
@@ -69,7 +69,7 @@ def _read(path: Path) -> Table:
         sentence = f"{', '.join(nested[:5])}{' and others' if len(nested) > 5 else ''} hold no single numbers: left out"
         remedy = "Write one number per row and column"
         findings.append(Finding(Severity.WARNING, "nested_columns", sentence, remedy, tuple(nested[:5])))
-    return as_said(Table(name, columns, row, tuple(findings), written=written), said)
+    return as_noted(Table(name, columns, row, tuple(findings), written=written), note)
 
 
 def _opened(path: Path) -> pa.NativeFile:

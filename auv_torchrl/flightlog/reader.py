@@ -71,9 +71,9 @@ def read_flightlog(
         episodes, more = leave_out_contact(episodes, vehicle)
         findings += more
     findings += check_excitation(episodes)
-    said = tuple(condensed(findings))
+    noted = tuple(condensed(findings))
     return FlightLog(
-        printable(table.name), episodes, axes, said, checked.resolution, table.errors, known(table.autopilot)
+        printable(table.name), episodes, axes, noted, checked.resolution, table.errors, known(table.autopilot)
     )
 
 

@@ -64,13 +64,13 @@ def convert_units(
     unit = next((u for u, f in reading.units.items() if abs(np.log(factor / f)) < NAMED_WITHIN), "")
     factor = reading.units.get(unit, factor)
     open_ = reading.code == TIME and _weaker_thrusters(b) > balance - SAME
-    sentence = _said(reading, factor, unit, balance, now) + (OPEN if open_ else "")
+    sentence = _sentence(reading, factor, unit, balance, now) + (OPEN if open_ else "")
     remedy = f"Give {reading.what}"
     finding = Finding(Severity.WARNING, reading.code, sentence, remedy, reading.columns, limits=open_)
     return episodes if open_ else tuple(_divided(e, reading.columns, factor) for e in episodes), [finding]
 
 
-def _said(reading: Reading, factor: float, unit: str, balance: float, now: float) -> str:
+def _sentence(reading: Reading, factor: float, unit: str, balance: float, now: float) -> str:
     verb = "is" if len(reading.columns) == 1 else "are"
     looks = f", as {unit} would be" if unit else ""
     return (

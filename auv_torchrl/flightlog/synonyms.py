@@ -169,9 +169,9 @@ def match(column: str) -> Match | None:
         found = re.fullmatch(f"(?:{synonym.names})(?:_(?:{units}))?" if units else synonym.names, name)
         if not found:
             continue
-        said = (unit for i, unit in enumerate(synonym.units) if found[f"unit_{i}"])
+        given = (unit for i, unit in enumerate(synonym.units) if found[f"unit_{i}"])
         usual = next((unit for unit in synonym.units if unit.shown == synonym.unit), None)
-        unit = next(said, usual) or (Unit("", 1.0, "1") if synonym.unit == "1" else None)
+        unit = next(given, usual) or (Unit("", 1.0, "1") if synonym.unit == "1" else None)
         if unit is None and synonym.way in (Way.SCALED, Way.PULSE):
             continue  # the same name may stand for another unit, or for another quantity
         group = next((g for g in found.groups()[: _groups(synonym.names)] if g), "")

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 MAX_ROWS = 5_000_000  # 14 h at 100 Hz
 MAX_NUMBERS = 20_000_000  # 14 h at 20 Hz of 20 columns; 160 MB as float64, and a diagnosis holds them several times
 PARQUET = b"PAR1"
-SAID_KEY = b"auv-log"  # of the same in Parquet
+NOTE_KEY = b"auv-log"  # of the same in Parquet
 MEASURED = "measured"  # column, 1 in rows in which something was measured
 _BATCH_ROWS = 100_000  # from which reading is worth a word
 
@@ -50,7 +50,7 @@ class Table:
         return self.columns.get("episode", np.zeros(len(self.row)))
 
     @property
-    def said(self) -> str:
+    def note(self) -> str:
         """What the log of a vehicle says beside its columns, as JSON: how its samples err, and its parameters."""
         return json.dumps({**asdict(self.errors), "autopilot": dict(self.autopilot)})
 
@@ -95,7 +95,7 @@ def unreadable(name: str, kind: str, cause: str) -> FlightLogError:
 def _read_csv(path: Path) -> Table:
     if path.suffix.lower() in (".parquet", ".pq"):
         raise FlightLogError(f"{printable(path.name)} is not a Parquet file although it is named so: export it again")
-    names, skipped, said = read_header(path)
+    names, skipped, note = read_header(path)
     name = printable(path.name)
     table = Rows(path, skipped + 1, len(names))
     columns, written, odd = collect(name, names, table.blocks(), read_cells)
@@ -119,15 +119,15 @@ def _read_csv(path: Path) -> Table:
                 rows=(min(bad_rows), max(bad_rows)),
             )
         )
-    return as_said(Table(name, columns, kept, tuple(findings), written=written), said)
+    return as_noted(Table(name, columns, kept, tuple(findings), written=written), note)
 
 
-def as_said(table: Table, said: str) -> Table:
+def as_noted(table: Table, note: str) -> Table:
     """The table with what ``auv-log convert`` said of it; as it is where that is nothing."""
-    if not said:
+    if not note:
         return table
     try:
-        content = json.loads(said)
+        content = json.loads(note)
         drift = {axis: _size(rate, axis) for axis, rate in content["drift"].items() if axis in AXES}
         errors = SampleErrors(_size(content["snapshot_s"], "snapshot_s"), drift)
         autopilot = {name: _float(value, name) for name, value in content["autopilot"].items()}
@@ -138,8 +138,8 @@ def as_said(table: Table, said: str) -> Table:
         ) from error
     columns = dict(table.columns)
     measured = columns.pop(MEASURED, None)
-    told = {"units_known": True, "errors": errors, "autopilot": autopilot}
-    return replace(table, columns=columns, measured=None if measured is None else measured > 0, **told)
+    as_written = {"units_known": True, "errors": errors, "autopilot": autopilot}
+    return replace(table, columns=columns, measured=None if measured is None else measured > 0, **as_written)
 
 
 def _float(value: object, name: str) -> float:

@@ -160,11 +160,11 @@ class _Work:
         """The table with the columns that are understood in the format's names."""
         order = {column: place for place, column in enumerate(self.table.columns)}
         taken = _grouped(sorted(self.taken, key=lambda entry: order[entry.columns[0]]))
-        told = [
+        added = [
             Finding(Severity.INFO, "column_taken", str(entry), "", entry.columns)
             for entry in taken if entry.assumed and not entry.refused
         ]  # fmt: skip
-        table = replace(self.table, columns=self.columns, findings=(*self.table.findings, *told))
+        table = replace(self.table, columns=self.columns, findings=(*self.table.findings, *added))
         return Understood(table, taken, frozenset(self.settled))
 
     def _store(self, columns: tuple[str, ...], values: dict[str, Floats], how: str, settled: bool) -> None:

@@ -10,9 +10,9 @@ from auv_torchrl.extras import library
 from auv_torchrl.files import whole
 from auv_torchrl.flightlog.csv_text import csv_blocks
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.header import SAID
+from auv_torchrl.flightlog.header import NOTE
 from auv_torchrl.flightlog.log import AXES, FlightLog
-from auv_torchrl.flightlog.table import MEASURED, SAID_KEY, Table
+from auv_torchrl.flightlog.table import MEASURED, NOTE_KEY, Table
 
 
 def write_flightlog(log: FlightLog, path: str | os.PathLike[str], replace: bool = False) -> Path:
@@ -33,15 +33,15 @@ def write_table(table: Table, path: str | os.PathLike[str], replace: bool = Fals
     columns = dict(table.columns)
     if table.measured is not None:
         columns[MEASURED] = table.measured.astype(float)
-    return write_columns(columns, path, replace, table.said if table.units_known else "")
+    return write_columns(columns, path, replace, table.note if table.units_known else "")
 
 
 def write_columns(
-    columns: Mapping[str, np.ndarray], path: str | os.PathLike[str], replace: bool = False, said: str = ""
+    columns: Mapping[str, np.ndarray], path: str | os.PathLike[str], replace: bool = False, note: str = ""
 ) -> Path:
     """Write columns (T,) by name, as they are, to a file of the same format; atomic.
 
-    ``said`` is what is to be said of them: a remark above them, in Parquet an entry of the schema.
+    ``note`` is what is to be said of them: a remark above them, in Parquet an entry of the schema.
 
     Raises:
         FileExistsError: if the file is there and is not to be replaced.
@@ -50,18 +50,18 @@ def write_columns(
     if path.exists() and not replace:
         raise FileExistsError(f"{path} exists: remove it or choose another name")
     if path.suffix.lower() in (".parquet", ".pq"):
-        return _write_parquet(columns, path, said)
+        return _write_parquet(columns, path, note)
     with whole(path) as partial, partial.open("wb") as file:
-        file.write(f"{SAID}{said}\n".encode() if said else b"")
+        file.write(f"{NOTE}{note}\n".encode() if note else b"")
         file.writelines(csv_blocks(columns))
     return path
 
 
-def _write_parquet(columns: Mapping[str, np.ndarray], path: Path, said: str) -> Path:
+def _write_parquet(columns: Mapping[str, np.ndarray], path: Path, note: str) -> Path:
     pa = library("pyarrow", "Parquet is written by", "logs", FlightLogError)
     from pyarrow import parquet  # here, not above: few logs are
 
-    table = pa.table(dict(columns)).replace_schema_metadata({SAID_KEY: said} if said else None)
+    table = pa.table(dict(columns)).replace_schema_metadata({NOTE_KEY: note} if note else None)
     with whole(path) as partial, partial.open("wb") as file:
         parquet.write_table(table, file)
     return path

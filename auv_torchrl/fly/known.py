@@ -25,7 +25,7 @@ class UnknownVehicle(ValueError):
 
 
 @dataclass(frozen=True)
-class Told:
+class Identity:
     """What a vehicle said of itself."""
 
     kind: int  # HEARTBEAT.type
@@ -59,11 +59,11 @@ def check_version(version: tuple[int, int] | None, tried: str | None) -> None:
     """
     if version is None:
         raise UnknownVehicle("the vehicle does not tell its version (AUTOPILOT_VERSION): give the connection once more")
-    told = "{}.{}".format(*version)
-    if not KNOWN[0] <= version <= KNOWN[1] and told != tried:
+    found = "{}.{}".format(*version)
+    if not KNOWN[0] <= version <= KNOWN[1] and found != tried:
         raise UnknownVehicle(
-            f"the vehicle has ArduSub {told}, {'{}.{}'.format(*KNOWN[0])} to {'{}.{}'.format(*KNOWN[1])} are flown: "
-            f"install one of these, or try it in ArduSub's simulator and give firmware='\"{told}\"'"
+            f"the vehicle has ArduSub {found}, {'{}.{}'.format(*KNOWN[0])} to {'{}.{}'.format(*KNOWN[1])} are flown: "
+            f"install one of these, or try it in ArduSub's simulator and give firmware='\"{found}\"'"
         )
 
 
@@ -91,12 +91,12 @@ def scale_of(frame: float, mixer: Sequence[Sequence[float]]) -> tuple[float, ...
 
 
 def channels_of(
-    told: Told, contract: Mapping[str, Any], interface: Interface, system: int, tried: str | None
+    heard: Identity, contract: Mapping[str, Any], interface: Interface, system: int, tried: str | None
 ) -> Channels:
     """How commands reach this vehicle.
 
     Args:
-        told: what the vehicle said.
+        heard: what the vehicle says of itself.
         contract: of the policy.
         interface: by which message commands are sent.
         system: the number of ours.
@@ -105,9 +105,9 @@ def channels_of(
     Raises:
         UnknownVehicle: where the vehicle is not one that is flown.
     """
-    check_heartbeat(told.kind, told.autopilot)
-    check_version(told.version, tried)
-    parameters = told.parameters
+    check_heartbeat(heard.kind, heard.autopilot)
+    check_version(heard.version, tried)
+    parameters = heard.parameters
     obeyed = [parameters[name] for name in GROUND_STATION if name in parameters]
     needed = (*NEEDED, *(OF_MANUAL if interface is Interface.MANUAL else ()))
     missing = [name for name in needed if not math.isfinite(parameters.get(name, math.nan))]

@@ -161,8 +161,8 @@ class Parser:
         if name is None:
             return None, len(data)  # its seed is not known: it is taken for whole
         head, layout = _HEAD[magic], LAYOUTS[name]
-        told = int.from_bytes(data[head + length : head + length + _SUM], "little")
-        if checksum(data[1 : head + length], layout.seed) != told or (magic == V2 and data[2] & ~_KNOWN_FLAGS):
+        sent = int.from_bytes(data[head + length : head + length + _SUM], "little")
+        if checksum(data[1 : head + length], layout.seed) != sent or (magic == V2 and data[2] & ~_KNOWN_FLAGS):
             self.damaged += 1
             return None, 1
         size = struct.calcsize(layout.format)

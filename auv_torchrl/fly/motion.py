@@ -69,30 +69,30 @@ class Measured:
 
     def take(self, message: Message, received: float) -> Motion | None:
         """The state that a message completes; None where it completes none."""
-        name, told = message.name, message.fields
+        name, content = message.name, message.fields
         ours = message.system == self._system
         if name == "ATTITUDE" and ours:
-            at = self._clocks["time_boot_ms"].ours(received, told["time_boot_ms"] * 1e-3)
-            rates = told["rollspeed"], told["pitchspeed"], told["yawspeed"]
-            self._attitude = at, (told["roll"], told["pitch"], told["yaw"]), rates
+            at = self._clocks["time_boot_ms"].ours(received, content["time_boot_ms"] * 1e-3)
+            rates = content["rollspeed"], content["pitchspeed"], content["yawspeed"]
+            self._attitude = at, (content["roll"], content["pitch"], content["yaw"]), rates
         elif name == "LOCAL_POSITION_NED" and ours and self.source is Source.LOCAL:
-            at = self._clocks["time_boot_ms"].ours(received, told["time_boot_ms"] * 1e-3)
-            return self._local(at, [told[axis] for axis in ("x", "y", "z", "vx", "vy", "vz")])
+            at = self._clocks["time_boot_ms"].ours(received, content["time_boot_ms"] * 1e-3)
+            return self._local(at, [content[axis] for axis in ("x", "y", "z", "vx", "vy", "vz")])
         elif name == "ODOMETRY" and self.source is Source.ODOMETRY:
-            return _odometry(self._clocks["time_usec"].ours(received, told["time_usec"] * 1e-6), message)
+            return _odometry(self._clocks["time_usec"].ours(received, content["time_usec"] * 1e-6), message)
         elif name == "VISION_POSITION_ESTIMATE" and self.source is Source.VISION:
-            return self._vision(self._clocks["usec"].ours(received, told["usec"] * 1e-6), message)
+            return self._vision(self._clocks["usec"].ours(received, content["usec"] * 1e-6), message)
         return None
 
-    def _local(self, at: float, told: list[float]) -> Motion | None:
+    def _local(self, at: float, local: list[float]) -> Motion | None:
         if self._attitude is None or abs(at - self._attitude[0]) > APART_S:
             return None
         _, angles, rates = self._attitude
-        return _motion(at, told[:3], angles, told[3:], rates)
+        return _motion(at, local[:3], angles, local[3:], rates)
 
     def _vision(self, at: float, message: Message) -> Motion | None:
-        told = message.fields
-        place = np.array([told["x"], told["y"], told["z"]])
+        content = message.fields
+        place = np.array([content["x"], content["y"], content["z"]])
         if self._places and at <= self._places[-1][0]:
             return None
         self._places.append((at, place))
@@ -102,7 +102,9 @@ class Measured:
         if self._attitude is None or abs(at - self._attitude[0]) > APART_S or not 0 < at - before <= 2 * _OVER_S:
             return None
         speed = ((place - there) / (at - before)).tolist()
-        return _motion(at, place.tolist(), [told["roll"], told["pitch"], told["yaw"]], speed, self._attitude[2])
+        return _motion(
+            at, place.tolist(), [content["roll"], content["pitch"], content["yaw"]], speed, self._attitude[2]
+        )
 
 
 def _motion(at: float, position, angles, over_ground, rates) -> Motion:
@@ -113,11 +115,11 @@ def _motion(at: float, position, angles, over_ground, rates) -> Motion:
 
 
 def _odometry(at: float, message: Message) -> Motion | None:
-    told = message.fields
-    if told["frame_id"] not in _EARTH or told["child_frame_id"] not in _BODY:
+    content = message.fields
+    if content["frame_id"] not in _EARTH or content["child_frame_id"] not in _BODY:
         return None
     position, quaternion, velocity = (
-        tuple(told[name] for name in names.split())
+        tuple(content[name] for name in names.split())
         for names in ("x y z", "qw qx qy qz", "vx vy vz rollspeed pitchspeed yawspeed")
     )
     return Motion(at, position, quaternion, velocity)

@@ -11,7 +11,7 @@ from auv_torchrl.fly.channels import Channels, Interface
 from auv_torchrl.fly.connection import Link
 from auv_torchrl.fly.flyer import Flyer
 from auv_torchrl.fly.helm import Helm
-from auv_torchrl.fly.known import MANUAL, Told, UnknownVehicle
+from auv_torchrl.fly.known import MANUAL, Identity, UnknownVehicle
 from auv_torchrl.fly.mavlink import LAYOUTS, Message
 from auv_torchrl.fly.motion import Measured, Source
 from auv_torchrl.fly.safety import NEUTRAL, Decision, End, Limits, Motion, Phase, Safety
@@ -167,9 +167,11 @@ class Pilot:
         if talk.others:
             numbers = sorted({*talk.others, talk.vehicle or 0})
             raise UnknownVehicle(f"several vehicles are heard, {numbers}: give a connection to one of them")
-        told = Told(talk.heard.kind, talk.heard.autopilot, talk.version, talk.parameters)
+        identity = Identity(talk.heard.kind, talk.heard.autopilot, talk.version, talk.parameters)
         contract = self.flyer.policy.contract
-        self.helm.channels = known.channels_of(told, contract, settings.interface, settings.system, settings.firmware)
+        self.helm.channels = known.channels_of(
+            identity, contract, settings.interface, settings.system, settings.firmware
+        )
         name, reached = known.weakest(self.helm.channels, self.helm.gain)
         if reached < 0.99:
             why = f"at pilot gain {self.helm.gain:.2f}: interface=rc has all of it" if manual else "for its input ends"
@@ -236,8 +238,8 @@ class Pilot:
         asked_s = -1.0
         while not answered() and self.safety.ended is None:
             if self.link.now() >= end or self._stop():
-                said = "; ".join(self.talk.texts) or "nothing"
-                raise CannotFly(f"the vehicle refused {what} (it says: {said}): look at it in the ground station")
+                answer = "; ".join(self.talk.texts) or "nothing"
+                raise CannotFly(f"the vehicle refused {what} (it says: {answer}): look at it in the ground station")
             if self.link.now() - asked_s > 0.5:
                 self.talk.send(question())
                 asked_s = self.link.now()

@@ -61,28 +61,28 @@ class Talk:
             self.hear(message, received)
 
     def _keep(self, message: Message) -> None:
-        told = message.fields
+        content = message.fields
         if message.name == "HEARTBEAT" and message.component == AUTOPILOT:
-            if told["autopilot"] == _NO_AUTOPILOT or told["type"] == _GROUND_STATION:
+            if content["autopilot"] == _NO_AUTOPILOT or content["type"] == _GROUND_STATION:
                 return
             self.vehicle = message.system if self.vehicle is None else self.vehicle
             if message.system == self.vehicle:
-                armed = bool(told["base_mode"] & ARMED)
-                self.heard = Heard(told["type"], told["autopilot"], told["custom_mode"], armed)
+                armed = bool(content["base_mode"] & ARMED)
+                self.heard = Heard(content["type"], content["autopilot"], content["custom_mode"], armed)
             else:
                 self.others.add(message.system)
         if message.system != self.vehicle:
             return
         if message.name == "PARAM_VALUE":
-            self.parameters[text_of(told["param_id"])] = told["param_value"]
+            self.parameters[text_of(content["param_id"])] = content["param_value"]
         elif message.name == "AUTOPILOT_VERSION":
-            self.version = told["flight_sw_version"] >> 24, (told["flight_sw_version"] >> 16) & 0xFF
-        elif message.name == "NAMED_VALUE_FLOAT" and math.isfinite(told["value"]):
-            self.named[text_of(told["name"])] = told["value"]
+            self.version = content["flight_sw_version"] >> 24, (content["flight_sw_version"] >> 16) & 0xFF
+        elif message.name == "NAMED_VALUE_FLOAT" and math.isfinite(content["value"]):
+            self.named[text_of(content["name"])] = content["value"]
         elif message.name == "COMMAND_ACK":
-            self.results[told["command"]] = told["result"]
+            self.results[content["command"]] = content["result"]
         elif message.name == "STATUSTEXT":
-            self.texts = [*self.texts, text_of(told["text"])][-_TEXTS:]
+            self.texts = [*self.texts, text_of(content["text"])][-_TEXTS:]
 
     def bytes_of(self, name: str, **fields: Any) -> bytes:
         """A message as it would be sent."""
@@ -96,9 +96,9 @@ class Talk:
 
     def command(self, number: int, *parameters: float) -> bytes:
         """COMMAND_LONG to the vehicle's autopilot."""
-        told: dict[str, Any] = {f"param{n}": value for n, value in enumerate(parameters, start=1)}
+        given: dict[str, Any] = {f"param{n}": value for n, value in enumerate(parameters, start=1)}
         return self.bytes_of(
-            "COMMAND_LONG", command=number, target_system=self.vehicle, target_component=AUTOPILOT, **told
+            "COMMAND_LONG", command=number, target_system=self.vehicle, target_component=AUTOPILOT, **given
         )
 
     def mode(self, number: int) -> bytes:

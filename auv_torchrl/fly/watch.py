@@ -51,10 +51,10 @@ class Watcher:
         reading, self._pipe = os.pipe()
         os.set_blocking(self._pipe, False)
         started, tell = os.pipe()
-        told = json.dumps({"socket": shared.fileno(), "peer": peer, "pipe": reading, "started": tell})
+        given = json.dumps({"socket": shared.fileno(), "peer": peer, "pipe": reading, "started": tell})
         # A session of its own: Ctrl-C in the terminal is for the first process.
         self._process = subprocess.Popen(
-            [sys.executable, "-I", "-S", __file__, told],
+            [sys.executable, "-I", "-S", __file__, given],
             start_new_session=True,
             pass_fds=(shared.fileno(), reading, tell),
         )
@@ -134,13 +134,13 @@ class Watch:
         """Take what the first process says; whether the flight is over."""
         *lines, self._part = (self._part + data).split(b"\n")
         for line in lines:
-            told = json.loads(line)
-            if "done" in told:
+            order = json.loads(line)
+            if "done" in order:
                 return True
-            self._until = told.get("until", self._until)
-            if "neutral" in told:
-                self._neutral = bytes.fromhex(told["neutral"])
-                self._ending = [bytes.fromhex(packet) for packet in told["ending"]]
+            self._until = order.get("until", self._until)
+            if "neutral" in order:
+                self._neutral = bytes.fromhex(order["neutral"])
+                self._ending = [bytes.fromhex(packet) for packet in order["ending"]]
         return False
 
     def _end_parent(self) -> None:
@@ -166,15 +166,15 @@ class Watch:
             return  # the vehicle is out of reach: its own failsafes act
 
 
-def main(told: dict[str, Any]) -> NoReturn:
+def main(given: dict[str, Any]) -> NoReturn:
     """Watch, and exit."""
     for signum in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(signum, signal.SIG_IGN)  # it ends when the first process has ended the flight
-    os.write(told["started"], b"s")
-    os.close(told["started"])
-    shared = socket.socket(fileno=told["socket"])
-    peer = tuple(told["peer"]) if told["peer"] else None
-    sys.exit(TOOK_OVER if Watch(shared, peer, told["pipe"]).run() else 0)
+    os.write(given["started"], b"s")
+    os.close(given["started"])
+    shared = socket.socket(fileno=given["socket"])
+    peer = tuple(given["peer"]) if given["peer"] else None
+    sys.exit(TOOK_OVER if Watch(shared, peer, given["pipe"]).run() else 0)
 
 
 if __name__ == "__main__":

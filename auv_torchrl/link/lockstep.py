@@ -56,7 +56,7 @@ class Lockstep:
         self._heard_s = 0.0
         self._line = b""
         self._late_frame = -1  # an older frame that came once
-        self._said: set[Hashable] = set()
+        self._reported: set[Hashable] = set()
 
     def answer(self, packet: bytes, sender: Hashable) -> bytes | None:
         """The line for the sender of a packet; None where nothing is to be answered."""
@@ -110,8 +110,8 @@ class Lockstep:
         self.counts["frame"] += 1
 
     def _say_once(self, what: Hashable, message: str) -> None:
-        if what not in self._said:
-            self._said.add(what)
+        if what not in self._reported:
+            self._reported.add(what)
             log.warning("%s", message)
 
 

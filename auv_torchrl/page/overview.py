@@ -80,8 +80,8 @@ def _commands(t: Floats, columns: Mapping[str, Floats]) -> list[Panel]:
 
 
 def _moves(values: Floats) -> bool:
-    told = values[np.isfinite(values)]
-    return bool(len(told)) and bool(told.min() < told.max())
+    finite = values[np.isfinite(values)]
+    return bool(len(finite)) and bool(finite.min() < finite.max())
 
 
 def times_of(table: "Table") -> tuple[Floats, dict[int, float]]:
@@ -91,12 +91,12 @@ def times_of(table: "Table") -> tuple[Floats, dict[int, float]]:
     begin, end = np.full(len(numbers), np.inf), np.full(len(numbers), -np.inf)
     np.fmin.at(begin, of_row, t)
     np.fmax.at(end, of_row, t)
-    told = np.isfinite(begin) & np.isfinite(end)
-    lengths = np.where(told, end - begin, 0.0) + _PAUSE_S
+    finite = np.isfinite(begin) & np.isfinite(end)
+    lengths = np.where(finite, end - begin, 0.0) + _PAUSE_S
     order = np.argsort(first)  # as they come in the file
     starts = np.empty(len(numbers))
     starts[order] = np.concatenate(([0.0], np.cumsum(lengths[order])[:-1]))
-    added = np.where(told, starts - begin, 0.0) if len(numbers) > 1 else np.zeros(len(numbers))
+    added = np.where(finite, starts - begin, 0.0) if len(numbers) > 1 else np.zeros(len(numbers))
     named = {
         int(number): float(s) for number, s in zip(numbers[:_MOST_EPISODES], added, strict=False) if number == number
     }

@@ -109,8 +109,8 @@ def _of_table(read: Table, path: Path, folder: Path) -> dict[str, Any]:
 
 
 def _range(values: list[float]) -> list[float] | None:
-    told = [value for value in values if math.isfinite(value)]
-    return [min(told), max(told)] if told else None
+    numbers = [value for value in values if math.isfinite(value)]
+    return [min(numbers), max(numbers)] if numbers else None
 
 
 def _finding(finding: Finding, table: Table | None, t: Floats | None) -> dict[str, Any]:
@@ -118,8 +118,8 @@ def _finding(finding: Finding, table: Table | None, t: Floats | None) -> dict[st
     if finding.rows is not None and table is not None and t is not None and len(t):
         first, last = (min(int(np.searchsorted(table.row, row)), len(t) - 1) for row in finding.rows)
         span = [float(t[first]), float(t[last])]
-    told = {"severity": str(finding.severity), "sentence": finding.sentence, "remedy": finding.remedy}
-    return {**told, "where": finding.where, "span": span}
+    shown = {"severity": str(finding.severity), "sentence": finding.sentence, "remedy": finding.remedy}
+    return {**shown, "where": finding.where, "span": span}
 
 
 def _plain(about: Mapping[str, Any]) -> str:

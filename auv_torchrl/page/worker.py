@@ -210,8 +210,8 @@ class Worker:
                 for line in whole:
                     text = printable(line.decode("utf-8", "replace"), _LONGEST_LINE)
                     lines.append(text)
-                    if told := _PROGRESS.match(text):
-                        self.store.change_job(job.id, share=min(int(told[1]), 100) / 100, stage=told[2])
+                    if matched := _PROGRESS.match(text):
+                        self.store.change_job(job.id, share=min(int(matched[1]), 100) / 100, stage=matched[2])
                         self.board.tell(is_progress=True)
         return [*lines, left.decode("utf-8", "replace")]
 
@@ -227,10 +227,10 @@ class Worker:
             values = {"verdict": answer.get("verdict", ""), "summary": summary, "share": 1.0, "stage": "done"}
             self.store.change_job(job.id, state=JobState.DONE, ended=now(), **values)
             return
-        told = [found[1] for line in printed if (found := _ERROR.match(line))]
+        errors = [found[1] for line in printed if (found := _ERROR.match(line))]
         last = next((line for line in reversed(printed) if line.strip()), "")
         killed = f"it was ended by signal {-code}, as by a system that has no memory left" if code < 0 else ""
-        error = next(iter(told[-1:]), "") or killed or last or f"it ended with code {code}"
+        error = next(iter(errors[-1:]), "") or killed or last or f"it ended with code {code}"
         self.store.change_job(job.id, state=JobState.FAILED, ended=now(), error=error)
 
     async def _start(self, module: str, own: str, *arguments: str) -> asyncio.subprocess.Process:

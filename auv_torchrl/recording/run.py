@@ -98,9 +98,9 @@ def record_run(
 
 def _starts_to_show(flights: Mapping[str, Flight]) -> list[int]:
     """The start that stays farthest from the target under u_s, then others in their random order."""
-    judged = flights.get("u_s", next(iter(flights.values())))
-    worst = int(judged.position_error.mean(dim=1).argmax())
-    others = [start for start in range(judged.shape[0]) if start != worst]
+    pictured = flights.get("u_s", next(iter(flights.values())))
+    worst = int(pictured.position_error.mean(dim=1).argmax())
+    others = [start for start in range(pictured.shape[0]) if start != worst]
     return [worst, *others][:PATHS]
 
 

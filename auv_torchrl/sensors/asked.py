@@ -41,7 +41,9 @@ def coefficients_asked(c: Coefficients, channels: tuple[str, ...]) -> tuple[str,
     return tuple(sorted(watched.names | set(loaded)))
 
 
-def report_alike(before: Coefficients, after: Coefficients, channels: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+def report_the_same(
+    before: Coefficients, after: Coefficients, channels: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
     """Vehicles (K,), of all (R,), that may report something else than a vehicle (1,), and which each (R,) is like.
 
     -1 is one that reports what that vehicle does.

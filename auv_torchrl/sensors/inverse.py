@@ -114,8 +114,8 @@ class Inverse:
     @property
     def is_true(self) -> bool:
         """Whether all vehicles move as reported, but for a shift of where they are."""
-        told = self.by_position or self.mixing is None
-        return told and bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
+        placed = self.by_position or self.mixing is None
+        return placed and bool((self.offset[..., 3:6] == 0).all() and (self.speed == 1).all())
 
     def kinds(self) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of vehicles whose sensors do what those of most do, and of the others."""

@@ -23,7 +23,7 @@ from auv_torchrl.baselines import (
     pulse_test,
     retrain,
     train_encoder,
-    train_told,
+    train_informed,
     weigh_particles,
 )
 from auv_torchrl.compensation.close import Closed, close
@@ -209,7 +209,7 @@ def history(bench: Bench) -> Attempt:
 def history_policy(vehicle: Vehicle, store: Path) -> HistoryPolicy:
     """Trained once for all scenarios, over gains of thrusters that may be dead or reversed."""
     task = replace(StationKeeping(), thruster_commands=True)
-    policy = train_told(vehicle, task, load_agent_config(*HISTORY_AGENT), HISTORY_RANGES, 0, BACKEND, store)
+    policy = train_informed(vehicle, task, load_agent_config(*HISTORY_AGENT), HISTORY_RANGES, 0, BACKEND, store)
     return train_encoder(policy, vehicle, task, HISTORY_RANGES, BACKEND)
 
 

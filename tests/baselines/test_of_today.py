@@ -17,7 +17,15 @@ from auv_torchrl.agents.config import SACConfig, load_agent_config
 from auv_torchrl.agents.networks import make_policy
 from auv_torchrl.agents.pid import PID
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.baselines import LQR, AdaptiveLQR, EncoderConfig, L1Augmentation, retrain, train_encoder, train_told
+from auv_torchrl.baselines import (
+    LQR,
+    AdaptiveLQR,
+    EncoderConfig,
+    L1Augmentation,
+    retrain,
+    train_encoder,
+    train_informed,
+)
 from auv_torchrl.baselines.lqr import TOLERATED, TOLERATED_SPEED, gain_of
 from auv_torchrl.envs import RandomizeVehicle, TorchFleet
 from auv_torchrl.evaluation import draw_starts, fly
@@ -93,7 +101,7 @@ def test_their_transforms_keep_the_contract_of_the_environment():
 
 def test_draws_are_told_where_that_is_asked_for():
     """The entry has where each gain lies in its range, for the vehicles that fly, and is declared."""
-    env = TransformedEnv(fleet(None, 3), RandomizeVehicle(VEHICLE, GAINS, seed=1, told="told"))
+    env = TransformedEnv(fleet(None, 3), RandomizeVehicle(VEHICLE, GAINS, seed=1, entry="told"))
     check_env_specs(env)
     env.set_seed(0)
     flown = env.rollout(5)
@@ -116,7 +124,7 @@ def test_an_encoder_infers_what_the_policy_was_told():
     policy = SourcePolicy(pilot, {"network": {"observations": len(task.observation_names) + 1}})
     few = EncoderConfig(rounds=1, vehicles=1024, steps=20, updates=400, batch_size=512)
     made = train_encoder(policy, VEHICLE, task, one, "torch", few)
-    parts = [RandomizeVehicle(VEHICLE, one, seed=9, told="told"), *made.parts()]
+    parts = [RandomizeVehicle(VEHICLE, one, seed=9, entry="told"), *made.parts()]
     env = TransformedEnv(TorchFleet(VEHICLE, task, 64, seed=3), Compose(parts))
     check_env_specs(env)
     after = env.rollout(20, pilot, break_when_any_done=False)["next"][:, -1]
@@ -128,9 +136,9 @@ def test_a_policy_is_told_in_its_training(tmp_path):
     """Its network has an input for each number that is drawn, and the same training is not done twice."""
     task = StationKeeping(episode_s=1.0, thruster_commands=True)
     given = (VEHICLE, task, tiny_config(), GAINS, 0, "torch", tmp_path)
-    policy = train_told(*given)
+    policy = train_informed(*given)
     assert policy.metadata["network"]["observations"] == len(task.observation_names) + 6
-    assert train_told(*given).metadata["hash"] == policy.metadata["hash"]
+    assert train_informed(*given).metadata["hash"] == policy.metadata["hash"]
 
 
 def test_retraining_flies_the_target_for_what_it_says_and_no_longer():

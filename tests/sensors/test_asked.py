@@ -5,7 +5,7 @@ import pytest
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.physics import Coefficients, prepare
-from auv_torchrl.sensors import FELT, MOTION, ages, read, report_alike
+from auv_torchrl.sensors import FELT, MOTION, ages, read, report_the_same
 from auv_torchrl.sensors.asked import coefficients_asked
 from auv_torchrl.vehicle import load_vehicle
 
@@ -25,10 +25,10 @@ def prepared(rows) -> Coefficients:
     return prepare(batch(VEHICLE, rows)).numpy()
 
 
-def test_vehicles_with_the_same_sensors_report_alike():
+def test_vehicles_with_the_same_sensors_report_the_same():
     """A weak thruster changes no report of a motion; a scale, a bias or a delay of a sensor does."""
     before, after = prepared([{}]), prepared(ROWS)
-    first, kind = report_alike(before, after, MOTION)
+    first, kind = report_the_same(before, after, MOTION)
     assert kind.tolist() == [-1, -1, 0, 0, 1, 2]
     assert first.tolist() == [2, 4, 5]
     motion = np.random.default_rng(0).normal(size=(len(ROWS), 12))

@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.motion.tangent import Tangent, respond
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import least_turn, matvec, normalise
-from auv_torchrl.sensors import Inverse, motion_of, read, report_alike
+from auv_torchrl.sensors import Inverse, motion_of, read, report_the_same
 
 CANDIDATES_AT_ONCE = 64  # vehicles: as many arrays of them as there are at once stay below 0.1 GB
 READ_AT_ONCE = 300  # windows of vehicles: their arrays stay in the cache of a laptop
@@ -97,7 +97,7 @@ def reading_changes(windows: Windows, before: Coefficients, after: Coefficients,
     show that: a speed that positions show is also a speed that a Doppler log reads. None where all vehicles report the
     same. ``states`` (W, S + 1, 13) are the true ones of the nominal vehicle.
     """
-    first, kind = report_alike(before, after, windows.channels)
+    first, kind = report_the_same(before, after, windows.channels)
     if not len(first):
         return None
     seen = sensors_of(before, windows.channels).reported_state(states)[:, None]

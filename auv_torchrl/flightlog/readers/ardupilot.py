@@ -182,11 +182,11 @@ def _filtered(messages: Messages, primary: Columns | None, lane: int) -> tuple[S
 
 def _innovation(messages: Messages, primary: Columns | None, lane: int) -> float | None:
     """How far measured velocities were off those that the filter expected, m/s: about as far as it is off itself."""
-    told = messages.get("XKF3", "IVN", "IVE")
-    if told is None:
+    table = messages.get("XKF3", "IVN", "IVE")
+    if table is None:
         return None
-    told = of_lane(told, primary, lane)
-    off = np.hypot(*stacked(told, ("IVN", "IVE")).T) / np.sqrt(2)
+    table = of_lane(table, primary, lane)
+    off = np.hypot(*stacked(table, ("IVN", "IVE")).T) / np.sqrt(2)
     return float(np.sqrt(np.mean(off[off > 0] ** 2))) if (off > 0).any() else None
 
 
@@ -217,12 +217,12 @@ def _battery(messages: Messages) -> Stream | None:
 
 def _compasses(messages: Messages) -> Iterator[Stream | None]:
     """What each compass feels, less its offsets and what the autopilot takes out of it already."""
-    told = messages.get("MAG", "MagX", "MagY", "MagZ")
-    if told is None:
+    table = messages.get("MAG", "MagX", "MagY", "MagZ")
+    if table is None:
         return
-    unit = told["I"] if "I" in told else np.zeros(len(told["t"]), np.uint8)
+    unit = table["I"] if "I" in table else np.zeros(len(table["t"]), np.uint8)
     for number, name in enumerate(COMPASSES):
         kept = np.flatnonzero(unit == number)
         kept = kept[:: 1 + len(kept) // MOST_SAMPLES]
-        felt = np.stack([told[f"Mag{axis}"][kept].astype(np.float64) for axis in "XYZ"], -1)
-        yield stream(name, ("mx", "my", "mz"), "mG", told["t"][kept], felt, Sampling.MEASURED, f"MAG {number}")
+        felt = np.stack([table[f"Mag{axis}"][kept].astype(np.float64) for axis in "XYZ"], -1)
+        yield stream(name, ("mx", "my", "mz"), "mG", table["t"][kept], felt, Sampling.MEASURED, f"MAG {number}")

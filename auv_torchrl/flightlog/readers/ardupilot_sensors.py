@@ -118,10 +118,10 @@ def _read(
 def _bias(messages: Messages, name: str, primary: Columns | None, lane: int, t: np.ndarray) -> np.ndarray | None:
     """What the lane in use found its unit to be off by at times ``t``: degree/s in XKF1, m/s^2 in XKF2; (T, 3)."""
     fields = BIASES[name]
-    told = messages.get(name, *fields)
-    if told is None or not len((told := of_lane(told, primary, lane))["t"]):
+    rows = messages.get(name, *fields)
+    if rows is None or not len((rows := of_lane(rows, primary, lane))["t"]):
         return None
-    return stacked(told, fields)[latest(told["t"], t)]
+    return stacked(rows, fields)[latest(rows["t"], t)]
 
 
 def _late(corner: float | None) -> float:

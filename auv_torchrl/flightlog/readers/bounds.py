@@ -42,7 +42,7 @@ class Loss:
         self._counts: Counter[str] = Counter()
         self._beyond: Counter[str] = Counter()
         self._stopped = ""
-        self._looked = 0
+        self._passed = 0
 
     def add(self, kind: str, count: int = 1) -> None:
         """Note something that is left out, such as "messages that cannot be read"."""
@@ -63,8 +63,8 @@ class Loss:
 
     def look(self) -> None:
         """Count a record that is looked at."""
-        self._looked += 1
-        if self._looked > MOST_RECORDS:
+        self._passed += 1
+        if self._passed > MOST_RECORDS:
             self.stop(f"it holds more than {MOST_RECORDS:,} records")
 
     @property

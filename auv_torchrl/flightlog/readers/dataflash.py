@@ -93,9 +93,9 @@ def read_messages(path: Path, wanted: Wanted) -> Messages:
     read = [entry for entry in found.read if entry.name not in odd or entry.damage]
     findings = (*damaged((*read, *odd.values()), wanted), *_lost(found, begin + len(rest)))
     if not found.parts:
-        said = "".join(f"; {finding.sentence}" for finding in findings)
+        reasons = "".join(f"; {finding.sentence}" for finding in findings)
         raise FlightLogError(
-            f"{path.name} begins like an ArduPilot log and holds no record that can be read{said}: copy it from the "
+            f"{path.name} begins like an ArduPilot log and holds no record that can be read{reasons}: copy it from the "
             "vehicle again"
         )
     types = {name: _timed(_joined(found.parts.pop(name))) for name in list(found.parts)}

@@ -116,11 +116,11 @@ def read_messages(path: Path, wanted: Wanted) -> Messages:
                 _describe(rest, found)
             elif name in found.types:
                 _take(name, rest, found)
-    findings = (*damaged(found.read, wanted), *_said(found))
+    findings = (*damaged(found.read, wanted), *_findings(found))
     types = {name: columns for name, kinds in found.types.items() if (columns := _columns(kinds))}
     if not types:
-        said = "".join(f"; {finding.sentence}" for finding in findings)
-        raise FlightLogError(f"{path.name} begins like an ArduPilot log and holds no line that can be read{said}")
+        reasons = "".join(f"; {finding.sentence}" for finding in findings)
+        raise FlightLogError(f"{path.name} begins like an ArduPilot log and holds no line that can be read{reasons}")
     return in_order(types, findings)
 
 
@@ -178,7 +178,7 @@ def _columns(kinds: list[_Type]) -> dict[str, np.ndarray]:
     return columns
 
 
-def _said(found: _Found) -> Iterator[Finding]:
+def _findings(found: _Found) -> Iterator[Finding]:
     if found.commas:
         lines = counted(found.commas, "line")
         sentence = f"the numbers have decimal commas ({lines}); fields are told apart by the space behind"

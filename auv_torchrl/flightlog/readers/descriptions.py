@@ -24,7 +24,7 @@ TEXT_CODES, _ARRAY = "nNZ", "a"  # types of fields
 _NAME = re.compile(rb"[A-Za-z][A-Za-z0-9_]{0,3}\0*")
 _COLUMNS = re.compile(rb"[A-Za-z0-9_,]+\0*")
 _COMMON = (TIME, "C", "I")  # fields that many types have
-_ALIKE = 0.5  # share of the other fields of a type that a damaged description must have, too, to be meant for it
+_SIMILAR = 0.5  # share of the other fields of a type that a damaged description must have, too, to be meant for it
 _NO_SLIPS = ("NKF1", "NKF2", "NKF3", "NKF4", "NKQ", "RCI2")  # types of firmware that are a letter off a wanted one
 
 
@@ -109,8 +109,8 @@ def _meant_type(entry: Description, wanted: Wanted, sound: set[str]) -> str:
     """The wanted type, not described in the file otherwise, that a description under another name is meant for."""
     for name, fields in wanted.items():
         own = set(fields) - set(_COMMON)
-        alike = len(own & set(entry.fields)) >= _ALIKE * len(own)
-        if name not in sound and alike and (entry.damage.startswith("its name") or _is_slip(entry.name, name)):
+        similar = len(own & set(entry.fields)) >= _SIMILAR * len(own)
+        if name not in sound and similar and (entry.damage.startswith("its name") or _is_slip(entry.name, name)):
             return name
     return ""
 

@@ -36,13 +36,13 @@ def vehicle_facts(
         text: message, and its field with a text of the firmware.
         kinds: of vehicle that the log names elsewhere.
     """
-    given, said = messages.get(*parameter), messages.get(*text)
+    given, lines = messages.get(*parameter), messages.get(*text)
     named = [] if given is None else zip(map(spelt, given[parameter[1]]), given[parameter[2]].tolist(), strict=True)
     parameters, findings = read_parameters(name, named)
-    texts = [] if said is None else list(dict.fromkeys(map(spelt, said[text[1]][:_MOST_TEXTS])))
+    texts = [] if lines is None else list(dict.fromkeys(map(spelt, lines[text[1]][:_MOST_TEXTS])))
     source = f"text of the firmware, {text[0]}"
-    kind = next(((told, of) for told in texts if (of := kind_of_text(told, source)) is not None), None)
-    firmware = kind[0] if kind else next((told for told in texts if told.startswith("Ardu")), "")
+    kind = next(((spoken, of) for spoken in texts if (of := kind_of_text(spoken, source)) is not None), None)
+    firmware = kind[0] if kind else next((spoken for spoken in texts if spoken.startswith("Ardu")), "")
     every = (*((kind[1],) if kind else ()), *kinds)
     frame = ("", None) if other_kind(every) else _frame_of(parameters)
     return VehicleFacts(firmware, *frame, parameters, every), findings

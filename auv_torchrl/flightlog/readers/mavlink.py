@@ -111,13 +111,13 @@ def _outputs(messages: Messages) -> Stream | None:
 
 def _attitude(messages: Messages) -> tuple[Stream | None, Stream | None]:
     """Angles, and rates less the bias that the filter found."""
-    told = messages.get("ATTITUDE", "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed")
-    if told is None:
+    table = messages.get("ATTITUDE", "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed")
+    if table is None:
         return None, None
     axes = ("roll", "pitch", "yaw")
-    angles = stream("attitude", axes, "rad", told["t"], stacked(told, axes), Sampling.ESTIMATED, "ATTITUDE")
-    rates = stacked(told, (f"{axis}speed" for axis in axes))
-    return angles, stream("gyro", "pqr", "rad/s", told["t"], rates, Sampling.MEASURED, "ATTITUDE")
+    angles = stream("attitude", axes, "rad", table["t"], stacked(table, axes), Sampling.ESTIMATED, "ATTITUDE")
+    rates = stacked(table, (f"{axis}speed" for axis in axes))
+    return angles, stream("gyro", "pqr", "rad/s", table["t"], rates, Sampling.MEASURED, "ATTITUDE")
 
 
 def _accelerometer(messages: Messages) -> Stream | None:
@@ -136,10 +136,10 @@ def _depth(messages: Messages, vehicle: VehicleFacts) -> tuple[Stream | None, li
     gravity = vehicle.parameters.get("BARO_SPEC_GRAV")
     found = {}
     for n, name in enumerate(_PRESSURES):
-        told, ground = messages.get(name, "press_abs"), vehicle.parameters.get(f"BARO{n + 1}_GND_PRESS")
-        if told is not None and ground and gravity:
-            pressure = told["press_abs"].astype(np.float64) * 100.0  # hPa
-            found[name] = told["t"], np.where(pressure > 0, (pressure - ground) / (_PA_A_METRE * gravity), np.nan)
+        table, ground = messages.get(name, "press_abs"), vehicle.parameters.get(f"BARO{n + 1}_GND_PRESS")
+        if table is not None and ground and gravity:
+            pressure = table["press_abs"].astype(np.float64) * 100.0  # hPa
+            found[name] = table["t"], np.where(pressure > 0, (pressure - ground) / (_PA_A_METRE * gravity), np.nan)
     if not found:
         return None, []
     if use is None:
@@ -161,14 +161,14 @@ def _depth(messages: Messages, vehicle: VehicleFacts) -> tuple[Stream | None, li
 
 
 def _filtered(messages: Messages) -> tuple[Stream | None, Stream | None]:
-    told = messages.get("LOCAL_POSITION_NED", "x", "y", "z", "vx", "vy", "vz")
-    if told is None:
+    table = messages.get("LOCAL_POSITION_NED", "x", "y", "z", "vx", "vy", "vz")
+    if table is None:
         return None, None
-    place, speed = stacked(told, ("x", "y", "z")), stacked(told, ("vx", "vy", "vz"))
-    leave_out_unknown(place, speed, told["t"], messages.get("EKF_STATUS_REPORT", "flags"), "flags")
+    place, speed = stacked(table, ("x", "y", "z")), stacked(table, ("vx", "vy", "vz"))
+    leave_out_unknown(place, speed, table["t"], messages.get("EKF_STATUS_REPORT", "flags"), "flags")
     what = "LOCAL_POSITION_NED"
-    position = stream("position", "xyz", "m", told["t"], place, Sampling.ESTIMATED, what)
-    return position, stream("velocity", ("north", "east", "down"), "m/s", told["t"], speed, Sampling.ESTIMATED, what)
+    position = stream("position", "xyz", "m", table["t"], place, Sampling.ESTIMATED, what)
+    return position, stream("velocity", ("north", "east", "down"), "m/s", table["t"], speed, Sampling.ESTIMATED, what)
 
 
 def _battery(messages: Messages) -> Stream | None:

@@ -58,9 +58,9 @@ def read(path: Path, options: ReadOptions) -> Streams:
             by_name = True
             received = mavlink.Received(loss)  # what came under the common topic comes again under its own
         try:
-            told = _message(channel.topic, data, by_name)
-            if told is not None:
-                system, name, fields = told
+            decoded = _message(channel.topic, data, by_name)
+            if decoded is not None:
+                system, name, fields = decoded
                 received.add(system, name, time_ns * 1e-9, fields)
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             loss.add("messages that cannot be read")
@@ -88,15 +88,15 @@ def _message(topic: str, data: bytes, by_name: bool) -> tuple[int, str, dict[str
         system, component, name = int(place[1]), int(place[2]), place[3]
         if component != mavlink.AUTOPILOT or name not in mavlink.WANTED:
             return None
-        told = json.loads(data, strict=False)  # names come with the zeros behind them
+        decoded = json.loads(data, strict=False)  # names come with the zeros behind them
     elif not by_name and _ALL.fullmatch(topic):
-        told = json.loads(data, strict=False)
-        system, name = int(told["header"]["system_id"]), str(told["message"]["type"])
-        if int(told["header"]["component_id"]) != mavlink.AUTOPILOT or name not in mavlink.WANTED:
+        decoded = json.loads(data, strict=False)
+        system, name = int(decoded["header"]["system_id"]), str(decoded["message"]["type"])
+        if int(decoded["header"]["component_id"]) != mavlink.AUTOPILOT or name not in mavlink.WANTED:
             return None
     else:
         return None
-    return system, name, dict.fromkeys(mavlink.ADDED.get(name, ()), 0) | _fields(told["message"])
+    return system, name, dict.fromkeys(mavlink.ADDED.get(name, ()), 0) | _fields(decoded["message"])
 
 
 def _fields(message: Mapping[str, Any]) -> dict[str, Any]:

@@ -81,7 +81,7 @@ def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding
     findings += [odd for name, columns in types.items() if (odd := _drop_odd_values(name, columns)) is not None]
     timed = [name for name, columns in types.items() if len(columns.get("t", ()))]
     if not timed:
-        return Messages(dict(types), (*findings, *_said(0, lost)))
+        return Messages(dict(types), (*findings, *_findings(0, lost)))
     clock = types[max(timed, key=lambda name: len(types[name]["t"]))]
     at, usual = clock[AT], rolling_median(clock["t"], _NEIGHBOURS, "reflect")
     back = np.flatnonzero(np.diff(usual) < -_JUMP_S) + 1
@@ -108,7 +108,7 @@ def in_order(types: dict[str, dict[str, np.ndarray]], findings: Iterable[Finding
     for name in timed:
         kept[name]["t"][:] -= first if np.isfinite(first) else 0.0
     starts = tuple(float(usual[i]) - first for i in back)
-    return Messages(kept, (*findings, *_said(len(back), lost)), starts)
+    return Messages(kept, (*findings, *_findings(len(back), lost)), starts)
 
 
 def _drop_odd_times(columns: dict[str, np.ndarray]) -> int:
@@ -141,7 +141,7 @@ def _is_text(columns: Columns) -> bool:
     return any(values.dtype.kind in "SU" for values in columns.values())
 
 
-def _said(restarts: int, lost: int) -> Iterator[Finding]:
+def _findings(restarts: int, lost: int) -> Iterator[Finding]:
     if restarts:
         times = counted(restarts, "time")
         sentence = f"the clock of the log starts over {times}; each start is read as a second after the rest"

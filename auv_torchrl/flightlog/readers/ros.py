@@ -343,11 +343,11 @@ def _streams(name: str, topics: list[Topic], others: list[str], findings: tuple[
             made = stream(key, channels, unit, times[id(topic)] - start, rows, sampling, topic.name)
             found.update({key: made} if made else {})
             sources[key] = topic
-            alike = {topic.kind, *(preferred if topic.kind in preferred else ())}
-            if rivals := [t.name for t, _ in holds if t.kind in alike and t is not topic]:
+            same_kinds = {topic.kind, *(preferred if topic.kind in preferred else ())}
+            if rivals := [t.name for t, _ in holds if t.kind in same_kinds and t is not topic]:
                 several.setdefault(f"{topic.name} and not from {_listed(rivals)}", []).append(key)
-    told, missing = _commands(topics, times, start, others)
-    found.update({told.name: told} if told else {})
+    commands, missing = _commands(topics, times, start, others)
+    found.update({commands.name: commands} if commands else {})
     armed, modes = _state(topics, times, start, max((float(s.t[-1]) for s in found.values()), default=0.0))
     sentence = "vectors are read as ENU and FLU (REP 103) unless their frame is called ned or frd"
     taken = [
@@ -356,8 +356,8 @@ def _streams(name: str, topics: list[Topic], others: list[str], findings: tuple[
         for source, keys in several.items()
     ]  # fmt: skip
     frames = Finding(Severity.INFO, "ros_frames", sentence)
-    said = (*findings, frames, *taken, *_mounting(sources.get("accelerometer")), *missing)
-    return Streams(name, "ROS bag", found, VehicleFacts(), armed, modes, findings=said)
+    noted = (*findings, frames, *taken, *_mounting(sources.get("accelerometer")), *missing)
+    return Streams(name, "ROS bag", found, VehicleFacts(), armed, modes, findings=noted)
 
 
 def _mounting(imu: Topic | None) -> list[Finding]:
@@ -406,12 +406,12 @@ def _is_called_commands(topic: str) -> bool:
 
 
 def _state(topics: list[Topic], times: dict[int, Floats], start: float, end: float) -> tuple[Spans | None, Modes]:
-    told = next((t for t in topics if t.kind == "mavros_msgs/State"), None)
-    if told is None:
+    states = next((t for t in topics if t.kind == "mavros_msgs/State"), None)
+    if states is None:
         return None, ()
-    at = changes(*told.fields.T)
-    names = list(told.modes)
-    t = times[id(told)][at] - start
+    at = changes(*states.fields.T)
+    names = list(states.modes)
+    t = times[id(states)][at] - start
     return state_of(
-        [(float(s), bool(on), names[int(mode)]) for s, (on, mode) in zip(t, told.fields[at], strict=True)], end
+        [(float(s), bool(on), names[int(mode)]) for s, (on, mode) in zip(t, states.fields[at], strict=True)], end
     )

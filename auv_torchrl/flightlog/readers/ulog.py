@@ -121,10 +121,10 @@ def _some(topics: Mapping[str, Topic], name: str, *fields: str) -> tuple[np.ndar
 
 
 def _commands(topics: Mapping[str, Topic]) -> Stream | None:
-    told = _some(topics, "actuator_motors", *(f"control[{n}]" for n in range(_MOTORS)))
-    if told is None:
+    rows = _some(topics, "actuator_motors", *(f"control[{n}]" for n in range(_MOTORS)))
+    if rows is None:
         return None
-    t, values = told
+    t, values = rows
     used = np.isfinite(values).any(axis=0)
     number = int(np.flatnonzero(used)[-1]) + 1 if used.any() else 0
     names = (f"cmd_{n + 1}" for n in range(number))
@@ -132,11 +132,11 @@ def _commands(topics: Mapping[str, Topic]) -> Stream | None:
 
 
 def _attitude(topics: Mapping[str, Topic]) -> Stream | None:
-    told = _some(topics, "vehicle_attitude", *(f"q[{i}]" for i in range(4)))
-    if told is None:
+    rows = _some(topics, "vehicle_attitude", *(f"q[{i}]" for i in range(4)))
+    if rows is None:
         return None
-    angles = euler_angles(told[1])
-    return stream("attitude", ("roll", "pitch", "yaw"), "rad", told[0], angles, Sampling.ESTIMATED, "vehicle_attitude")
+    angles = euler_angles(rows[1])
+    return stream("attitude", ("roll", "pitch", "yaw"), "rad", rows[0], angles, Sampling.ESTIMATED, "vehicle_attitude")
 
 
 def _felt(
@@ -144,9 +144,9 @@ def _felt(
 ) -> Stream | None:
     """Rates or specific force of the first of the topics that has its field: less their biases, or as sensed."""
     for topic, field in sources:
-        told = _some(topics, topic, *(f"{field}[{i}]" for i in range(3)))
-        if told is not None:
-            return stream(name, channels, unit, *told, Sampling.MEASURED, topic)
+        rows = _some(topics, topic, *(f"{field}[{i}]" for i in range(3)))
+        if rows is not None:
+            return stream(name, channels, unit, *rows, Sampling.MEASURED, topic)
     return None
 
 
@@ -168,10 +168,10 @@ def _local(topics: Mapping[str, Topic]) -> tuple[Stream | None, Stream | None]:
 
 
 def _battery(topics: Mapping[str, Topic]) -> Stream | None:
-    told = _some(topics, "battery_status", "voltage_v", "current_a")
-    if told is None:
+    rows = _some(topics, "battery_status", "voltage_v", "current_a")
+    if rows is None:
         return None
-    return stream("battery", ("voltage", "current"), ("V", "A"), *told, Sampling.MEASURED, "battery_status")
+    return stream("battery", ("voltage", "current"), ("V", "A"), *rows, Sampling.MEASURED, "battery_status")
 
 
 def _status(topic: Topic | None, end: float) -> tuple[Spans | None, Modes]:

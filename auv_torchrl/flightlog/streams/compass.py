@@ -125,8 +125,8 @@ def _finding(found: Interference, number: int, most: float, unit: str, parameter
         names = [_named(f"COMPASS_MOT_{axis}", number) for axis in "XYZ"]
         before = [parameters.get(name, 0.0) if way == 2 else 0.0 for name in names]
         new = [old - float(value) for old, value in zip(before, found.field, strict=True)]
-        told = ", ".join(f"{name} to {value:.2f}" for name, value in zip(names, new, strict=True))
-        remedy += f"; or let the autopilot take it out: set COMPASS_MOTCT to 2 and {told}"
+        set_to = ", ".join(f"{name} to {value:.2f}" for name, value in zip(names, new, strict=True))
+        remedy += f"; or let the autopilot take it out: set COMPASS_MOTCT to 2 and {set_to}"
     return Finding(Severity.WARNING, "compass_interference", sentence, remedy, ("yaw",))
 
 
@@ -199,10 +199,10 @@ def _fitted(felt: Floats, rotation: Floats, drawn: Floats, knots: Floats, drift:
     """One round, from the drift and the field of the earth that are known so far."""
     columns = _otherwise(_turn_north(rotation, drift), earth, knots)
     base = np.linalg.qr(columns)[0]
-    told, load = felt.reshape(-1), np.kron(drawn[:, None], np.eye(3))
-    left, pushed = (given - base @ (base.T @ given) for given in (told, load))
+    felt_flat, load = felt.reshape(-1), np.kron(drawn[:, None], np.eye(3))
+    left, pushed = (given - base @ (base.T @ given) for given in (felt_flat, load))
     field = np.asarray(np.linalg.lstsq(pushed, left, rcond=None)[0], np.float64)
-    rest = np.linalg.lstsq(columns, told - load @ field, rcond=None)[0]
+    rest = np.linalg.lstsq(columns, felt_flat - load @ field, rcond=None)[0]
     drift = drift + knots @ rest[-knots.shape[1] :]
     return _Fit(field, pushed, left, drift, _earth_field(felt - drawn[:, None] * field, _turn_north(rotation, drift)))
 

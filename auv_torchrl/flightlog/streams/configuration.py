@@ -39,10 +39,10 @@ def compare_configuration(parameters: Values, healthy: Sequence[Values]) -> list
 
     What is no finite number in one of them is not compared.
     """
-    parameters, told = known(parameters), [values for values in map(known, healthy) if values]
-    if not parameters or not told:
+    parameters, flights = known(parameters), [values for values in map(known, healthy) if values]
+    if not parameters or not flights:
         return []
-    sound = {n: v for n, v in told[0].items() if all(other.get(n) == v for other in told[1:])}
+    sound = {n: v for n, v in flights[0].items() if all(other.get(n) == v for other in flights[1:])}
     differ = {name: value for name, value in parameters.items() if name in sound and sound[name] != value}
     found = list(_exchanged(differ, sound))
     named = {name for finding in found for name, _ in finding.param}
@@ -129,8 +129,10 @@ def _pulses(parameters: Values) -> Iterator[Finding]:
                 )
     short = {n: parameters[n] for n, full in _FULL.items() if n in parameters and abs(parameters[n] - full) > 50}
     if short and all(short.values()):  # 0 takes the range of the throttle
-        said = " and ".join(f"{name} {value:g}" for name, value in short.items())
-        sentence = f"pulses are limited by {said} us where thrusters commonly take 1100 to 1900: full command is {said}"
+        widths = " and ".join(f"{name} {value:g}" for name, value in short.items())
+        sentence = (
+            f"pulses are limited by {widths} us where thrusters commonly take 1100 to 1900: full command is {widths}"
+        )
         remedy = "That is right if the vehicle file's full thrust is meant at these pulses"
         yield Finding(Severity.INFO, "pulse_limits", sentence, remedy)
 

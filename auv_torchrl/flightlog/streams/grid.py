@@ -55,8 +55,8 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
             f"{streams.name} measures nothing that a diagnosis can use (it has {', '.join(streams.streams)}): log "
             "attitude, depth, gyro, position or velocity"
         )
-    told = _told(chosen)
-    t, row = row_times(commands, _wanted_interval(commands, told))
+    attitude = _attitude(chosen)
+    t, row = row_times(commands, _wanted_interval(commands, attitude))
     number, findings = _episodes(streams, options, t)
     kept = (number >= 0) & ~_before_or_after(t, chosen)
     t, row, number = t[kept], row[kept], number[kept]
@@ -76,7 +76,7 @@ def tabulate(streams: Streams, options: ReadOptions | None = None) -> Table:
     findings += check_compass(streams, autopilot)
     return Table(
         streams.name, columns, np.arange(1, len(t) + 1), (*streams.findings, *findings), units_known=True,
-        measured=_measured_rows(told, t, interval), errors=_errors(streams, commands, chosen), autopilot=autopilot,
+        measured=_measured_rows(attitude, t, interval), errors=_errors(streams, commands, chosen), autopilot=autopilot,
     )  # fmt: skip
 
 
@@ -87,12 +87,12 @@ def _errors(streams: Streams, commands: Stream, chosen: Mapping[str, Stream]) ->
     return SampleErrors(snapshot, {axis: rate for axis, rate in rates.items() if rate > 0})
 
 
-def _measured_rows(told: Stream, t: Floats, interval: float) -> np.ndarray | None:
-    """(T,) rows at which ``told`` has a sample, where it is sampled in step with them; None where it is not."""
-    if len(told) < 2 or len(t) < 2:
+def _measured_rows(attitude: Stream, t: Floats, interval: float) -> np.ndarray | None:
+    """(T,) rows at which ``attitude`` has a sample, where it is sampled in step with them; None where it is not."""
+    if len(attitude) < 2 or len(t) < 2:
         return None
-    after = np.clip(np.searchsorted(told.t, t), 1, len(told) - 1)
-    here = np.minimum(np.abs(told.t[after] - t), np.abs(told.t[after - 1] - t)) < _TOGETHER * interval
+    after = np.clip(np.searchsorted(attitude.t, t), 1, len(attitude) - 1)
+    here = np.minimum(np.abs(attitude.t[after] - t), np.abs(attitude.t[after - 1] - t)) < _TOGETHER * interval
     return here if _IN_STEP < here.mean() < 1 - _IN_STEP else None
 
 
@@ -152,14 +152,14 @@ def sampled(stream: Stream, channel: str, t: Floats, interval: float) -> Floats:
     return np.arctan2(np.sin(result), np.cos(result)) if angle else result
 
 
-def _told(chosen: Mapping[str, Stream]) -> Stream:
+def _attitude(chosen: Mapping[str, Stream]) -> Stream:
     """The attitude, or else what is told most often."""
     return chosen.get("yaw") or chosen.get("roll") or min(chosen.values(), key=lambda stream: stream.interval)
 
 
-def _wanted_interval(commands: Stream, told: Stream) -> float:
-    """As often as ``told``; never more often than a control step."""
-    return max(CONTROL_DT, told.interval) if len(told) > 1 else max(CONTROL_DT, commands.interval)
+def _wanted_interval(commands: Stream, attitude: Stream) -> float:
+    """As often as ``attitude``; never more often than a control step."""
+    return max(CONTROL_DT, attitude.interval) if len(attitude) > 1 else max(CONTROL_DT, commands.interval)
 
 
 def _before_or_after(t: Floats, chosen: Mapping[str, Stream]) -> np.ndarray:
@@ -210,10 +210,10 @@ def _sources(commands: Stream, chosen: Mapping[str, Stream], columns: Mapping[st
     for axis, stream in chosen.items():
         if axis in columns:
             by_source.setdefault(f"{stream.source} ({stream.rate})", []).append(axis)
-    told = [f"{' '.join(axes)} from {source}" for source, axes in by_source.items()]
+    sources = [f"{' '.join(axes)} from {source}" for source, axes in by_source.items()]
     centred = ", taken as snapshots" if commands.sampling is Sampling.SNAPSHOT else ""
-    told.append(f"commands from {commands.source} ({commands.rate}{centred})")
-    findings = [Finding(Severity.INFO, "sources", "; ".join(told))]
+    sources.append(f"commands from {commands.source} ({commands.rate}{centred})")
+    findings = [Finding(Severity.INFO, "sources", "; ".join(sources))]
     lacking = tuple(axis for axis in POSE + VELOCITY if axis not in columns)
     if lacking:
         findings.append(

@@ -32,9 +32,11 @@ def motors_of(parameters: Mapping[str, float], frame_motors: int | None) -> tupl
     """The motors, or None and the names of the parameters that are not known."""
     output = {motor: min(on, key=lambda k: (k != motor, k)) for motor, on in outputs_of(parameters).items()}
     number = frame_motors or max(output, default=0)
-    told = {n for n in range(1, (number or 8) + 1) if f"SERVO{n}_FUNCTION" in parameters}
+    declared = {n for n in range(1, (number or 8) + 1) if f"SERVO{n}_FUNCTION" in parameters}
     unplugged = [n for n in range(1, number + 1) if n not in output]
-    missing = [f"SERVO{n}_FUNCTION" for n in range(1, (number or 8) + 1) if n not in told and (unplugged or not output)]
+    missing = [
+        f"SERVO{n}_FUNCTION" for n in range(1, (number or 8) + 1) if n not in declared and (unplugged or not output)
+    ]
     if not number:
         missing.insert(0, "FRAME_CONFIG")
     directions = [f"MOT_{n}_DIRECTION" for n in range(1, (number or 8) + 1)]

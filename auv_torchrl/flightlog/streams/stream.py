@@ -102,8 +102,8 @@ def stream(
     units = (units,) * len(channels) if isinstance(units, str) else units
     t = np.asarray(t, np.float64)
     values = np.asarray(values, np.float64).reshape(len(t), len(channels))
-    told = np.isfinite(t) & np.isfinite(values).any(axis=-1)
-    t, values = t[told], values[told]
+    finite = np.isfinite(t) & np.isfinite(values).any(axis=-1)
+    t, values = t[finite], values[finite]
     if np.any(np.diff(t) <= 0):
         t, first = np.unique(t, return_index=True)
         values = values[first]
@@ -207,11 +207,11 @@ def by_name(found: Iterable[Stream | None]) -> dict[str, Stream]:
     return {stream.name: stream for stream in found if stream is not None}
 
 
-def state_of(told: Iterable[tuple[float, bool, str]], end: float) -> tuple[Spans | None, Modes]:
+def state_of(rows: Iterable[tuple[float, bool, str]], end: float) -> tuple[Spans | None, Modes]:
     """When a vehicle was armed, and since when in which mode, where time, arming and mode are told again and again."""
-    told = list(told)
-    modes = tuple(next((t, mode) for t, _, mode in same) for _, same in groupby(told, key=lambda row: row[2]))
-    return spans_of([(t, on) for t, on, _ in told], end, events=False), modes
+    rows = list(rows)
+    modes = tuple(next((t, mode) for t, _, mode in same) for _, same in groupby(rows, key=lambda row: row[2]))
+    return spans_of([(t, on) for t, on, _ in rows], end, events=False), modes
 
 
 def spans_of(changes: list[tuple[float, bool]], end: float, events: bool = True) -> Spans | None:

@@ -56,7 +56,7 @@ def other_kind(kinds: Iterable[Kind]) -> str:
     sources: dict[str, list[str]] = {}
     for kind in kinds:
         sources.setdefault(kind.name, []).append(kind.source)
-    return " and ".join(f"{name} ({', '.join(said)})" for name, said in sources.items())
+    return " and ".join(f"{name} ({', '.join(names)})" for name, names in sources.items())
 
 
 def check_kind(streams: Streams) -> list[Finding]:
@@ -73,6 +73,6 @@ def check_kind(streams: Streams) -> list[Finding]:
         )
     if all(kind.underwater for kind in kinds):
         return []
-    said = " and ".join(f"{kind.name} ({kind.source})" for kind in kinds)
-    sentence = f"the file names more than one kind of vehicle, {said}; it is read as that of an underwater vehicle"
+    listed = " and ".join(f"{kind.name} ({kind.source})" for kind in kinds)
+    sentence = f"the file names more than one kind of vehicle, {listed}; it is read as that of an underwater vehicle"
     return [Finding(Severity.WARNING, "vehicle_kind", sentence, "Give another log if it is none")]

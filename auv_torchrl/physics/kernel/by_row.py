@@ -50,8 +50,8 @@ class RowFunction:
         if bits not in self._codes:
             tape, layout, found = self.traced()
             text = assembly(program(tape, layout, {"found": found}), bits)
-            told = hashlib.sha256(text.encode()).hexdigest()[:16]  # its source is not that of the physics alone
-            self._codes[bits] = load(f"{self.name}-{bits}-{told}", lambda: text)
+            digest = hashlib.sha256(text.encode()).hexdigest()[:16]  # its source is not that of the physics alone
+            self._codes[bits] = load(f"{self.name}-{bits}-{digest}", lambda: text)
         return self._codes[bits]
 
 

@@ -32,8 +32,8 @@ class Forces:
         """
         rows, variant, shapes = len(c.lag), Variant.of(c), tuple(field.shape[1:] for field in c)
         # thrusters that leave the water, and fins, push otherwise wherever the body is, and not as known beforehand
-        alike = is_wanted() and variant not in (Variant.SURFACE, Variant.FINS, Variant.AZIMUTH)
-        self._code = code_of(traced_force, shapes, variant) if alike else None
+        fits = is_wanted() and variant not in (Variant.SURFACE, Variant.FINS, Variant.AZIMUTH)
+        self._code = code_of(traced_force, shapes, variant) if fits else None
         if self._code is None:
             return
         arrays = {

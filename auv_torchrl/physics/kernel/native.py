@@ -102,12 +102,12 @@ def _fingerprint() -> str:
     import llvmlite
     import llvmlite.binding as llvm
 
-    told = hashlib.sha256()
+    version = hashlib.sha256()
     for path in sorted(Path(__file__).resolve().parents[1].rglob("*.py")):
-        told.update(path.read_bytes())
+        version.update(path.read_bytes())
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
-    told.update(repr((llvmlite.__version__, llvm.llvm_version_info, *machine)).encode())
-    return told.hexdigest()[:24]
+    version.update(repr((llvmlite.__version__, llvm.llvm_version_info, *machine)).encode())
+    return version.hexdigest()[:24]
 
 
 @cache
