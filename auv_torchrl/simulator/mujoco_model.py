@@ -27,8 +27,21 @@ def new_model(name: str) -> Any:
 
 
 def compiled(model: Any) -> Any:
-    """The model ready to simulate and to render, with named access to its parts."""
-    return mjcf.Physics.from_mjcf_model(model)
+    """The model ready to simulate and to render, with named access to its parts.
+
+    Raises:
+        ValueError: if it is larger than MuJoCo's tables, as of some 4,000 vehicles.
+    """
+    try:
+        return mjcf.Physics.from_mjcf_model(model)
+    except ValueError as error:
+        if "allocate memory" not in str(error):
+            raise
+        count = len(model.find_all("joint"))
+        raise ValueError(
+            f"fleet: {count} vehicles are more than one MuJoCo model holds: give fewer, or backend=torch, which "
+            "has the same physics for any number"
+        ) from error
 
 
 def fleet_model(

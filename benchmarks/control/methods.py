@@ -210,7 +210,7 @@ def history_policy(vehicle: Vehicle, store: Path) -> HistoryPolicy:
     """Trained once for all scenarios, over gains of thrusters that may be dead or reversed."""
     task = replace(StationKeeping(), thruster_commands=True)
     policy = train_informed(vehicle, task, load_agent_config(*HISTORY_AGENT), HISTORY_RANGES, 0, BACKEND, store)
-    return train_encoder(policy, vehicle, task, HISTORY_RANGES, BACKEND)
+    return train_encoder(policy, vehicle, task, HISTORY_RANGES, "torch")  # more vehicles than MuJoCo holds
 
 
 def augmented(bench: Bench) -> Attempt:

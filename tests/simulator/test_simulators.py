@@ -11,6 +11,7 @@ from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.scenario import read_scenario
 from auv_torchrl.simulator import PlainSimulator, TorchArrays, at_rest, record, replay, simulate
 from auv_torchrl.simulator.mujoco import MujocoSimulator
+from auv_torchrl.simulator.mujoco_model import compiled, fleet_model
 from auv_torchrl.vehicle import load_vehicle, stacked
 
 PAPER = load_vehicle("paper")
@@ -198,3 +199,11 @@ def test_one_vehicle_is_no_batch():
     """A simulator wants to know how many there are."""
     with pytest.raises(ValueError, match=r"give a batch \[N\]"):
         PlainSimulator(PAPER, DT)
+
+
+@pytest.mark.thorough
+def test_a_fleet_that_is_too_large_for_mujoco_is_refused_with_the_way_out():
+    """The sentence says how many vehicles were asked for, and what takes any number."""
+    model = fleet_model(PAPER, 4096, DT)
+    with pytest.raises(ValueError, match="4096 vehicles are more than one MuJoCo model holds: .*backend=torch"):
+        compiled(model)
