@@ -2,12 +2,11 @@
 
 from dataclasses import replace
 
-from auv_torchrl.diagnosis.configured import configured, said_too, set_wrong, to_change
+from auv_torchrl.diagnosis.findings import configured, said_too, set_wrong, to_change
 from auv_torchrl.diagnosis.report.files import write_files
 from auv_torchrl.diagnosis.report.page import report_page
 from auv_torchrl.diagnosis.report.wording import to_do
-from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.verdict_file import from_json, to_json
+from auv_torchrl.diagnosis.verdict import Verdict, from_json, to_json
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.example import example, no_gap

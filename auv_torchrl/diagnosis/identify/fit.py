@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import assess
+from auv_torchrl.diagnosis.identify.assess import assess, even_step, take_step
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import (
     chi2_by_window,
@@ -20,7 +20,6 @@ from auv_torchrl.diagnosis.identify.following import (
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.rough_values import search_thresholds
-from auv_torchrl.diagnosis.identify.steps import even_step, take_step
 from auv_torchrl.diagnosis.motion.noise import sensor_noise
 from auv_torchrl.diagnosis.thresholds import (
     FITTED_ON,

@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.evidence import giver_of, rings
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
+from auv_torchrl.diagnosis.identify.assess import bounded_step, change_of_chi2, take_step
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term, giver_of, rings
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
+from auv_torchrl.diagnosis.identify.hypotheses import declared
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.identify.screen import Field, moves_all
-from auv_torchrl.diagnosis.identify.steps import bounded_step, change_of_chi2, take_step
 from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
     DOUBTED,

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.evidence import Prior
+from auv_torchrl.diagnosis.identify.explanation import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import (
     Candidate,
     Settings,

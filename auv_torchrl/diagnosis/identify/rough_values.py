@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import assess
+from auv_torchrl.diagnosis.identify.assess import assess, moved_along
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import nudge, nudged_chi2
 from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.steps import moved_along
 from auv_torchrl.diagnosis.identify.valley import walks
 from auv_torchrl.diagnosis.thresholds import (
     NUISANCE_NEAR,

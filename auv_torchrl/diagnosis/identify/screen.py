@@ -6,15 +6,11 @@ from itertools import combinations
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import log_evidence, term_changes
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.evidence import volume
-from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.hypotheses import Candidate
-from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now
+from auv_torchrl.diagnosis.identify.assess import joint_precision, log_evidence, term_changes, value_steps
+from auv_torchrl.diagnosis.identify.explanation import Explanation, volume
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, declared
+from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now, quadratic, without_nuisance
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_nuisance
-from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import (

@@ -6,17 +6,17 @@ from operator import attrgetter
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
-from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.steps import (
+from auv_torchrl.diagnosis.identify.assess import (
     joint_precision,
     parted_from_nuisance,
     shared_with_nuisance,
     take_step,
     value_steps,
 )
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import declared
+from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
+from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import NUISANCE_SHARES, TELLS_SCALES
 

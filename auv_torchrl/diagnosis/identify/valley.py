@@ -4,14 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import term_changes
-from auv_torchrl.diagnosis.identify.declared import declared
+from auv_torchrl.diagnosis.identify.assess import joint_precision, take_step, term_changes, value_steps
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.hypotheses import batch
-from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
+from auv_torchrl.diagnosis.identify.hypotheses import batch, declared
+from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now, quadratic
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import quadratic
-from auv_torchrl.diagnosis.identify.steps import joint_precision, take_step, value_steps
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects.trial import Valley
 from auv_torchrl.sysid.bounded import minimum_within
