@@ -4,7 +4,7 @@ A vehicle that published coefficients describe is off in many of them at once, a
 fits that. All uncertain coefficients are therefore fitted first, and kept where they predict unseen windows better.
 Effects are then looked for beside coefficients that are as uncertain as the fit leaves them.
 
-A correction is told to a pilot as steady speeds and times: drag, thrust and inertia trade against each other, speeds
+A pilot reads a correction as steady speeds and times: drag, thrust and inertia trade against each other, speeds
 and times do not.
 """
 

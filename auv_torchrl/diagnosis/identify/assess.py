@@ -179,15 +179,15 @@ def covariance_of_values(curvature: Floats, widths: Floats) -> Floats:
 def term_changes(problem: Problem, explanation: Explanation) -> tuple[list[Explanation], Floats]:
     """The explanation with each fitted term moved a little, and by how much."""
     moved, steps = [], []
-    at_slack = {parameter[:2]: problem.nuisance_step(parameter) for parameter in problem.nuisance}
+    nuisance_steps = {parameter[:2]: problem.nuisance_step(parameter) for parameter in problem.nuisance}
     for place, term in enumerate(explanation.terms):
         if term.discrete:
             continue
         p = declared(term.effect, problem.vehicle).parameters[term.members[0]]
         share = LONG_STEP if EFFECTS[term.effect].origin is Origin.ACTUATION else SHORT_STEP
         step = share * problem.prior.width(term.effect, term.members[0])
-        if (term.effect, term.members[0]) in at_slack:  # the same step, so that the two are the same direction
-            step = at_slack[term.effect, term.members[0]]
+        if (term.effect, term.members[0]) in nuisance_steps:  # the same step, so that the two are the same direction
+            step = nuisance_steps[term.effect, term.members[0]]
         if term.value + step > p.high:
             step = -step
         moved.append(explanation.moved({place: term.value + step}))

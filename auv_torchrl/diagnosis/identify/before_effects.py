@@ -21,16 +21,16 @@ from auv_torchrl.diagnosis.motion.actuation import actuate_prepared
 from auv_torchrl.diagnosis.motion.smooth import misfit
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import (
-    AGREES_ALIKE,
+    AGREES_AS_WELL,
     AGREES_BETTER,
     BLOCK_S,
     FEWEST_BLOCKS,
     FEWEST_WINDOWS,
     LARGER,
-    LOOKED_AT,
     MOSTLY_LOST,
     ONSET_CLEAR,
     SPEAKS,
+    TRIED_WINDOWS,
 )
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.sensors import FELT, MOTION
@@ -59,10 +59,10 @@ def tells_twice(problem: Problem) -> bool:
 def agreeing_sensor(problem: Problem) -> Explanation | None:
     """The change of one sensor under which windows are followed best; None where none helps much.
 
-    A compass that is turned to port and a Doppler log that is turned to starboard agree alike with positions. Thrusters
-    tell which it is: under the other one a force is missing.
+    A compass that is turned to port and a Doppler log that is turned to starboard agree with positions as well as each
+    other. Thrusters tell which it is: under the other one a force is missing.
     """
-    rows = np.unique(np.linspace(0, len(problem.windows) - 1, LOOKED_AT).astype(int))
+    rows = np.unique(np.linspace(0, len(problem.windows) - 1, TRIED_WINDOWS).astype(int))
     some = problem.windows.subset(rows)
     candidates = [candidate for candidate in problem.candidates if EFFECTS[candidate.effect].origin is Origin.SENSING]
 
@@ -80,8 +80,8 @@ def agreeing_sensor(problem: Problem) -> Explanation | None:
     least = min((badness for badness, *_ in best.values()), default=np.inf)
     if not least < AGREES_BETTER * followed(None)[0]:
         return None
-    alike = [tried for tried in best.values() if tried[0] <= AGREES_ALIKE * least]
-    return Explanation().with_candidate(min(alike, key=lambda tried: tried[1])[-1], problem.vehicle)
+    near_best = [tried for tried in best.values() if tried[0] <= AGREES_AS_WELL * least]
+    return Explanation().with_candidate(min(near_best, key=lambda tried: tried[1])[-1], problem.vehicle)
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ def indistinguishable(problem: Problem, found: Found) -> tuple[tuple[str, ...], 
     They come from three sides: explanations that fit as well as the best one, changes whose response is the same, and
     thrusters that are exchanged on a vehicle turned round.
     """
-    same_marks = [(mine, theirs) for mine, theirs, _ in alternatives(problem, found)]
-    sets = {frozenset(pair) for pair in [*_rivals(found), *same_marks, *turned_round(problem, found)]}
+    same_responses = [(mine, theirs) for mine, theirs, _ in alternatives(problem, found)]
+    sets = {frozenset(pair) for pair in [*_rivals(found), *same_responses, *turned_round(problem, found)]}
     return tuple(sorted(tuple(sorted(names)) for names in sets))
 
 
@@ -115,7 +115,7 @@ def turned_round(problem: Problem, found: Found) -> list[tuple[str, str]]:
         return []
     own = _exchange(exchanged[0].effect, [term.members[0] for term in exchanged])
     mine = " with ".join([*(term.effect for term in turned), own])
-    same = _same_mark(problem, found, [best, *(other for _, other in others)])
+    same = _same_response(problem, found, [best, *(other for _, other in others)])
     return [(mine, name) for (name, _), is_same in zip(others, same, strict=True) if is_same]
 
 
@@ -135,7 +135,7 @@ def _angle(problem: Problem, explanation: Explanation) -> float:
     return float(2 * np.arccos(np.clip(np.abs(Inverse.of(c, problem.windows.channels).turn[0, 0]), 0.0, 1.0)))
 
 
-def _same_mark(problem: Problem, found: Found, explanations: list[Explanation]) -> np.ndarray:
+def _same_response(problem: Problem, found: Found, explanations: list[Explanation]) -> np.ndarray:
     """Whether each explanation but the first leaves the response of the first one (N - 1,)."""
     q = quadratic(problem, found.follow, explanations, chosen=problem.followed)
     _, A = without_nuisance(problem, q, found.follow.explanation)

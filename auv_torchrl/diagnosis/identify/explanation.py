@@ -56,7 +56,7 @@ class Explanation:
         return {(term.effect, member) for term in self.terms for member in term.members}
 
     def values(self, vehicle: Vehicle, nuisance: bool = True) -> Values:
-        """Parameter values by effect, nuisance parameters added unless told otherwise."""
+        """Parameter values by effect, nuisance parameters added where ``nuisance`` says so."""
         values: Values = {}
         names = {term.effect for term in self.terms} | {effect for effect, _ in self.nuisance}
         known = {name: declared(name, vehicle) for name in names}
@@ -70,11 +70,11 @@ class Explanation:
                     both = row[member] + term.value - nominal[member]
                     row[member] = min(max(both, parameters[member].low), parameters[member].high)
         if nuisance:
-            told = self.members
+            have_value = self.members
             for (effect, member), deviation in self.nuisance.items():
                 row, (parameters, nominal, _) = values.setdefault(effect, {}), known[effect]
                 p = parameters[member]
-                if p.loose and (effect, member) in told:
+                if p.loose and (effect, member) in have_value:
                     continue  # an offset is one number: the effect that has a value for it says all of it
                 row[member] = min(max(row.get(member, nominal[member]) + deviation, p.low), p.high)
         return values

@@ -250,8 +250,8 @@ def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
         return problem
     size, direction = np.linalg.eigh(problem.nuisance_covariance)
     root = direction * np.sqrt(np.maximum(size, 0.0))
-    told, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of nuisance parameters
-    share = np.where(told < TELLS, UNTOLD, 1.0)
+    information, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of nuisance parameters
+    share = np.where(information < TELLS, UNTOLD, 1.0)
     held = root @ along * share
     covariance = held @ held.T
     widths = np.sqrt(np.diag(covariance)).tolist()

@@ -46,7 +46,7 @@ def _places(effect: Effect, vehicle: Vehicle) -> dict[str, int | slice]:
 
 Values = dict[str, dict[str, float]]  # effect -> parameter -> value
 Entry = tuple[str, str, float, float]  # effect, parameter, nominal value, prior standard deviation
-ALIKE: Latest[Vehicle] = Latest(16)  # batches of a vehicle as it is
+UNCHANGED: Latest[Vehicle] = Latest(16)  # batches of a vehicle as it is
 DEFAULT_SCAN = 7  # values across the bounds of a parameter that declares no values to try
 
 
@@ -130,7 +130,7 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
         KeyError: for a parameter that its effect does not have.
     """
     names = {name for row in rows for name in row}
-    changed = ALIKE.of(lambda: vehicle.expand(len(rows)), (vehicle,), len(rows))
+    changed = UNCHANGED.of(lambda: vehicle.expand(len(rows)), (vehicle,), len(rows))
     for name in (name for name in EFFECTS if name in names):
         _, nominal, places = declared(name, vehicle)
         each = [nominal | row.get(name, {}) for row in rows]

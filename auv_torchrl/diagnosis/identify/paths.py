@@ -168,8 +168,8 @@ def quadratic(
     """Chi-square of deviations of nuisance parameters (first) and of amounts of ``changes``, each whole at 1.
 
     It is taken ``around`` an explanation, by default that of the path; another one acts as the force that it makes
-    along the motion of the path. ``slack_marks`` are those of :func:`mark_slack` if they are known, ``chosen`` is
-    a mask (W,) of the windows that count, by default all.
+    along the motion of the path. ``nuisance_responses`` are those of :func:`respond_to_nuisance` if they
+    are known, ``chosen`` is a mask (W,) of the windows that count, by default all.
     """
     if nuisance_responses is None:
         nuisance_responses = respond_to_nuisance(problem, path, path.explanation if around is None else around)

@@ -17,7 +17,7 @@ from auv_torchrl.sysid.posterior import probabilities, weights
 
 NONE, UNKNOWN = "none", "unknown"
 SOMETHING_UNKNOWN = "something unknown"
-LEAST_TOLD = 0.03  # probability below which an alternative goes with the others: a reader acts on none of these
+LEAST_LISTED = 0.03  # probability below which an alternative goes with the others: a reader acts on none of these
 
 
 def effect_probabilities(found: Found, unknown: float) -> dict[str, float]:
@@ -40,10 +40,10 @@ def alternatives(found: Found, unknown: float) -> tuple[Alternative, ...]:
 
     The share of :data:`STANDS_IN` of what is found beside something ``unknown`` is that unknown alone.
     """
-    told: dict[tuple[tuple[str, ...], str], float] = {}
+    weight: dict[tuple[tuple[str, ...], str], float] = {}
 
     def add(effects: tuple[str, ...], besides: str, probability: float) -> None:
-        told[effects, besides] = told.get((effects, besides), 0.0) + probability
+        weight[effects, besides] = weight.get((effects, besides), 0.0) + probability
 
     for effects, share in weights(found.trace, found.problem.settings.tempering).items():
         beside = share * unknown
@@ -51,7 +51,7 @@ def alternatives(found: Found, unknown: float) -> tuple[Alternative, ...]:
         add(effects, "", share - beside)
         add((), SOMETHING_UNKNOWN, alone)
         add(effects, SOMETHING_UNKNOWN, beside - alone)
-    likely = [Alternative(*key, probability) for key, probability in told.items() if probability >= LEAST_TOLD]
+    likely = [Alternative(*key, probability) for key, probability in weight.items() if probability >= LEAST_LISTED]
     rest = 1.0 - sum(one.probability for one in likely)
     if rest > 0.0:
         likely.append(Alternative((), "others", rest))

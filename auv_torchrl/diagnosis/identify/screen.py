@@ -53,7 +53,7 @@ class Field:
 
     @staticmethod
     def of(problem: Problem, path: WindowPath, around: Explanation | None = None) -> "Field":
-        """Mark every candidate on the windows of ``path``, on top of its explanation or of another one."""
+        """The response of every candidate on the windows of ``path``, on top of its explanation or of another one."""
         explanation = path.explanation if around is None else around
         moved, steps = term_changes(problem, explanation)
         candidates = [explanation.with_candidate(candidate, problem.vehicle) for candidate in problem.candidates]
@@ -132,13 +132,13 @@ class Field:
         return Screened(explanation, chi2, evidence)
 
     def _unit(self, candidate: Candidate) -> tuple[float, float]:
-        """Change of the parameter that an candidate moves most, and the plausible range of that parameter."""
+        """Change of the parameter that a candidate moves most, and the plausible range of that parameter."""
         most = self.moved_most(candidate)
         nominal = declared(candidate.effect, self.problem.vehicle).nominal[most]
         return candidate.values[most] - nominal, self.problem.prior.width(candidate.effect, most)
 
     def moved_most(self, candidate: Candidate) -> str:
-        """The parameter that an candidate moves most, for its plausible range."""
+        """The parameter that a candidate moves most, for its plausible range."""
         nominal = declared(candidate.effect, self.problem.vehicle).nominal
         width = self.problem.prior.width
         return max(
@@ -230,7 +230,7 @@ def with_each(field: Field, chosen: list[int], others: list[int]) -> Floats:
 
 
 def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
-    """Whether an candidate says the same as chosen ones, or moves what they move."""
+    """Whether a candidate says the same as chosen ones, or moves what they move."""
     mine = field.problem.candidates[i]
     for j in chosen:
         other = field.problem.candidates[j]
@@ -242,7 +242,7 @@ def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
 
 
 def moves_all(problem: Problem, candidate: Candidate) -> bool:
-    """Whether an candidate moves all members of a family of parameters by one value."""
+    """Whether a candidate moves all members of a family of parameters by one value."""
     parameters = declared(candidate.effect, problem.vehicle).parameters
     return (
         len(candidate.values) > 1

@@ -89,7 +89,7 @@ Progress = Callable[[str, float], None]
 def search(
     problem: Problem, follow: WindowPath, progress: Progress, begin: Sequence[Explanation] = (), further: bool = True
 ) -> Found:
-    """The explanation with the highest posterior, and all that were looked at on the way to it.
+    """The explanation with the highest posterior, and all that were tried on the way to it.
 
     What acts shows in a part of a long log: some of its windows are searched, and what is found is fitted to all.
 
@@ -107,7 +107,7 @@ def search(
     found = _EffectSearch(*follow_agreeing(few), progress).run(begin, further)
     ranked = [found.best, *(one for one in found.fits if one is not found.best)]
     chosen = [one.explanation for one in ranked if one.explanation.effects][: 1 + REFITTED]
-    trace = found.trace  # that of the search among some windows, where all effects were looked at
+    trace = found.trace  # that of the search among some windows, where all effects were tried
     del few, found, ranked  # beside all windows they would fill the memory
     whole = _EffectSearch(problem, follow, progress).run(chosen, further=False)
     names, trace = whole.trace.best.names, trace.weighed_again(whole.trace)
