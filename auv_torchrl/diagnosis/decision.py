@@ -42,8 +42,8 @@ def found_effects(
         values = {member: estimate.value for member, estimate in effect.parameters.items()}
         advice = EFFECTS[name].advise(problem.vehicle, values, autopilot)
         effects.append(replace(effect, advice=advice))
-    told = [effect for effect in effects if not is_ordinary(problem, effect)] or effects
-    return tuple(sorted(told, key=lambda effect: -(effect.gap_closed or 0.0)))
+    listed = [effect for effect in effects if not is_ordinary(problem, effect)] or effects
+    return tuple(sorted(listed, key=lambda effect: -(effect.gap_closed or 0.0)))
 
 
 def is_ordinary(problem: Problem, effect: FoundEffect) -> bool:
@@ -129,7 +129,7 @@ def decide(found: Found, refuted: bool) -> Decision:
     fits = {tuple(sorted(fit.explanation.effects)): fit for fit in reversed(found.fits)}
     apart = {}
     if second is not None and second.names in fits and trace.best.names in fits:
-        apart = told_apart(found, fits[trace.best.names], fits[second.names])
+        apart = speaks_by_channel(found, fits[trace.best.names], fits[second.names])
     return Decision(
         trace=tuple(_hypothesis(record) for record in trace.records),
         reasons=_reasons(found, trace),
@@ -138,7 +138,7 @@ def decide(found: Found, refuted: bool) -> Decision:
     )
 
 
-def told_apart(found: Found, one: Fit, other: Fit) -> dict[str, float]:
+def speaks_by_channel(found: Found, one: Fit, other: Fit) -> dict[str, float]:
     """By channel, the share of the samples' chi-square that speaks for one fit against another, most first."""
     windows, sigma = found.problem.windows, found.problem.sigma
     noise = noise_per_sample(windows, sigma)

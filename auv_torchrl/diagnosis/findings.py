@@ -72,8 +72,8 @@ FELL = 0.03  # of the volts, from which thrust fades by more than the nuisance p
 
 def volts_findings(log: FlightLog, vehicle: Vehicle) -> tuple[Finding, ...]:
     """How far logged volts explain a fading thrust, or that nothing says at which volts the file's thrusts hold."""
-    told = [episode.battery[np.isfinite(episode.battery)] for episode in log.episodes if episode.battery is not None]
-    volts = np.concatenate([*told, np.empty(0)])
+    logged = [episode.battery[np.isfinite(episode.battery)] for episode in log.episodes if episode.battery is not None]
+    volts = np.concatenate([*logged, np.empty(0)])
     if not len(volts):
         return ()
     high, low, own = float(np.quantile(volts, 0.95)), float(np.quantile(volts, 0.05)), float(vehicle.volts)
@@ -114,7 +114,7 @@ def configured(
             yield finding
 
 
-def said_too(summary: str, findings: Iterable[Finding], effects: Iterable[FoundEffect]) -> str:
+def with_configuration(summary: str, findings: Iterable[Finding], effects: Iterable[FoundEffect]) -> str:
     """The summary, and the faults of the configuration that it does not tell of."""
     if not (faults := set_wrong(findings, effects)):
         return summary

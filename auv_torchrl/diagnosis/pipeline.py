@@ -15,13 +15,13 @@ from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
 from auv_torchrl.diagnosis.decision import cannot_tell, decide, found_effects
 from auv_torchrl.diagnosis.doubt import (
     BELIEVED,
+    behind_doubts,
     bounded,
     closes_everywhere,
     doubted_alternatives,
     doubts,
     hedged,
     limited,
-    said_first,
     unless_shared,
 )
 from auv_torchrl.diagnosis.findings import (
@@ -29,8 +29,8 @@ from auv_torchrl.diagnosis.findings import (
     noise_finding,
     outlier_findings,
     quiet_findings,
-    said_too,
     volts_findings,
+    with_configuration,
 )
 from auv_torchrl.diagnosis.headline import FILE_OFF, headline_of
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
@@ -194,7 +194,7 @@ def diagnose_answering(
         log=printable(log.name),
         vehicle=printable(vehicle_name),
         verdict=verdict,
-        summary=said_too(said_first(summary, verdict, doubted), findings, effects),
+        summary=with_configuration(behind_doubts(summary, verdict, doubted), findings, effects),
         where=where,
         effects=effects,
         candidates=tuple(EffectProbability(name, p) for name, p in probability.items()),

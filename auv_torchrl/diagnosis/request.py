@@ -133,10 +133,10 @@ class Request:
         return join(self.logs)
 
     @property
-    def said(self) -> frozenset[str]:
+    def printed(self) -> frozenset[str]:
         """What the findings say that were printed when the logs were read, by themselves and in the joined log."""
-        told = ((flight.name, finding.sentence) for flight in self.logs for finding in flight.findings)
-        return frozenset(sentence for name, said in told for sentence in (said, f"{name}: {said}"))
+        sentences = ((flight.name, finding.sentence) for flight in self.logs for finding in flight.findings)
+        return frozenset(one for name, sentence in sentences for one in (sentence, f"{name}: {sentence}"))
 
 
 def read_request(config: DictConfig) -> Request:

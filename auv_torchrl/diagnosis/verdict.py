@@ -164,7 +164,7 @@ class FoundEffect:
         return not all(estimate.is_nominal for estimate in self.parameters.values())
 
     @property
-    def told(self) -> str:
+    def clause(self) -> str:
         """Its sentence, as sure as it is."""
         return how_sure(self.sentence.rstrip("."), self.probability)
 
