@@ -201,7 +201,7 @@ def failures(judgements: Iterable[Judgement]) -> Table:
             truth = " + ".join((*j.effects, j.damage))
         else:
             truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
-        answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
+        answer = j.answered + (" (other thrusters)" if wrong_thrusters else "")
         if j.right_class and not j.right:
             answer += " (declared, or the same by another name)"
         rows.append(failure(j, j.family, truth, answer))

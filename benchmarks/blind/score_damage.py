@@ -32,7 +32,7 @@ def by_damage(judgements: Iterable[Judgement]) -> Table:
                     counted(cause for j in mine for cause in j.wrong_causes or ()),
                     Share.of(bool(j.damage_named) for j in mine).fraction,
                     Share.of(j.fault_found for j in mine).fraction,
-                    counted(j.said for j in mine if not j.damage_named),
+                    counted(j.answered for j in mine if not j.damage_named),
                 )
             )
     head = ("damage", "logs", "sound things blamed", "damage named", "fault found", "named instead")

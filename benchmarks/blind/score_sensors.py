@@ -60,7 +60,7 @@ def by_fault(judgements: Iterable[Judgement]) -> Table:
                     Share.of(j.right for j in mine).fraction,
                     Share.of(j.thrusters_right for j in mine).fraction,
                     f"{median(errors):.1%}" if errors else "–",
-                    counted(j.said for j in mine if not j.right),
+                    counted(j.answered for j in mine if not j.right),
                 )
             )
     return Table("Faults", ("fault", "named first", "thrusters", "median parameter error", "instead"), rows)
