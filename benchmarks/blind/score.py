@@ -7,8 +7,19 @@ from auv_torchrl.effects import EFFECTS
 from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score_damage import by_damage, damage_targets
-from benchmarks.blind.statistics import Bin, Share, calibration_error, median, quantile, reliability
-from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.blind.table import (
+    Bin,
+    Share,
+    Table,
+    calibration_error,
+    counted,
+    median,
+    median_and_largest,
+    number,
+    quantile,
+    reliability,
+    targets,
+)
 from benchmarks.scoring import Score
 
 NO_GAP = {"no_gap": "exactly nominal", "no_gap_slack": "3 % slack on everything"}  # family: as people call it

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from benchmarks.blind.damages import DAMAGES
 from benchmarks.blind.judge import Judgement
-from benchmarks.blind.statistics import Share
-from benchmarks.blind.table import Table, counted
+from benchmarks.blind.table import Share, Table, counted
 
 
 def damage_targets(judgements: Sequence[Judgement]) -> list[tuple[str, str, str, Share]]:

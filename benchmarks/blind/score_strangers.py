@@ -6,8 +6,7 @@ from auv_torchrl.effects import EFFECTS
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score import by_family as scores_by_family
 from benchmarks.blind.score import failed, failure, of_families, outside
-from benchmarks.blind.statistics import Share, median
-from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.blind.table import Share, Table, counted, median, median_and_largest, number, targets
 from benchmarks.scoring import Score
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 
@@ -163,21 +162,6 @@ class Field:
     def families(self) -> list[Screened]:
         """The best explanation of each family alone, members added while that pays."""
         return sorted((self._family(name) for name in self._names), key=lambda s: -s.evidence)
-
-    @cached_property
-    def twins(self) -> set[frozenset[str]]:
-        """Effects of which each change has the response of some change of the other: together they explain no more."""
-        size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
-        same = np.abs(self.A) > SAME_RESPONSE * np.outer(size, size)
-        rows = {
-            name: [i for i, a in enumerate(self.problem.candidates) if a.effect == name and self.seen[i]]
-            for name in self._names
-        }
-        return {
-            frozenset({one, other})
-            for one, other in combinations(self._names, 2)
-            if same[np.ix_(rows[one], rows[other])].any(1).all() and same[np.ix_(rows[one], rows[other])].any(0).all()
-        }
 
     @property
     def _names(self) -> list[str]:
