@@ -61,7 +61,7 @@ class Part:
 
 PARTS = {
     "search_thresholds": Part("values that are tried near by", ("identify.fit:search_thresholds",), given(1)),
-    "search_valley": Part("values that move together", ("identify.rough_values:_search_valley",), given(1)),
+    "search_valley": Part("values that move together", ("identify.fit:_search_valley",), given(1)),
     "rescued": Part(
         "fits begun again along the motion",
         ("identify.search:rescued", "calibrate.flights:rescued"),

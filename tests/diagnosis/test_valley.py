@@ -9,11 +9,10 @@ from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis.identify.assess import moved_along
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, moved_by, walks
 from auv_torchrl.diagnosis.identify.following import follow_windows, nudged_chi2
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.rough_values import moved_by, walks
 from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.effects import get_effect
